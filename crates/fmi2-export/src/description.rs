@@ -1,0 +1,99 @@
+//! What the runtime knows of a model's variables: static tables that the `build` feature generates
+//! from the model's JSON, indexed by value reference. They say the same as the modelDescription.xml
+//! that is generated beside them (FMI 2.0.5, section 2.2).
+
+/// The handle by which an importer names a variable; it indexes [`ModelDescription::variables`].
+pub type ValueReference = u32;
+
+/// A model as its modelDescription.xml describes it.
+#[derive(Debug)]
+pub struct ModelDescription {
+    /// `modelName` and `modelIdentifier`.
+    pub model_identifier: &'static str,
+    /// The hash of the XML's content that the importer hands back to `fmi2Instantiate`.
+    pub guid: &'static str,
+    /// The complete modelDescription.xml.
+    pub xml: &'static str,
+    /// Every variable; the position is its value reference.
+    pub variables: &'static [VariableDescription],
+    /// The names of the declared log categories.
+    pub log_categories: &'static [&'static str],
+    /// The optional functions that this model supports.
+    pub capabilities: Capabilities,
+}
+
+/// Optional functions of FMI 2.0 co-simulation (section 4.3.1) that depend on the model.
+#[derive(Clone, Copy, Debug)]
+pub struct Capabilities {
+    /// `canInterpolateInputs`: fmi2SetRealInputDerivatives.
+    pub interpolate_inputs: bool,
+    /// `canGetAndSetFMUstate`.
+    pub get_and_set_state: bool,
+}
+
+/// One variable's attributes (FMI 2.0.5, section 2.2.7).
+#[derive(Debug)]
+pub struct VariableDescription {
+    /// The structured name.
+    pub name: &'static str,
+    /// The data type.
+    pub data_type: DataType,
+    /// What the variable is for.
+    pub causality: Causality,
+    /// When its value may change.
+    pub variability: Variability,
+    /// How its start value comes about.
+    pub initial: Initial,
+    /// The smallest value that is taken.
+    pub min: f64,
+    /// The largest value that is taken.
+    pub max: f64,
+    /// For a Real input: its position among the Real inputs.
+    pub real_input: Option<usize>,
+}
+
+/// The five data types of FMI 2.0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum DataType {
+    Real,
+    Integer,
+    Boolean,
+    String,
+    /// Set and got through the Integer functions.
+    Enumeration,
+}
+
+/// `causality` (FMI 2.0.5, section 2.2.7).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum Causality {
+    Parameter,
+    CalculatedParameter,
+    Input,
+    Output,
+    Local,
+    Independent,
+}
+
+/// `variability` (FMI 2.0.5, section 2.2.7).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum Variability {
+    Constant,
+    Fixed,
+    Tunable,
+    Discrete,
+    Continuous,
+}
+
+/// `initial` (FMI 2.0.5, section 2.2.7).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum Initial {
+    Exact,
+    Approx,
+    Calculated,
+    /// Inputs and the independent variable have none.
+    None,
+}

@@ -1,0 +1,110 @@
+//! The inputs during a communication step: values, with the derivatives that
+//! `fmi2SetRealInputDerivatives` gave (FMI 2.0.5, section 4.2.1), kept within min and max.
+
+use crate::model::Inputs;
+
+/// The highest order of an input derivative that is taken.
+pub const MAX_ORDER: usize = 8;
+
+/// The inputs as functions of the time since the step's begin.
+#[derive(Clone, Debug)]
+pub struct InputSignal<I> {
+    /// The values at the step's begin as they were set.
+    set: I,
+    /// The same within their bounds.
+    bounded: I,
+    /// By Real input: the derivatives of order 1, 2, ….
+    derivatives: Box<[[f64; MAX_ORDER]]>,
+    /// The highest order of which any input has a derivative; 0 when all are constant.
+    order: usize,
+}
+
+impl<I: Inputs> InputSignal<I> {
+    /// Inputs that hold their values.
+    pub fn constant(inputs: I) -> Self {
+        let mut signal = Self {
+            set: inputs.clone(),
+            bounded: inputs,
+            derivatives: vec![[0.0; MAX_ORDER]; I::REALS.len()].into_boxed_slice(),
+            order: 0,
+        };
+        for position in 0..I::REALS.len() {
+            signal.bounded.set_real(position, bound::<I>(position, signal.set.real(position)));
+        }
+        signal
+    }
+
+    /// The inputs at the step's begin.
+    #[must_use]
+    pub fn initial(&self) -> &I {
+        &self.bounded
+    }
+
+    /// Whether all inputs hold their values through the step.
+    #[must_use]
+    pub fn is_constant(&self) -> bool {
+        self.order == 0
+    }
+
+    /// The inputs at a time (s) after the step's begin: the Taylor polynomial of each.
+    #[must_use]
+    pub fn at(&self, offset: f64) -> I {
+        let mut inputs = self.bounded.clone();
+        if self.order > 0 {
+            for (position, derivatives) in self.derivatives.iter().enumerate() {
+                // Horner's scheme: u + τ/1·(d1 + τ/2·(d2 + …)).
+                let rise = (0..self.order)
+                    .rev()
+                    .fold(0.0, |sum, order| offset / (order + 1) as f64 * (derivatives[order] + sum));
+                if rise != 0.0 {
+                    inputs.set_real(position, bound::<I>(position, self.set.real(position) + rise));
+                }
+            }
+        }
+        inputs
+    }
+
+    /// Takes new values of the inputs, bounded. The derivatives stay.
+    pub(crate) fn set_values(&mut self, inputs: &I) {
+        self.set.clone_from(inputs);
+        self.bounded.clone_from(inputs);
+        for position in 0..I::REALS.len() {
+            self.bounded.set_real(position, bound::<I>(position, inputs.real(position)));
+        }
+    }
+
+    /// Sets the derivative of an order (from 1 to [`MAX_ORDER`]) of a Real input.
+    pub(crate) fn set_derivative(&mut self, position: usize, order: usize, value: f64) {
+        self.derivatives[position][order - 1] = value;
+        self.find_order();
+    }
+
+    /// Forgets the derivatives of a Real input.
+    pub(crate) fn clear_derivatives_of(&mut self, position: usize) {
+        if self.order > 0 {
+            self.derivatives[position] = [0.0; MAX_ORDER];
+            self.find_order();
+        }
+    }
+
+    /// Forgets all derivatives.
+    pub(crate) fn clear_derivatives(&mut self) {
+        if self.order > 0 {
+            self.derivatives.fill([0.0; MAX_ORDER]);
+            self.order = 0;
+        }
+    }
+
+    fn find_order(&mut self) {
+        self.order = (0..MAX_ORDER)
+            .rev()
+            .find(|&order| self.derivatives.iter().any(|derivatives| derivatives[order] != 0.0))
+            .map_or(0, |order| order + 1);
+    }
+}
+
+/// The nearest value that the input at a position may have.
+fn bound<I: Inputs>(position: usize, value: f64) -> f64 {
+    let input = &I::REALS[position];
+    value.clamp(input.min, input.max)
+}
