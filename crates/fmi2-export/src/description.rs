@@ -2,6 +2,8 @@
 //! from the model's JSON, indexed by value reference. They say the same as the modelDescription.xml
 //! that is generated beside them (FMI 2.0.5, section 2.2).
 
+use std::fmt;
+
 /// The handle by which an importer names a variable; it indexes [`ModelDescription::variables`].
 pub type ValueReference = u32;
 
@@ -76,6 +78,19 @@ pub enum Causality {
     Independent,
 }
 
+impl fmt::Display for Causality {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::Parameter => "parameter",
+            Self::CalculatedParameter => "calculatedParameter",
+            Self::Input => "input",
+            Self::Output => "output",
+            Self::Local => "local",
+            Self::Independent => "independent",
+        })
+    }
+}
+
 /// `variability` (FMI 2.0.5, section 2.2.7).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]
@@ -85,6 +100,18 @@ pub enum Variability {
     Tunable,
     Discrete,
     Continuous,
+}
+
+impl fmt::Display for Variability {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::Constant => "constant",
+            Self::Fixed => "fixed",
+            Self::Tunable => "tunable",
+            Self::Discrete => "discrete",
+            Self::Continuous => "continuous",
+        })
+    }
 }
 
 /// `initial` (FMI 2.0.5, section 2.2.7).

@@ -64,12 +64,23 @@ impl<I: Inputs> InputSignal<I> {
         inputs
     }
 
-    /// Takes new values of the inputs, bounded. The derivatives stay.
-    pub(crate) fn set_values(&mut self, inputs: &I) {
+    /// Takes a new value of a Real input; its derivatives are forgotten.
+    pub(crate) fn set_value(&mut self, position: usize, value: f64) {
+        self.set.set_real(position, value);
+        self.bounded.set_real(position, bound::<I>(position, value));
+        if self.order > 0 {
+            self.derivatives[position] = [0.0; MAX_ORDER];
+            self.find_order();
+        }
+    }
+
+    /// Takes the values of the inputs that are not Real.
+    pub(crate) fn set_others(&mut self, inputs: &I) {
         self.set.clone_from(inputs);
+        let reals = self.bounded.clone();
         self.bounded.clone_from(inputs);
         for position in 0..I::REALS.len() {
-            self.bounded.set_real(position, bound::<I>(position, inputs.real(position)));
+            self.bounded.set_real(position, reals.real(position));
         }
     }
 
@@ -77,14 +88,6 @@ impl<I: Inputs> InputSignal<I> {
     pub(crate) fn set_derivative(&mut self, position: usize, order: usize, value: f64) {
         self.derivatives[position][order - 1] = value;
         self.find_order();
-    }
-
-    /// Forgets the derivatives of a Real input.
-    pub(crate) fn clear_derivatives_of(&mut self, position: usize) {
-        if self.order > 0 {
-            self.derivatives[position] = [0.0; MAX_ORDER];
-            self.find_order();
-        }
     }
 
     /// Forgets all derivatives.

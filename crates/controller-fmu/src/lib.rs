@@ -1,0 +1,5 @@
+//! The controller as an FMI 2.0 co-simulation FMU: the functions of the standard around
+//! [`boost_fmu::controller::BoostController`].
+#![allow(non_snake_case)]
+
+fmi2_export::export_fmi2!(boost_fmu::controller::BoostController);

@@ -1,0 +1,572 @@
+//! The C boundary: one function of the standard each, generic over the model. [`export_fmi2!`] makes the
+//! symbols of them, in the library that is exported and nowhere else.
+//!
+//! All `unsafe` of the crate is here (and in the call of the logger). What these functions rely on is what
+//! the standard demands of an importer: a component comes from `fmi2Instantiate` and is used by one
+//! thread at a time until `fmi2FreeInstance`; arrays have as many elements as their counts say; strings
+//! end in NUL. What can be checked is checked: null pointers, UTF-8, every number.
+//!
+//! [`export_fmi2!`]: crate::export_fmi2
+
+#![allow(clippy::missing_safety_doc, clippy::too_many_arguments)]
+
+use std::ffi::{CStr, c_char, c_int};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::ptr;
+use std::slice;
+
+use crate::c_types::{
+    Boolean, Byte, CO_SIMULATION, CallbackFunctions, Component, ComponentEnvironment, FALSE, FmuState,
+    Integer, Status, ValueReference, status_kind,
+};
+use crate::calling_sequence::Function;
+use crate::instance::{Answer, Instance, Memory};
+use crate::logger::Logger;
+use crate::model::{Error, Experiment, Model, Variables};
+
+/// `fmi2GetVersion`.
+pub const VERSION: &CStr = c"2.0";
+/// `fmi2GetTypesPlatform`.
+pub const TYPES_PLATFORM: &CStr = c"default";
+
+/// Silences the default panic hook, which writes to the host's stderr; a panic's message goes to the
+/// importer's logger instead. The hook is this library's own: the standard library is linked into it.
+pub fn silence_panics() {
+    static ONCE: std::sync::Once = std::sync::Once::new();
+    ONCE.call_once(|| std::panic::set_hook(Box::new(|_| {})));
+}
+
+/// Runs the body of a function on the instance behind a component.
+///
+/// # Safety
+/// `component` is null or an instance of `M`, used by no other thread meanwhile.
+unsafe fn call<M: Model>(
+    component: Component,
+    function: Function,
+    body: impl FnOnce(&mut Instance<M>) -> Answer,
+) -> Status {
+    // SAFETY: by the caller's word, the pointer is null or came from `instantiate::<M>`.
+    match unsafe { component.cast::<Instance<M>>().as_mut() } {
+        Some(instance) => instance.call(function, body),
+        None => Status::Error,
+    }
+}
+
+/// An array argument; null is taken for an empty one.
+///
+/// # Safety
+/// Unless null, `array` has `count` elements that nothing changes during the call.
+unsafe fn elements<'a, T>(name: &str, array: *const T, count: usize) -> Result<&'a [T], Error> {
+    if count == 0 {
+        Ok(&[])
+    } else if array.is_null() {
+        Err(Error::new(format!("the argument {name} is NULL")))
+    } else {
+        // SAFETY: not null, and by the caller's word of this length.
+        Ok(unsafe { slice::from_raw_parts(array, count) })
+    }
+}
+
+/// An array that is written to.
+///
+/// # Safety
+/// Unless null, `array` has `count` elements that nothing else uses during the call.
+unsafe fn elements_mut<'a, T>(name: &str, array: *mut T, count: usize) -> Result<&'a mut [T], Error> {
+    if count == 0 {
+        Ok(&mut [])
+    } else if array.is_null() {
+        Err(Error::new(format!("the argument {name} is NULL")))
+    } else {
+        // SAFETY: not null, and by the caller's word of this length and not aliased.
+        Ok(unsafe { slice::from_raw_parts_mut(array, count) })
+    }
+}
+
+/// A string argument.
+///
+/// # Safety
+/// `text` is null or ends in NUL.
+unsafe fn c_string<'a>(name: &str, text: *const c_char) -> Result<&'a CStr, Error> {
+    if text.is_null() {
+        Err(Error::new(format!("the argument {name} is NULL")))
+    } else {
+        // SAFETY: not null, and by the caller's word NUL-terminated.
+        Ok(unsafe { CStr::from_ptr(text) })
+    }
+}
+
+/// `fmi2Instantiate`: null, and a message, when an argument is wrong.
+pub unsafe fn instantiate<M: Model>(
+    instance_name: *const c_char,
+    fmu_type: c_int,
+    guid: *const c_char,
+    _resource_location: *const c_char,
+    functions: *const CallbackFunctions,
+    _visible: Boolean,
+    logging_on: Boolean,
+) -> Component {
+    // SAFETY: the importer passes null or a callbacks struct that is valid during this call; what is
+    // needed of it is copied.
+    let Some(functions) = (unsafe { functions.as_ref() }) else { return ptr::null_mut() };
+    let environment = ComponentEnvironment(functions.component_environment);
+    let description = M::Variables::DESCRIPTION;
+    // SAFETY: the importer passes null or a string.
+    let name = unsafe { c_string("instanceName", instance_name) };
+    let logger = Logger::new(
+        functions.logger,
+        environment,
+        name.as_ref().map_or_else(|_| c"".to_owned(), |&name| name.to_owned()),
+        description.log_categories,
+        logging_on != FALSE,
+    );
+    let check = || -> Result<(), Error> {
+        if name?.to_bytes().trim_ascii().is_empty() {
+            return Err(Error::new("the argument instanceName is blank"));
+        }
+        // SAFETY: the importer passes null or a string.
+        let guid = unsafe { c_string("fmuGUID", guid) }?;
+        if guid.to_bytes() != description.guid.as_bytes() {
+            return Err(Error::new(format!(
+                "the GUID {guid:?} is another FMU's; the one of {} is {}",
+                description.model_identifier, description.guid
+            )));
+        }
+        if fmu_type != CO_SIMULATION {
+            return Err(Error::new("this FMU is for co-simulation, not for model exchange"));
+        }
+        Ok(())
+    };
+    if let Err(error) = check() {
+        logger.error(format_args!("fmi2Instantiate: {error}"));
+        return ptr::null_mut();
+    }
+    catch_unwind(AssertUnwindSafe(|| Box::into_raw(Box::new(Instance::<M>::new(logger))).cast()))
+        .unwrap_or(ptr::null_mut())
+}
+
+/// `fmi2FreeInstance`.
+pub unsafe fn free_instance<M: Model>(component: Component) {
+    if !component.is_null() {
+        // SAFETY: the pointer came from `instantiate::<M>` and, by the standard, is used no more.
+        let instance = unsafe { Box::from_raw(component.cast::<Instance<M>>()) };
+        // A panic while a model is dropped must not reach the importer; there is nobody left to tell.
+        let _ = catch_unwind(AssertUnwindSafe(|| drop(instance)));
+    }
+}
+
+/// `fmi2SetDebugLogging`.
+pub unsafe fn set_debug_logging<M: Model>(
+    component: Component,
+    logging_on: Boolean,
+    count: usize,
+    categories: *const *const c_char,
+) -> Status {
+    // SAFETY: the component and the arrays are the importer's, as the standard has them (see the module).
+    unsafe {
+        call::<M>(component, Function::SetDebugLogging, |instance| {
+            let names = elements("categories", categories, count)?
+                .iter()
+                .map(|&name| c_string("categories", name))
+                .collect::<Result<Vec<_>, _>>()?;
+            instance.set_debug_logging(logging_on != FALSE, &names)
+        })
+    }
+}
+
+/// `fmi2SetupExperiment`.
+pub unsafe fn setup_experiment<M: Model>(
+    component: Component,
+    tolerance_defined: Boolean,
+    tolerance: f64,
+    start_time: f64,
+    stop_time_defined: Boolean,
+    stop_time: f64,
+) -> Status {
+    let experiment = Experiment {
+        start_time,
+        stop_time: (stop_time_defined != FALSE).then_some(stop_time),
+        tolerance: (tolerance_defined != FALSE).then_some(tolerance),
+    };
+    // SAFETY: the component is the importer's (see the module).
+    unsafe { call::<M>(component, Function::SetupExperiment, |instance| instance.setup_experiment(experiment)) }
+}
+
+/// Defines functions that take the component alone.
+macro_rules! transitions {
+    ($($name:ident: $function:ident, $standard:literal;)*) => {$(
+        #[doc = concat!("`", $standard, "`.")]
+        pub unsafe fn $name<M: Model>(component: Component) -> Status {
+            // SAFETY: the component is the importer's (see the module).
+            unsafe { call::<M>(component, Function::$function, Instance::$name) }
+        }
+    )*};
+}
+
+transitions! {
+    enter_initialization_mode: EnterInitializationMode, "fmi2EnterInitializationMode";
+    exit_initialization_mode: ExitInitializationMode, "fmi2ExitInitializationMode";
+    terminate: Terminate, "fmi2Terminate";
+    reset: Reset, "fmi2Reset";
+}
+
+/// Defines functions that get or set arrays of values that C and Rust share.
+macro_rules! accessors {
+    ($($get:ident: $get_function:ident, $set:ident: $set_function:ident, $type:ty;)*) => {$(
+        #[doc = concat!("`fmi2", stringify!($get_function), "`.")]
+        pub unsafe fn $get<M: Model>(
+            component: Component,
+            references: *const ValueReference,
+            count: usize,
+            values: *mut $type,
+        ) -> Status {
+            // SAFETY: the component and the arrays are the importer's (see the module).
+            unsafe {
+                call::<M>(component, Function::$get_function, |instance| {
+                    instance.$get(elements("vr", references, count)?, elements_mut("value", values, count)?)
+                })
+            }
+        }
+
+        #[doc = concat!("`fmi2", stringify!($set_function), "`.")]
+        pub unsafe fn $set<M: Model>(
+            component: Component,
+            references: *const ValueReference,
+            count: usize,
+            values: *const $type,
+        ) -> Status {
+            // SAFETY: the component and the arrays are the importer's (see the module).
+            unsafe {
+                call::<M>(component, Function::$set_function, |instance| {
+                    instance.$set(elements("vr", references, count)?, elements("value", values, count)?)
+                })
+            }
+        }
+    )*};
+}
+
+accessors! {
+    get_real: GetReal, set_real: SetReal, f64;
+    get_integer: GetInteger, set_integer: SetInteger, Integer;
+    get_boolean: GetBoolean, set_boolean: SetBoolean, Boolean;
+}
+
+/// `fmi2GetString`. The strings stay valid until the next call of it for this instance.
+pub unsafe fn get_string<M: Model>(
+    component: Component,
+    references: *const ValueReference,
+    count: usize,
+    values: *mut *const c_char,
+) -> Status {
+    // SAFETY: the component and the arrays are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::GetString, |instance| {
+            let values = elements_mut("value", values, count)?;
+            let status = instance.get_string(elements("vr", references, count)?)?;
+            for (value, text) in values.iter_mut().zip(&instance.strings) {
+                *value = text.as_ptr();
+            }
+            Ok(status)
+        })
+    }
+}
+
+/// `fmi2SetString`. The strings are copied.
+pub unsafe fn set_string<M: Model>(
+    component: Component,
+    references: *const ValueReference,
+    count: usize,
+    values: *const *const c_char,
+) -> Status {
+    // SAFETY: the component and the arrays are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::SetString, |instance| {
+            let texts = elements("value", values, count)?
+                .iter()
+                .map(|&text| {
+                    c_string("value", text)?.to_str().map_err(|_| Error::new("a string is not valid UTF-8"))
+                })
+                .collect::<Result<Vec<_>, _>>()?;
+            instance.set_string(elements("vr", references, count)?, &texts)
+        })
+    }
+}
+
+/// `fmi2GetFMUstate`: into a new state where `*state` is null, otherwise over the one that is there.
+pub unsafe fn get_fmu_state<M: Model>(component: Component, state: *mut FmuState) -> Status {
+    // SAFETY: the component and the state are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::GetFMUstate, |instance| {
+            let state = state.as_mut().ok_or_else(|| Error::new("the argument FMUstate is NULL"))?;
+            let memory = instance.save()?;
+            match state.cast::<Memory<M>>().as_mut() {
+                Some(there) => *there = memory,
+                None => *state = Box::into_raw(Box::new(memory)).cast(),
+            }
+            Ok(Status::Ok)
+        })
+    }
+}
+
+/// `fmi2SetFMUstate`.
+pub unsafe fn set_fmu_state<M: Model>(component: Component, state: FmuState) -> Status {
+    // SAFETY: the component and the state are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::SetFMUstate, |instance| {
+            let memory = state.cast::<Memory<M>>().as_ref();
+            instance.restore(memory.ok_or_else(|| Error::new("the argument FMUstate is NULL"))?);
+            Ok(Status::Ok)
+        })
+    }
+}
+
+/// `fmi2FreeFMUstate`: a null state is freed already.
+pub unsafe fn free_fmu_state<M: Model>(component: Component, state: *mut FmuState) -> Status {
+    // SAFETY: the component and the state are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::FreeFMUstate, |_| {
+            if let Some(state) = state.as_mut()
+                && !state.is_null()
+            {
+                drop(Box::from_raw(state.cast::<Memory<M>>()));
+                *state = ptr::null_mut();
+            }
+            Ok(Status::Ok)
+        })
+    }
+}
+
+/// Defines functions of capabilities that this crate's FMUs declare not to have.
+macro_rules! not_supported {
+    ($($name:ident($($argument:ty),*): $function:ident, $capability:literal;)*) => {$(
+        #[doc = concat!("`fmi2", stringify!($function), "`: an error, as `", $capability, "` says.")]
+        pub unsafe fn $name<M: Model>(component: Component, $(_: $argument),*) -> Status {
+            // SAFETY: the component is the importer's (see the module).
+            unsafe {
+                call::<M>(component, Function::$function, |_| {
+                    Err(Error::new(concat!("not supported by this FMU (", $capability, ")")))
+                })
+            }
+        }
+    )*};
+}
+
+not_supported! {
+    serialized_fmu_state_size(FmuState, *mut usize): SerializedFMUstateSize, "canSerializeFMUstate is false";
+    serialize_fmu_state(FmuState, *mut Byte, usize): SerializeFMUstate, "canSerializeFMUstate is false";
+    deserialize_fmu_state(*const Byte, usize, *mut FmuState): DeSerializeFMUstate, "canSerializeFMUstate is false";
+    get_directional_derivative(
+        *const ValueReference, usize, *const ValueReference, usize, *const f64, *mut f64
+    ): GetDirectionalDerivative, "providesDirectionalDerivative is false";
+    get_real_output_derivatives(
+        *const ValueReference, usize, *const Integer, *mut f64
+    ): GetRealOutputDerivatives, "maxOutputDerivativeOrder is 0";
+    cancel_step(): CancelStep, "canRunAsynchronuously is false";
+}
+
+/// `fmi2SetRealInputDerivatives`.
+pub unsafe fn set_real_input_derivatives<M: Model>(
+    component: Component,
+    references: *const ValueReference,
+    count: usize,
+    orders: *const Integer,
+    values: *const f64,
+) -> Status {
+    // SAFETY: the component and the arrays are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::SetRealInputDerivatives, |instance| {
+            instance.set_real_input_derivatives(
+                elements("vr", references, count)?,
+                elements("order", orders, count)?,
+                elements("value", values, count)?,
+            )
+        })
+    }
+}
+
+/// `fmi2DoStep`.
+pub unsafe fn do_step<M: Model>(
+    component: Component,
+    current_communication_point: f64,
+    communication_step_size: f64,
+    _no_set_fmu_state_prior_to_current_point: Boolean,
+) -> Status {
+    // SAFETY: the component is the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::DoStep, |instance| {
+            instance.do_step(current_communication_point, communication_step_size)
+        })
+    }
+}
+
+/// Answers a question for the status of a step. What only a step in the background has is discarded,
+/// as section 2.1.3 says of status information that cannot be given.
+///
+/// # Safety
+/// As for [`call`]; `value` is null or may be written to.
+unsafe fn status<M: Model, T>(
+    component: Component,
+    function: Function,
+    value: *mut T,
+    answer: impl FnOnce(&Instance<M>) -> Option<T>,
+) -> Status {
+    // SAFETY: by the caller's word.
+    unsafe {
+        call::<M>(component, function, |instance| {
+            let value = value.as_mut().ok_or_else(|| Error::new("the argument value is NULL"))?;
+            match answer(instance) {
+                Some(known) => {
+                    *value = known;
+                    Ok(Status::Ok)
+                }
+                None => Ok(Status::Discard),
+            }
+        })
+    }
+}
+
+/// `fmi2GetStatus`: steps are never pending.
+pub unsafe fn get_status<M: Model>(component: Component, _kind: c_int, value: *mut Status) -> Status {
+    // SAFETY: the component and the value are the importer's (see the module).
+    unsafe { status::<M, _>(component, Function::GetStatus, value, |_| None) }
+}
+
+/// `fmi2GetRealStatus`: the end of the last completed step.
+pub unsafe fn get_real_status<M: Model>(component: Component, kind: c_int, value: *mut f64) -> Status {
+    // SAFETY: the component and the value are the importer's (see the module).
+    unsafe {
+        status::<M, _>(component, Function::GetRealStatus, value, |instance| {
+            (kind == status_kind::LAST_SUCCESSFUL_TIME).then(|| instance.last_successful_time())
+        })
+    }
+}
+
+/// `fmi2GetIntegerStatus`: there is none.
+pub unsafe fn get_integer_status<M: Model>(component: Component, _kind: c_int, value: *mut Integer) -> Status {
+    // SAFETY: the component and the value are the importer's (see the module).
+    unsafe { status::<M, _>(component, Function::GetIntegerStatus, value, |_| None) }
+}
+
+/// `fmi2GetBooleanStatus`: a slave never ends the simulation.
+pub unsafe fn get_boolean_status<M: Model>(component: Component, kind: c_int, value: *mut Boolean) -> Status {
+    // SAFETY: the component and the value are the importer's (see the module).
+    unsafe {
+        status::<M, _>(component, Function::GetBooleanStatus, value, |_| {
+            (kind == status_kind::TERMINATED).then_some(FALSE)
+        })
+    }
+}
+
+/// `fmi2GetStringStatus`: steps are never pending.
+pub unsafe fn get_string_status<M: Model>(
+    component: Component,
+    _kind: c_int,
+    value: *mut *const c_char,
+) -> Status {
+    // SAFETY: the component and the value are the importer's (see the module).
+    unsafe { status::<M, _>(component, Function::GetStringStatus, value, |_| None) }
+}
+
+/// Makes the 34 C functions of FMI 2.0 co-simulation for a model, in a library of the crate type `cdylib`.
+///
+/// ```ignore
+/// fmi2_export::export_fmi2!(MyModel);
+/// ```
+#[macro_export]
+macro_rules! export_fmi2 {
+    ($model:ty) => {
+        const _: () = {
+            use ::std::ffi::{c_char, c_int};
+            use $crate::c_types::{
+                Boolean, Byte, CallbackFunctions, Component, FmuState, Integer, Status, ValueReference,
+            };
+
+            #[unsafe(no_mangle)]
+            extern "C" fn fmi2GetTypesPlatform() -> *const c_char {
+                $crate::c_api::TYPES_PLATFORM.as_ptr()
+            }
+
+            #[unsafe(no_mangle)]
+            extern "C" fn fmi2GetVersion() -> *const c_char {
+                $crate::c_api::VERSION.as_ptr()
+            }
+
+            #[unsafe(no_mangle)]
+            unsafe extern "C" fn fmi2Instantiate(
+                instance_name: *const c_char,
+                fmu_type: c_int,
+                guid: *const c_char,
+                resource_location: *const c_char,
+                functions: *const CallbackFunctions,
+                visible: Boolean,
+                logging_on: Boolean,
+            ) -> Component {
+                $crate::c_api::silence_panics();
+                // SAFETY: the arguments are the importer's, unchanged.
+                unsafe {
+                    $crate::c_api::instantiate::<$model>(
+                        instance_name, fmu_type, guid, resource_location, functions, visible, logging_on,
+                    )
+                }
+            }
+
+            #[unsafe(no_mangle)]
+            unsafe extern "C" fn fmi2FreeInstance(component: Component) {
+                // SAFETY: the argument is the importer's, unchanged.
+                unsafe { $crate::c_api::free_instance::<$model>(component) }
+            }
+
+            $crate::export_fmi2! { @functions $model;
+                fmi2SetDebugLogging = set_debug_logging(
+                    on: Boolean, count: usize, categories: *const *const c_char);
+                fmi2SetupExperiment = setup_experiment(
+                    tolerance_defined: Boolean, tolerance: f64, start_time: f64,
+                    stop_time_defined: Boolean, stop_time: f64);
+                fmi2EnterInitializationMode = enter_initialization_mode();
+                fmi2ExitInitializationMode = exit_initialization_mode();
+                fmi2Terminate = terminate();
+                fmi2Reset = reset();
+                fmi2GetReal = get_real(vr: *const ValueReference, count: usize, values: *mut f64);
+                fmi2GetInteger = get_integer(vr: *const ValueReference, count: usize, values: *mut Integer);
+                fmi2GetBoolean = get_boolean(vr: *const ValueReference, count: usize, values: *mut Boolean);
+                fmi2GetString = get_string(
+                    vr: *const ValueReference, count: usize, values: *mut *const c_char);
+                fmi2SetReal = set_real(vr: *const ValueReference, count: usize, values: *const f64);
+                fmi2SetInteger = set_integer(
+                    vr: *const ValueReference, count: usize, values: *const Integer);
+                fmi2SetBoolean = set_boolean(
+                    vr: *const ValueReference, count: usize, values: *const Boolean);
+                fmi2SetString = set_string(
+                    vr: *const ValueReference, count: usize, values: *const *const c_char);
+                fmi2GetFMUstate = get_fmu_state(state: *mut FmuState);
+                fmi2SetFMUstate = set_fmu_state(state: FmuState);
+                fmi2FreeFMUstate = free_fmu_state(state: *mut FmuState);
+                fmi2SerializedFMUstateSize = serialized_fmu_state_size(state: FmuState, size: *mut usize);
+                fmi2SerializeFMUstate = serialize_fmu_state(state: FmuState, bytes: *mut Byte, size: usize);
+                fmi2DeSerializeFMUstate = deserialize_fmu_state(
+                    bytes: *const Byte, size: usize, state: *mut FmuState);
+                fmi2GetDirectionalDerivative = get_directional_derivative(
+                    unknowns: *const ValueReference, unknown_count: usize,
+                    knowns: *const ValueReference, known_count: usize,
+                    seed: *const f64, sensitivity: *mut f64);
+                fmi2SetRealInputDerivatives = set_real_input_derivatives(
+                    vr: *const ValueReference, count: usize, orders: *const Integer, values: *const f64);
+                fmi2GetRealOutputDerivatives = get_real_output_derivatives(
+                    vr: *const ValueReference, count: usize, orders: *const Integer, values: *mut f64);
+                fmi2DoStep = do_step(time: f64, size: f64, no_set_fmu_state_prior: Boolean);
+                fmi2CancelStep = cancel_step();
+                fmi2GetStatus = get_status(kind: c_int, value: *mut Status);
+                fmi2GetRealStatus = get_real_status(kind: c_int, value: *mut f64);
+                fmi2GetIntegerStatus = get_integer_status(kind: c_int, value: *mut Integer);
+                fmi2GetBooleanStatus = get_boolean_status(kind: c_int, value: *mut Boolean);
+                fmi2GetStringStatus = get_string_status(kind: c_int, value: *mut *const c_char);
+            }
+        };
+    };
+    (@functions $model:ty; $($symbol:ident = $function:ident($($argument:ident: $type:ty),* $(,)?);)*) => {$(
+        #[unsafe(no_mangle)]
+        unsafe extern "C" fn $symbol(component: Component, $($argument: $type),*) -> Status {
+            // SAFETY: the arguments are the importer's, unchanged.
+            unsafe { $crate::c_api::$function::<$model>(component, $($argument),*) }
+        }
+    )*};
+}

@@ -1,0 +1,72 @@
+//! The C types of FMI 2.0.5 (fmi2TypesPlatform.h, fmi2FunctionTypes.h), declared by hand from the
+//! standard: they are few, and a binding generator would need libclang wherever a model is built.
+
+use std::ffi::{c_char, c_int, c_uint, c_void};
+
+/// `fmi2Component`: an instance.
+pub type Component = *mut c_void;
+/// `fmi2FMUstate`: a saved state.
+pub type FmuState = *mut c_void;
+/// `fmi2Boolean`: 0 is false.
+pub type Boolean = c_int;
+/// `fmi2Integer`.
+pub type Integer = c_int;
+/// `fmi2ValueReference`.
+pub type ValueReference = c_uint;
+/// `fmi2Byte`.
+pub type Byte = c_char;
+
+/// `fmi2True`.
+pub const TRUE: Boolean = 1;
+/// `fmi2False`.
+pub const FALSE: Boolean = 0;
+/// The `fmi2CoSimulation` of `fmi2Type`.
+pub const CO_SIMULATION: c_int = 1;
+
+/// `fmi2Status`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(C)]
+#[allow(missing_docs)]
+pub enum Status {
+    Ok = 0,
+    Warning = 1,
+    Discard = 2,
+    Error = 3,
+    Fatal = 4,
+    Pending = 5,
+}
+
+/// The values of `fmi2StatusKind`. Not a Rust enum: the importer may pass any number.
+pub mod status_kind {
+    use std::ffi::c_int;
+
+    /// `fmi2LastSuccessfulTime`.
+    pub const LAST_SUCCESSFUL_TIME: c_int = 2;
+    /// `fmi2Terminated`.
+    pub const TERMINATED: c_int = 3;
+}
+
+/// `fmi2CallbackLogger`.
+pub type CallbackLogger =
+    unsafe extern "C" fn(*mut c_void, *const c_char, Status, *const c_char, *const c_char, ...);
+
+/// `fmi2ComponentEnvironment`: handed back to the logger, never looked into.
+#[derive(Clone, Copy, Debug)]
+pub struct ComponentEnvironment(pub *mut c_void);
+
+/// `fmi2CallbackFunctions`. Only the logger and its environment are used; the others stand here for the
+/// layout.
+#[derive(Debug)]
+#[repr(C)]
+pub struct CallbackFunctions {
+    /// Takes messages.
+    pub logger: Option<CallbackLogger>,
+    /// Not used: memory comes from Rust's allocator.
+    pub allocate_memory: Option<unsafe extern "C" fn(usize, usize) -> *mut c_void>,
+    /// Not used.
+    pub free_memory: Option<unsafe extern "C" fn(*mut c_void)>,
+    /// Not used: steps are synchronous.
+    pub step_finished: Option<unsafe extern "C" fn(*mut c_void, Status)>,
+    /// Handed to the logger.
+    pub component_environment: *mut c_void,
+}

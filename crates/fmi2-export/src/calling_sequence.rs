@@ -1,0 +1,109 @@
+//! The order in which an importer may call: the state machine of FMI 2.0.5, section 4.2.4, as data.
+//!
+//! The standard's states `stepInProgress`, `stepFailed` and `stepCanceled` belong to slaves that compute a
+//! step in the background or answer `fmi2Discard`; these do neither, so the states do not occur.
+//! `fatal` does not occur either: an error never harms another instance.
+
+use std::fmt;
+
+/// The states of a co-simulation slave.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// After `fmi2Instantiate` or `fmi2Reset`.
+    Instantiated,
+    /// Between `fmi2EnterInitializationMode` and `fmi2ExitInitializationMode`.
+    InitializationMode,
+    /// Between steps.
+    StepComplete,
+    /// After `fmi2Terminate`.
+    Terminated,
+    /// After a step or a panic that left the model in no defined state.
+    Error,
+}
+
+impl fmt::Display for Phase {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::Instantiated => "instantiated",
+            Self::InitializationMode => "Initialization Mode",
+            Self::StepComplete => "stepComplete",
+            Self::Terminated => "terminated",
+            Self::Error => "error",
+        })
+    }
+}
+
+use Phase::{Error, InitializationMode, Instantiated, StepComplete, Terminated};
+
+/// Any state.
+const ANY: &[Phase] = &[Instantiated, InitializationMode, StepComplete, Terminated, Error];
+/// The states in which values can be got.
+const READABLE: &[Phase] = &[InitializationMode, StepComplete, Terminated, Error];
+/// The states in which values can be set; which variables, section 4.2.4 restricts further.
+const WRITABLE: &[Phase] = &[Instantiated, InitializationMode, StepComplete];
+
+/// Declares the functions that take an instance, each with the states in which it may be called.
+macro_rules! functions {
+    ($($name:ident: $phases:expr,)*) => {
+        /// A function of the standard that takes an instance.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[allow(missing_docs)]
+        pub enum Function {
+            $($name,)*
+        }
+
+        impl Function {
+            /// Every function.
+            pub const ALL: &[Self] = &[$(Self::$name,)*];
+
+            /// Its name in the standard.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$name => concat!("fmi2", stringify!($name)),)*
+                }
+            }
+
+            /// The states in which it may be called.
+            #[must_use]
+            pub const fn phases(self) -> &'static [Phase] {
+                match self {
+                    $(Self::$name => $phases,)*
+                }
+            }
+        }
+    };
+}
+
+functions! {
+    SetDebugLogging: ANY,
+    SetupExperiment: &[Instantiated],
+    EnterInitializationMode: &[Instantiated],
+    ExitInitializationMode: &[InitializationMode],
+    Terminate: &[StepComplete],
+    Reset: ANY,
+    GetReal: READABLE,
+    GetInteger: READABLE,
+    GetBoolean: READABLE,
+    GetString: READABLE,
+    SetReal: WRITABLE,
+    SetInteger: WRITABLE,
+    SetBoolean: WRITABLE,
+    SetString: WRITABLE,
+    GetFMUstate: ANY,
+    SetFMUstate: ANY,
+    FreeFMUstate: ANY,
+    SerializedFMUstateSize: ANY,
+    SerializeFMUstate: ANY,
+    DeSerializeFMUstate: ANY,
+    GetDirectionalDerivative: READABLE,
+    SetRealInputDerivatives: WRITABLE,
+    GetRealOutputDerivatives: &[StepComplete, Terminated, Error],
+    DoStep: &[StepComplete],
+    CancelStep: &[],
+    GetStatus: &[StepComplete, Terminated],
+    GetRealStatus: &[StepComplete, Terminated],
+    GetIntegerStatus: &[StepComplete, Terminated],
+    GetBooleanStatus: &[StepComplete, Terminated],
+    GetStringStatus: &[StepComplete, Terminated],
+}

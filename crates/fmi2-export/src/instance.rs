@@ -1,0 +1,487 @@
+//! One instance of an FMU: what each function of the standard does, without C.
+//!
+//! A call is refused, and changes nothing, when the calling sequence forbids it or an argument is wrong.
+//! Only a step (or an initialization) that fails midway leaves the instance in the state `error`, from
+//! which `fmi2Reset` and `fmi2SetFMUstate` lead back.
+
+use std::any::Any;
+use std::ffi::{CStr, CString};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use crate::c_types::Status;
+use crate::calling_sequence::{Function, Phase};
+use crate::description::{
+    Causality, DataType, Initial, ModelDescription, ValueReference, Variability, VariableDescription,
+};
+use crate::inputs::{InputSignal, MAX_ORDER};
+use crate::logger::{Logger, Said, WARNING};
+use crate::model::{Context, Error, Experiment, InputsOf, Model, Step, Variables};
+
+/// How far, relative to the step, the importer's time may be off this instance's. Importers compute
+/// communication points as `i * h`, by adding up, or from integer nanoseconds.
+const TIME_TOLERANCE: f64 = 1e-6;
+
+/// Rounding that times of this magnitude carry, whatever the step.
+fn time_rounding(time: f64) -> f64 {
+    64.0 * f64::EPSILON * time.abs()
+}
+
+/// What a call answers: a message when it failed, otherwise `fmi2OK`, `fmi2Warning` or `fmi2Discard`.
+pub(crate) type Answer = Result<Status, Error>;
+
+/// Everything that a saved state holds.
+#[derive(Clone)]
+pub(crate) struct Memory<M: Model> {
+    phase: Phase,
+    model: M,
+    variables: M::Variables,
+    inputs: InputSignal<InputsOf<M>>,
+    /// For each variable that is an input: whether its being out of bounds was told.
+    out_of_bounds: Box<[bool]>,
+    experiment: Option<Experiment>,
+    time: f64,
+    /// Whether something was set since the values were computed.
+    stale: bool,
+    /// Whether a tunable parameter was set since the parameters were checked.
+    parameters_changed: bool,
+    said: Said,
+}
+
+impl<M: Model> Memory<M> {
+    fn new() -> Self {
+        let variables = M::Variables::default();
+        Self {
+            phase: Phase::Instantiated,
+            model: M::default(),
+            inputs: InputSignal::constant(variables.inputs().clone()),
+            variables,
+            out_of_bounds: vec![false; M::Variables::DESCRIPTION.variables.len()].into_boxed_slice(),
+            experiment: None,
+            time: 0.0,
+            stale: true,
+            parameters_changed: true,
+            said: Said::default(),
+        }
+    }
+}
+
+/// An instance of a model.
+pub(crate) struct Instance<M: Model> {
+    logger: Logger,
+    memory: Memory<M>,
+    /// The strings that the last `fmi2GetString` returned; they stay valid until the next.
+    pub(crate) strings: Vec<CString>,
+}
+
+impl<M: Model> Instance<M> {
+    pub(crate) fn new(logger: Logger) -> Self {
+        Self { logger, memory: Memory::new(), strings: Vec::new() }
+    }
+
+    const DESCRIPTION: &'static ModelDescription = M::Variables::DESCRIPTION;
+
+    /// Runs the body of a function: only where the calling sequence allows it, with panics caught, and a
+    /// failure told to the importer.
+    pub(crate) fn call(&mut self, function: Function, body: impl FnOnce(&mut Self) -> Answer) -> Status {
+        let phase = self.memory.phase;
+        let answer = if function.phases().contains(&phase) {
+            catch_unwind(AssertUnwindSafe(|| body(self))).unwrap_or_else(|payload| {
+                self.memory.phase = Phase::Error;
+                Err(Error::new(format!(
+                    "the model panicked: {}; reset the instance",
+                    panic_message(payload.as_ref())
+                )))
+            })
+        } else {
+            Err(Error::new(format!("must not be called in the state {phase}")))
+        };
+        answer.unwrap_or_else(|error| {
+            self.logger.error(format_args!("{}: {error}", function.name()));
+            Status::Error
+        })
+    }
+
+    pub(crate) fn set_debug_logging(&mut self, on: bool, categories: &[&CStr]) -> Answer {
+        self.logger
+            .set_debug_logging(on, categories)
+            .map(|()| Status::Ok)
+            .map_err(|name| Error::new(format!("there is no log category {name:?}")))
+    }
+
+    pub(crate) fn setup_experiment(&mut self, experiment: Experiment) -> Answer {
+        let Experiment { start_time, stop_time, tolerance } = experiment;
+        if !start_time.is_finite() {
+            return Err(Error::new(format!("startTime is {start_time}")));
+        }
+        if let Some(stop_time) = stop_time
+            && (stop_time.is_nan() || stop_time < start_time)
+        {
+            return Err(Error::new(format!("stopTime is {stop_time}, startTime {start_time}")));
+        }
+        if let Some(tolerance) = tolerance
+            && !(tolerance.is_finite() && tolerance > 0.0)
+        {
+            return Err(Error::new(format!("tolerance is {tolerance}")));
+        }
+        self.memory.experiment = Some(experiment);
+        self.memory.time = start_time;
+        Ok(Status::Ok)
+    }
+
+    pub(crate) fn enter_initialization_mode(&mut self) -> Answer {
+        if self.memory.experiment.is_none() {
+            return Err(Error::new("fmi2SetupExperiment was not called before"));
+        }
+        self.memory.phase = Phase::InitializationMode;
+        self.memory.stale = true;
+        Ok(Status::Ok)
+    }
+
+    pub(crate) fn exit_initialization_mode(&mut self) -> Answer {
+        M::check_parameters(&self.memory.variables)?;
+        let status = self.compute_values()?;
+        self.memory.parameters_changed = false;
+        self.memory.phase = Phase::StepComplete;
+        Ok(status)
+    }
+
+    pub(crate) fn terminate(&mut self) -> Answer {
+        self.memory.phase = Phase::Terminated;
+        Ok(Status::Ok)
+    }
+
+    pub(crate) fn reset(&mut self) -> Answer {
+        self.memory = Memory::new();
+        Ok(Status::Ok)
+    }
+
+    /// Brings the values up to date with what was set since they were computed.
+    fn compute_values(&mut self) -> Answer {
+        let memory = &mut self.memory;
+        if !memory.stale {
+            return Ok(Status::Ok);
+        }
+        let mut status = Status::Ok;
+        match memory.phase {
+            Phase::InitializationMode => {
+                M::check_parameters(&memory.variables)?;
+                let (logger, said) = (&self.logger, &mut memory.said);
+                let mut log = |category, message: std::fmt::Arguments<'_>| {
+                    if category == WARNING {
+                        status = Status::Warning;
+                    }
+                    if said.is_new(&message.to_string()) {
+                        logger.message(category, message);
+                    }
+                };
+                let mut context = Context::new(memory.experiment.unwrap_or_default(), &mut log);
+                memory.model.initialize(&mut memory.variables, memory.inputs.initial(), &mut context)?;
+                check_finite(&memory.variables, memory.time)?;
+            }
+            Phase::StepComplete => memory.model.refresh(&mut memory.variables, memory.inputs.initial()),
+            Phase::Instantiated | Phase::Terminated | Phase::Error => {}
+        }
+        memory.stale = false;
+        Ok(status)
+    }
+
+    /// Advances by one communication step.
+    pub(crate) fn do_step(&mut self, start: f64, size: f64) -> Answer {
+        let memory = &mut self.memory;
+        if !(size.is_finite() && size > 0.0) {
+            return Err(Error::new(format!(
+                "communicationStepSize is {size}; it must be finite and greater than 0"
+            )));
+        }
+        // Written so that a NaN is refused.
+        let off = (start - memory.time).abs();
+        if !(off <= TIME_TOLERANCE * size + time_rounding(memory.time)) {
+            return Err(Error::new(format!(
+                "currentCommunicationPoint is {start}, but the last step ended at {}",
+                memory.time
+            )));
+        }
+        let experiment = memory.experiment.unwrap_or_default();
+        let end = start + size;
+        if let Some(stop_time) = experiment.stop_time
+            && end > stop_time + TIME_TOLERANCE * size + time_rounding(stop_time)
+        {
+            return Err(Error::new(format!(
+                "the step from {start} to {end} goes past the stopTime {stop_time} of fmi2SetupExperiment"
+            )));
+        }
+        if memory.parameters_changed {
+            M::check_parameters(&memory.variables)?;
+            memory.model.refresh(&mut memory.variables, memory.inputs.initial());
+            memory.parameters_changed = false;
+        }
+        let mut status = Status::Ok;
+        let logger = &self.logger;
+        let mut log = |category, message: std::fmt::Arguments<'_>| {
+            if category == WARNING {
+                status = Status::Warning;
+            }
+            logger.message(category, message);
+        };
+        let step = Step { start, size, inputs: &memory.inputs };
+        // Until the step is complete, whatever cuts it short leaves an instance that refuses to go on.
+        memory.phase = Phase::Error;
+        memory.model.step(&mut memory.variables, &step, &mut Context::new(experiment, &mut log))?;
+        check_finite(&memory.variables, end)?;
+        memory.phase = Phase::StepComplete;
+        memory.time = end;
+        memory.stale = false;
+        memory.inputs.clear_derivatives();
+        Ok(status)
+    }
+
+    /// The end of the last completed step (s).
+    pub(crate) fn last_successful_time(&self) -> f64 {
+        self.memory.time
+    }
+
+    /// A copy of everything that a later call depends on.
+    pub(crate) fn save(&self) -> Result<Memory<M>, Error> {
+        if Self::DESCRIPTION.capabilities.get_and_set_state {
+            Ok(self.memory.clone())
+        } else {
+            Err(Error::new("this FMU cannot get and set its state (canGetAndSetFMUstate is false)"))
+        }
+    }
+
+    /// Takes up where [`Instance::save`] left off.
+    pub(crate) fn restore(&mut self, memory: &Memory<M>) {
+        self.memory.clone_from(memory);
+    }
+
+    /// A variable, if a value reference is one's and of that type.
+    fn variable(reference: ValueReference, requested: DataType) -> Result<&'static VariableDescription, Error> {
+        let variable = Self::DESCRIPTION
+            .variables
+            .get(reference as usize)
+            .ok_or_else(|| Error::new(format!("there is no variable with the value reference {reference}")))?;
+        let data_type = match variable.data_type {
+            DataType::Enumeration => DataType::Integer,
+            other => other,
+        };
+        if data_type == requested {
+            Ok(variable)
+        } else {
+            Err(Error::new(format!("the variable {} is of the type {:?}", variable.name, variable.data_type)))
+        }
+    }
+
+    /// Gets values; `read` writes the one at an index. First every value reference is checked.
+    fn get(
+        &mut self,
+        references: &[ValueReference],
+        requested: DataType,
+        mut read: impl FnMut(&M::Variables, usize, ValueReference) -> Result<(), Error>,
+    ) -> Answer {
+        for &reference in references {
+            Self::variable(reference, requested)?;
+        }
+        let status = self.compute_values()?;
+        for (index, &reference) in references.iter().enumerate() {
+            read(&self.memory.variables, index, reference)?;
+        }
+        Ok(status)
+    }
+
+    pub(crate) fn get_real(&mut self, references: &[ValueReference], values: &mut [f64]) -> Answer {
+        let time = self.memory.time;
+        self.get(references, DataType::Real, |variables, index, reference| {
+            let variable = &Self::DESCRIPTION.variables[reference as usize];
+            let value =
+                if variable.causality == Causality::Independent { time } else { variables.real(reference) };
+            if !value.is_finite() {
+                return Err(Error::new(format!("the variable {} is {value}", variable.name)));
+            }
+            values[index] = value;
+            Ok(())
+        })
+    }
+
+    pub(crate) fn get_integer(&mut self, references: &[ValueReference], values: &mut [i32]) -> Answer {
+        self.get(references, DataType::Integer, |variables, index, reference| {
+            values[index] = variables.integer(reference);
+            Ok(())
+        })
+    }
+
+    pub(crate) fn get_boolean(&mut self, references: &[ValueReference], values: &mut [i32]) -> Answer {
+        self.get(references, DataType::Boolean, |variables, index, reference| {
+            values[index] = i32::from(variables.boolean(reference));
+            Ok(())
+        })
+    }
+
+    /// Leaves the values in [`Instance::strings`].
+    pub(crate) fn get_string(&mut self, references: &[ValueReference]) -> Answer {
+        let mut strings = Vec::with_capacity(references.len());
+        let status = self.get(references, DataType::String, |variables, _, reference| {
+            let text = variables.string(reference);
+            strings.push(CString::new(text).map_err(|_| Error::new("a string with a NUL in it"))?);
+            Ok(())
+        })?;
+        self.strings = strings;
+        Ok(status)
+    }
+
+    /// Whether, in the present state, a variable may be set, and to this value (as a number).
+    fn check_settable(&self, variable: &VariableDescription, value: f64) -> Result<(), Error> {
+        let phase = self.memory.phase;
+        let is_input = variable.causality == Causality::Input;
+        let settable = match phase {
+            Phase::Instantiated => is_input || matches!(variable.initial, Initial::Exact | Initial::Approx),
+            Phase::InitializationMode => is_input || variable.initial == Initial::Exact,
+            Phase::StepComplete => is_input || variable.variability == Variability::Tunable,
+            Phase::Terminated | Phase::Error => false,
+        };
+        if !settable || variable.variability == Variability::Constant {
+            return Err(Error::new(format!(
+                "{} (a {}, {}) cannot be set in the state {phase}",
+                variable.name, variable.causality, variable.variability
+            )));
+        }
+        if !value.is_finite() {
+            return Err(Error::new(format!("{value} for the variable {}", variable.name)));
+        }
+        if !is_input && !(variable.min..=variable.max).contains(&value) {
+            return Err(Error::new(format!(
+                "{value} for the variable {} is outside its range {} to {}",
+                variable.name, variable.min, variable.max
+            )));
+        }
+        Ok(())
+    }
+
+    /// Notes that a variable was set; warns once of an input that is out of its bounds.
+    fn was_set(&mut self, reference: ValueReference, value: f64) -> Status {
+        let memory = &mut self.memory;
+        let variable = &Self::DESCRIPTION.variables[reference as usize];
+        memory.stale = true;
+        if variable.causality != Causality::Input {
+            memory.parameters_changed = true;
+            return Status::Ok;
+        }
+        match variable.real_input {
+            Some(position) => memory.inputs.set_value(position, value),
+            None => memory.inputs.set_others(memory.variables.inputs()),
+        }
+        let outside = !(variable.min..=variable.max).contains(&value);
+        let told = std::mem::replace(&mut memory.out_of_bounds[reference as usize], outside);
+        if outside && !told {
+            self.logger.message(
+                WARNING,
+                format_args!(
+                    "{value} for the input {} is outside its range {} to {}; the nearest bound is used",
+                    variable.name, variable.min, variable.max
+                ),
+            );
+            return Status::Warning;
+        }
+        Status::Ok
+    }
+
+    /// Sets values: checks all before it changes any. `as_number` is a value as ranges see it.
+    fn set<T: Copy>(
+        &mut self,
+        references: &[ValueReference],
+        values: &[T],
+        requested: DataType,
+        as_number: impl Fn(T) -> f64,
+        write: impl Fn(&mut M::Variables, ValueReference, T),
+    ) -> Answer {
+        for (&reference, &value) in references.iter().zip(values) {
+            self.check_settable(Self::variable(reference, requested)?, as_number(value))?;
+        }
+        let mut status = Status::Ok;
+        for (&reference, &value) in references.iter().zip(values) {
+            write(&mut self.memory.variables, reference, value);
+            status = status.max(self.was_set(reference, as_number(value)));
+        }
+        Ok(status)
+    }
+
+    pub(crate) fn set_real(&mut self, references: &[ValueReference], values: &[f64]) -> Answer {
+        self.set(references, values, DataType::Real, |value| value, M::Variables::set_real)
+    }
+
+    pub(crate) fn set_integer(&mut self, references: &[ValueReference], values: &[i32]) -> Answer {
+        self.set(references, values, DataType::Integer, f64::from, M::Variables::set_integer)
+    }
+
+    pub(crate) fn set_boolean(&mut self, references: &[ValueReference], values: &[i32]) -> Answer {
+        let write = |variables: &mut M::Variables, reference, value| variables.set_boolean(reference, value != 0);
+        self.set(references, values, DataType::Boolean, |_| 0.0, write)
+    }
+
+    pub(crate) fn set_string(&mut self, references: &[ValueReference], values: &[&str]) -> Answer {
+        self.set(references, values, DataType::String, |_| 0.0, M::Variables::set_string)
+    }
+
+    pub(crate) fn set_real_input_derivatives(
+        &mut self,
+        references: &[ValueReference],
+        orders: &[i32],
+        values: &[f64],
+    ) -> Answer {
+        if !Self::DESCRIPTION.capabilities.interpolate_inputs {
+            return Err(Error::new("this FMU cannot interpolate inputs (canInterpolateInputs is false)"));
+        }
+        let derivatives = || references.iter().zip(orders).zip(values);
+        for ((&reference, &order), &value) in derivatives() {
+            Self::input_derivative(reference, order, value)?;
+        }
+        for ((&reference, &order), &value) in derivatives() {
+            let (position, order) = Self::input_derivative(reference, order, value)?;
+            self.memory.inputs.set_derivative(position, order, value);
+        }
+        Ok(Status::Ok)
+    }
+
+    /// Which Real input, and which order, a derivative is for, if it may be set.
+    fn input_derivative(reference: ValueReference, order: i32, value: f64) -> Result<(usize, usize), Error> {
+        let variable = Self::variable(reference, DataType::Real)?;
+        let name = variable.name;
+        let Some(position) = variable.real_input else {
+            return Err(Error::new(format!("the variable {name} is no input")));
+        };
+        let Some(order) = usize::try_from(order).ok().filter(|order| (1..=MAX_ORDER).contains(order)) else {
+            return Err(Error::new(format!(
+                "order {order} of the derivative of {name}; the orders 1 to {MAX_ORDER} are taken"
+            )));
+        };
+        if !value.is_finite() {
+            return Err(Error::new(format!("{value} for a derivative of the input {name}")));
+        }
+        if variable.variability != Variability::Continuous && value != 0.0 {
+            return Err(Error::new(format!(
+                "{value} for a derivative of the discrete input {name}, which holds its value"
+            )));
+        }
+        Ok((position, order))
+    }
+}
+
+/// Refuses values that are no numbers.
+fn check_finite<V: Variables>(variables: &V, time: f64) -> Result<(), Error> {
+    match variables.first_non_finite() {
+        None => Ok(()),
+        Some(reference) => Err(Error::new(format!(
+            "the variable {} became {} at the time {time} s",
+            V::DESCRIPTION.variables[reference as usize].name,
+            variables.real(reference)
+        ))),
+    }
+}
+
+/// The text that a panic was given.
+fn panic_message(payload: &(dyn Any + Send)) -> &str {
+    payload
+        .downcast_ref::<&str>()
+        .copied()
+        .or_else(|| payload.downcast_ref::<String>().map(String::as_str))
+        .unwrap_or("no message")
+}

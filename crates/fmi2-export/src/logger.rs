@@ -1,0 +1,115 @@
+//! Messages to the importer: through its logger callback, under the declared categories (FMI 2.0.5,
+//! section 2.1.5).
+//!
+//! Errors and warnings are always passed on; events only while debug logging is on for their category.
+
+use std::ffi::{CStr, CString, c_char};
+use std::fmt;
+use std::sync::Arc;
+
+use crate::c_types::{CallbackLogger, ComponentEnvironment, Status};
+
+/// The category of errors.
+pub const ERROR: &str = "logStatusError";
+/// The category of warnings.
+pub const WARNING: &str = "logStatusWarning";
+/// The category of events.
+pub const EVENT: &str = "logEvents";
+
+/// Where the messages of one instance go.
+#[derive(Debug)]
+pub(crate) struct Logger {
+    callback: Option<CallbackLogger>,
+    environment: ComponentEnvironment,
+    instance_name: CString,
+    categories: &'static [&'static str],
+    /// For each category, whether debug messages are wanted.
+    enabled: Vec<bool>,
+}
+
+impl Logger {
+    /// A logger for an instance of this name. With debug logging on, all categories are.
+    pub(crate) fn new(
+        callback: Option<CallbackLogger>,
+        environment: ComponentEnvironment,
+        instance_name: CString,
+        categories: &'static [&'static str],
+        debug_logging: bool,
+    ) -> Self {
+        let enabled = vec![debug_logging; categories.len()];
+        Self { callback, environment, instance_name, categories, enabled }
+    }
+
+    /// Switches debug messages of the named categories, or of all when none is named, on or off.
+    ///
+    /// # Errors
+    /// The name of a category that is not declared; then nothing changes.
+    pub(crate) fn set_debug_logging<'a>(&mut self, on: bool, names: &[&'a CStr]) -> Result<(), &'a CStr> {
+        let mut positions = Vec::with_capacity(names.len());
+        for &name in names {
+            let position = self.categories.iter().position(|category| category.as_bytes() == name.to_bytes());
+            positions.push(position.ok_or(name)?);
+        }
+        if names.is_empty() {
+            self.enabled.fill(on);
+        }
+        for position in positions {
+            self.enabled[position] = on;
+        }
+        Ok(())
+    }
+
+    /// Tells why a call failed.
+    pub(crate) fn error(&self, message: fmt::Arguments<'_>) {
+        self.send(Status::Error, ERROR, message);
+    }
+
+    /// Tells what the model says under a category.
+    pub(crate) fn message(&self, category: &'static str, message: fmt::Arguments<'_>) {
+        if category == WARNING {
+            self.send(Status::Warning, category, message);
+        } else if self.categories.iter().zip(&self.enabled).any(|(&name, &on)| on && name == category) {
+            self.send(Status::Ok, category, message);
+        }
+    }
+
+    fn send(&self, status: Status, category: &str, message: fmt::Arguments<'_>) {
+        let Some(callback) = self.callback else { return };
+        let text = printable(&message.to_string());
+        let category = CString::new(category).unwrap_or_default();
+        let format: *const c_char = c"%s".as_ptr();
+        // SAFETY: the importer gave the callback for this purpose (section 2.1.5); every pointer is to a
+        // NUL-terminated string that outlives the call, and the one variadic argument is what "%s" reads.
+        unsafe {
+            callback(
+                self.environment.0,
+                self.instance_name.as_ptr(),
+                status,
+                category.as_ptr(),
+                format,
+                text.as_ptr(),
+            );
+        }
+    }
+}
+
+/// A message as the logger takes it: `#` has a meaning there (section 2.1.5) and is doubled.
+fn printable(message: &str) -> CString {
+    CString::new(message.replace('#', "##").replace('\0', "")).unwrap_or_default()
+}
+
+/// The messages that initialization has already given. It runs anew after every set in initialization
+/// mode; what it has to say, it says once.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Said(Arc<Vec<String>>);
+
+impl Said {
+    /// Whether this message is new; it is not, the next time.
+    pub(crate) fn is_new(&mut self, message: &str) -> bool {
+        let new = !self.0.iter().any(|said| said == message);
+        if new {
+            Arc::make_mut(&mut self.0).push(message.to_owned());
+        }
+        new
+    }
+}

@@ -1,0 +1,162 @@
+//! The .fmu archive (FMI 2.0.5, section 2.3): a ZIP file that holds modelDescription.xml and, for each
+//! platform, the model's library.
+//!
+//! The same parts give the same bytes: the order of the entries, their times and permissions are fixed.
+
+use std::io::{self, Seek, Write};
+
+use zip::result::ZipResult;
+use zip::write::{SimpleFileOptions, ZipWriter};
+use zip::{CompressionMethod, DateTime};
+
+/// A platform that FMI 2.0 names a folder for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[allow(missing_docs)]
+pub enum Platform {
+    Darwin64,
+    Linux32,
+    Linux64,
+    Win32,
+    Win64,
+}
+
+impl Platform {
+    /// The platform that this program runs on, if FMI 2.0 names a folder for it.
+    #[must_use]
+    pub fn host() -> Option<Self> {
+        match (std::env::consts::OS, std::env::consts::ARCH) {
+            // On macOS, one folder serves both architectures.
+            ("macos", "x86_64" | "aarch64") => Some(Self::Darwin64),
+            ("linux", "x86") => Some(Self::Linux32),
+            ("linux", "x86_64") => Some(Self::Linux64),
+            ("windows", "x86") => Some(Self::Win32),
+            ("windows", "x86_64") => Some(Self::Win64),
+            _ => None,
+        }
+    }
+
+    /// Its folder below `binaries/`.
+    #[must_use]
+    pub fn folder(self) -> &'static str {
+        match self {
+            Self::Darwin64 => "darwin64",
+            Self::Linux32 => "linux32",
+            Self::Linux64 => "linux64",
+            Self::Win32 => "win32",
+            Self::Win64 => "win64",
+        }
+    }
+
+    /// What the name of a library ends in there.
+    #[must_use]
+    pub fn library_suffix(self) -> &'static str {
+        match self {
+            Self::Darwin64 => "dylib",
+            Self::Linux32 | Self::Linux64 => "so",
+            Self::Win32 | Self::Win64 => "dll",
+        }
+    }
+}
+
+/// The parts of an FMU.
+#[derive(Clone, Debug)]
+pub struct Fmu<'a> {
+    /// `modelIdentifier`: the name of the libraries inside.
+    pub model_identifier: &'a str,
+    /// The text of modelDescription.xml.
+    pub model_description: &'a str,
+    /// The libraries, each for its platform.
+    pub libraries: Vec<(Platform, Vec<u8>)>,
+    /// Further files by their path in the archive, `documentation/LICENSE` for one.
+    pub files: Vec<(String, Vec<u8>)>,
+}
+
+impl Fmu<'_> {
+    /// Writes the archive.
+    ///
+    /// # Errors
+    /// When writing fails, or two parts have the same path.
+    pub fn write(&self, writer: impl Write + Seek) -> io::Result<()> {
+        let mut entries = vec![];
+        for (platform, library) in &self.libraries {
+            let (folder, suffix) = (platform.folder(), platform.library_suffix());
+            entries.push((format!("binaries/{folder}/{}.{suffix}", self.model_identifier), library.as_slice()));
+        }
+        entries.extend(self.files.iter().map(|(path, content)| (path.clone(), content.as_slice())));
+        entries.sort();
+        // First what every importer reads first.
+        entries.insert(0, ("modelDescription.xml".to_owned(), self.model_description.as_bytes()));
+        write_zip(writer, &entries)?;
+        Ok(())
+    }
+}
+
+fn write_zip(writer: impl Write + Seek, entries: &[(String, &[u8])]) -> ZipResult<()> {
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Deflated)
+        .last_modified_time(DateTime::default())
+        .unix_permissions(0o644);
+    let mut zip = ZipWriter::new(writer);
+    for (path, content) in entries {
+        zip.start_file(path.as_str(), options)?;
+        zip.write_all(content)?;
+    }
+    zip.finish()?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use super::*;
+
+    fn archive() -> Vec<u8> {
+        let fmu = Fmu {
+            model_identifier: "Lag",
+            model_description: "<xml/>",
+            libraries: vec![(Platform::Win64, b"dll".to_vec()), (Platform::Linux64, b"so".to_vec())],
+            files: vec![("documentation/LICENSE".to_owned(), b"free".to_vec())],
+        };
+        let mut bytes = Cursor::new(vec![]);
+        fmu.write(&mut bytes).unwrap();
+        bytes.into_inner()
+    }
+
+    #[test]
+    fn parts_lie_where_the_standard_wants_them() {
+        let mut zip = zip::ZipArchive::new(Cursor::new(archive())).unwrap();
+        let names: Vec<_> = (0..zip.len()).map(|index| zip.by_index(index).unwrap().name().to_owned()).collect();
+        assert_eq!(
+            names,
+            [
+                "modelDescription.xml",
+                "binaries/linux64/Lag.so",
+                "binaries/win64/Lag.dll",
+                "documentation/LICENSE"
+            ]
+        );
+        let mut content = String::new();
+        io::Read::read_to_string(&mut zip.by_name("binaries/win64/Lag.dll").unwrap(), &mut content).unwrap();
+        assert_eq!(content, "dll");
+    }
+
+    #[test]
+    fn a_path_that_stands_twice_is_refused() {
+        let fmu = Fmu {
+            model_identifier: "Lag",
+            model_description: "<xml/>",
+            libraries: vec![],
+            files: vec![("modelDescription.xml".to_owned(), vec![])],
+        };
+        assert!(fmu.write(Cursor::new(vec![])).is_err());
+    }
+
+    #[test]
+    fn the_time_of_day_does_not_matter() {
+        let mut zip = zip::ZipArchive::new(Cursor::new(archive())).unwrap();
+        for index in 0..zip.len() {
+            assert_eq!(zip.by_index(index).unwrap().last_modified(), Some(DateTime::default()));
+        }
+    }
+}
