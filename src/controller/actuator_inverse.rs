@@ -1,0 +1,106 @@
+//! The inverse of the actuator: the duty that puts the wastegate at a position (paper, section 5).
+//!
+//! At rest the vacuum on the membrane carries the spring, paper eq. (4), and the vacuum is set by the duty,
+//! eq. (7). The exhaust's force and friction are neglected, as the paper does.
+
+use super::variables::ActuatorInverseParameters;
+
+/// The largest duty (%).
+const FULL_DUTY: f64 = 100.0;
+
+/// More steps than are ever taken: two in a row at least halve the bracket or the step, and 60 halvings
+/// come from the range of the duty to neighbouring numbers.
+const MOST_STEPS: usize = 128;
+
+/// The duty at nominal voltage (%) that holds the wastegate at an opening from 0 (the duty at which it
+/// lifts off) to 1 (full stroke).
+#[must_use]
+pub fn duty(inverse: &ActuatorInverseParameters, opening: f64) -> f64 {
+    let position = opening.clamp(0.0, 1.0) * inverse.stroke;
+    let spring = inverse.spring_preload
+        + inverse.spring_stiffness * position
+        + inverse.spring_hardening * position.powi(7);
+    let chamber_pressure = inverse.ambient_pressure - spring / inverse.membrane_area;
+    root(&inverse.pressure_coefficient, chamber_pressure)
+}
+
+/// The duty (%) at which the cubic of paper eq. (7) takes a value (Pa).
+///
+/// Newton's method within a bracket, with bisection where a step would leave it or is not half as long as
+/// the one before: any coefficients give an answer. Where the value is beyond both ends of the range, it is
+/// the end that comes nearer to it.
+fn root(coefficients: &[f64; 4], value: f64) -> f64 {
+    let [k1, k2, k3, k4] = *coefficients;
+    let excess = |duty: f64| ((k1 * duty + k2) * duty + k3) * duty + k4 - value;
+    let slope = |duty: f64| (3.0 * k1 * duty + 2.0 * k2) * duty + k3;
+    let (at_none, at_full) = (excess(0.0), excess(FULL_DUTY));
+    if at_none == 0.0 || at_full == 0.0 || (at_none > 0.0) == (at_full > 0.0) {
+        return if at_none.abs() <= at_full.abs() {
+            0.0
+        } else {
+            FULL_DUTY
+        };
+    }
+    // The ends of the bracket by the sign of the excess there.
+    let (mut above, mut below) = if at_none > 0.0 {
+        (0.0, FULL_DUTY)
+    } else {
+        (FULL_DUTY, 0.0)
+    };
+    let mut duty = FULL_DUTY / 2.0;
+    let mut step = FULL_DUTY;
+    for _ in 0..MOST_STEPS {
+        let here = excess(duty);
+        if here == 0.0 {
+            break;
+        }
+        *(if here > 0.0 { &mut above } else { &mut below }) = duty;
+        let newton = -here / slope(duty);
+        let stays_inside = (duty + newton - above) * (duty + newton - below) < 0.0;
+        let bisection = f64::midpoint(above, below) - duty;
+        step = if stays_inside && newton.abs() < 0.5 * step.abs() {
+            newton
+        } else {
+            bisection
+        };
+        if step.abs() <= f64::EPSILON * duty {
+            break;
+        }
+        duty += step;
+    }
+    duty
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Coefficients that are no falling cubic: the answer stays in the range, and is a root where the ends
+    /// enclose one.
+    #[test]
+    fn any_coefficients_give_a_duty() {
+        let odd = [
+            [0.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 5e4],
+            [0.0, 0.0, 440.0, 4e4],
+            [1.0, -150.0, 5000.0, 3e4],
+            [-1e6, 1e6, -1e6, 1e6],
+            [1e6, 1e6, 1e6, -1e6],
+        ];
+        for coefficients in odd {
+            for value in [-1e9, -1.0, 0.0, 3e4, 5e4, 1e5, 1e9] {
+                let duty = root(&coefficients, value);
+                assert!(
+                    (0.0..=FULL_DUTY).contains(&duty),
+                    "{coefficients:?} {value}: {duty}"
+                );
+                let excess = |duty: f64| coefficients.iter().fold(0.0, |sum, k| sum * duty + k) - value;
+                if excess(0.0) * excess(FULL_DUTY) < 0.0 {
+                    // One ulp of the duty moves the cubic by its slope, at most 3e10 Pa/% here, times
+                    // 1.4e-14 %; its terms of 1e12 Pa round to 1e-4 Pa.
+                    assert!(excess(duty).abs() < 1e-2, "{coefficients:?} {value}: {duty}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,50 @@
+//! The sampling clock: sample k executes at `startTime + k · sample_time`, whatever steps the master
+//! takes.
+//!
+//! Samples are counted in integers, so that they do not drift against the start time however long the
+//! experiment. The master's time does: whoever computes communication points by `t += h` is off by up to
+//! half a unit in the last place of t more after each step, some 4e-5 s after 1e5 s at 80 Hz. A sample that
+//! is meant to coincide with a communication point belongs to the step that begins there, so two times
+//! are taken as one when such rounding can explain their difference.
+
+/// Times that differ by less than this part of the sample time are one, whatever the rounding.
+const COINCIDENCE: f64 = 1e-6;
+
+/// No rounding makes one of times that differ by more than this part of the sample time.
+const MOST_COINCIDENCE: f64 = 0.05;
+
+/// The clock of a sampled controller.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SampleClock {
+    /// How many samples have been executed; the next one has this number.
+    executed: u64,
+    /// How far the master's additions may have led its time astray (s).
+    rounding: f64,
+}
+
+impl SampleClock {
+    /// A communication step begins (s) and will end (s).
+    pub fn begin_step(&mut self, start: f64, end: f64) {
+        self.rounding += 0.5 * f64::EPSILON * start.abs().max(end.abs());
+    }
+
+    /// The time (s) of the next sample that falls into a step which ends at a time (s), if there is one.
+    /// It counts as executed.
+    pub fn next_before(&mut self, end: f64, start_time: f64, sample_time: f64) -> Option<f64> {
+        // The second term covers this comparison's own rounding, at times that are far from 0.
+        let coincidence = (COINCIDENCE * sample_time + 2.0 * f64::EPSILON * end.abs() + self.rounding)
+            .min(MOST_COINCIDENCE * sample_time);
+        #[allow(clippy::cast_precision_loss, reason = "exact for the first 9e15 samples")]
+        let time = start_time + self.executed as f64 * sample_time;
+        (time < end - coincidence).then(|| {
+            self.executed += 1;
+            time
+        })
+    }
+
+    /// How many samples have been executed, as far as an Integer counts.
+    #[must_use]
+    pub fn executed(&self) -> i32 {
+        i32::try_from(self.executed).unwrap_or(i32::MAX)
+    }
+}

@@ -1,0 +1,86 @@
+//! The feedback: a gain scheduled PID controller by λ-tuning, with a filtered derivative of the
+//! measurement and tracking against wind-up (paper, section 6).
+
+use super::schedule::LocalModel;
+
+/// The least tracking time in samples. The paper's `T_tr = √(T_i T_d)` goes to 0 with the delay, and a
+/// tracking time below one sample makes the integral term oscillate; four keep it well damped.
+const LEAST_TRACKING_SAMPLES: f64 = 4.0;
+
+/// The settings of the PID controller at an operating point: paper, eq. (12).
+///
+/// The paper prints eq. (11) as the product of a PI and a PD term, but the settings of eq. (12) belong to
+/// the sum `K (1 + 1/(s T_i) + s T_d)`: there the numerator is
+/// `1 + s T_i + s² T_i T_d = (1 + s T) (1 + s L/2)`, which cancels the local model with its delay in Padé's
+/// approximation. The sum is used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tuning {
+    /// K (%/Pa).
+    pub gain: f64,
+    /// `T_i` (s).
+    pub integral_time: f64,
+    /// `T_d` (s).
+    pub derivative_time: f64,
+}
+
+impl Tuning {
+    /// λ-tuning for a local model; λ (s) is the time constant asked of the closed loop.
+    #[must_use]
+    pub fn new(model: &LocalModel, lambda: f64) -> Self {
+        let half_delay = model.delay / 2.0;
+        let integral_time = model.time_constant + half_delay;
+        Self {
+            gain: integral_time / ((half_delay + lambda) * model.gain),
+            integral_time,
+            derivative_time: model.time_constant * model.delay / (model.delay + 2.0 * model.time_constant),
+        }
+    }
+
+    /// The tracking time `T_tr` of the paper, section 6, not below four samples (s).
+    fn tracking_time(&self, sample_time: f64) -> f64 {
+        (self.integral_time * self.derivative_time)
+            .sqrt()
+            .max(LEAST_TRACKING_SAMPLES * sample_time)
+    }
+}
+
+/// What the PID controller remembers between samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pid {
+    /// The integral term (%).
+    pub integral: f64,
+    /// The derivative term (%).
+    pub derivative: f64,
+    /// The boost pressure at the last sample (Pa).
+    measurement: f64,
+}
+
+impl Pid {
+    /// A controller that begins at rest at a boost pressure (Pa).
+    #[must_use]
+    pub fn at(measurement: f64) -> Self {
+        Self {
+            integral: 0.0,
+            derivative: 0.0,
+            measurement,
+        }
+    }
+
+    /// The derivative term takes the measurement (Pa) of a new sample.
+    ///
+    /// It acts on the measurement alone, lest a step of the reference kick, and through a filter with the
+    /// time constant `T_d / filter`, discretised by backward differences.
+    pub fn differentiate(&mut self, tuning: &Tuning, filter: f64, sample_time: f64, measurement: f64) {
+        let pole = tuning.derivative_time / (tuning.derivative_time + filter * sample_time);
+        let change = measurement - self.measurement;
+        self.derivative = pole * self.derivative - tuning.gain * filter * pole * change;
+        self.measurement = measurement;
+    }
+
+    /// The integral term for the next sample: by the error (Pa), and by what the limits cut off the duty
+    /// (%, limited minus asked), which keeps it from winding up.
+    pub fn integrate(&mut self, tuning: &Tuning, sample_time: f64, error: f64, cut: f64) {
+        self.integral += tuning.gain * sample_time / tuning.integral_time * error
+            + sample_time / tuning.tracking_time(sample_time) * cut;
+    }
+}

@@ -1,0 +1,28 @@
+//! The duty without feedback: what each mode asks for at rest.
+
+use super::actuator_inverse;
+use super::schedule::OperatingPoint;
+use super::variables::{ControlMode, Inputs, Parameters};
+
+/// The boost pressure that is followed (Pa): what is asked for, within the limit that protects the engine
+/// (paper, section 6).
+#[must_use]
+pub fn bounded_reference(parameters: &Parameters, inputs: &Inputs) -> f64 {
+    inputs.boost_reference.min(parameters.boost_limit)
+}
+
+/// The duty at nominal voltage (%) that a mode asks for without a memory: in mode boost the static map of
+/// the paper's fig. 12, in mode position the inverse actuator, in mode `open_loop` what is given.
+#[must_use]
+pub fn at_rest(parameters: &Parameters, inputs: &Inputs) -> f64 {
+    match parameters.mode {
+        ControlMode::Boost => {
+            let reference = bounded_reference(parameters, inputs);
+            OperatingPoint::new(&parameters.schedule, reference, inputs.engine_speed).feedforward()
+        }
+        ControlMode::Position => {
+            actuator_inverse::duty(&parameters.actuator_inverse, inputs.wastegate_reference)
+        }
+        ControlMode::OpenLoop => inputs.pwm_reference,
+    }
+}

@@ -1,0 +1,72 @@
+//! The reference model of the structure `model_reference` (internal model control).
+//!
+//! With a static feedforward and an integral term, the response to the reference is
+//! `(1 + s (T + λ')) / ((1 + s T) (1 + s λ'))` with `λ' = λ + L/2`: it overshoots by construction. Here a
+//! model of the engine, the local models along the way joined to one, is driven to the reference with the
+//! time constant λ; the duty that does this is the feedforward, and the feedback sees only how far the
+//! engine is from the model, delayed as the engine is. Because the model gets the duty within its limits,
+//! it does not run away from an engine whose wastegate is at its end.
+
+use super::schedule::OperatingPoint;
+
+/// What the reference model remembers between samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ReferenceModel {
+    /// `y_m`: its boost pressure (Pa).
+    pub pressure: f64,
+    /// `y_d`: the same after the engine's delay (Pa); none before the first sample.
+    delayed: Option<f64>,
+}
+
+/// The reference model at one sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Linearized {
+    /// The duty at nominal voltage (%) that would hold its boost pressure.
+    holding: f64,
+    /// `K_p / T_tf`: how fast 1 % of duty more than that moves it (Pa/(% s)).
+    slope: f64,
+}
+
+impl ReferenceModel {
+    /// A model that begins at rest at a boost pressure (Pa).
+    #[must_use]
+    pub fn at(pressure: f64) -> Self {
+        Self {
+            pressure,
+            delayed: None,
+        }
+    }
+
+    /// The model at its boost pressure, given any operating point of the same engine speed.
+    #[must_use]
+    pub fn linearize(&self, operating_point: OperatingPoint<'_>) -> Linearized {
+        let here = operating_point.at_pressure(self.pressure);
+        let local = here.local_model();
+        Linearized {
+            holding: here.feedforward(),
+            slope: local.gain / local.time_constant,
+        }
+    }
+
+    /// The duty at nominal voltage (%) that leads the model to the reference (Pa) with the time constant
+    /// λ (s).
+    #[must_use]
+    pub fn feedforward(&self, model: &Linearized, reference: f64, lambda: f64) -> f64 {
+        model.holding + (reference - self.pressure) / lambda / model.slope
+    }
+
+    /// How far a measurement (Pa) is below the delayed model. The model begins at the measurement, hence 0
+    /// at first.
+    #[must_use]
+    pub fn error(&self, measurement: f64) -> f64 {
+        self.delayed.map_or(0.0, |delayed| delayed - measurement)
+    }
+
+    /// Moves to the next sample with the feedforward's duty (%) within its limits. The delay (s) is
+    /// approximated by a first-order lag of the same length.
+    pub fn advance(&mut self, model: &Linearized, duty: f64, delay: f64, sample_time: f64) {
+        let delayed = self.delayed.unwrap_or(self.pressure);
+        self.delayed = Some(delayed + sample_time / delay.max(sample_time) * (self.pressure - delayed));
+        self.pressure += sample_time * (duty - model.holding) * model.slope;
+    }
+}

@@ -1,0 +1,37 @@
+//! The relay that keeps the vacuum tank between two pressures by its pump (paper, section 6).
+
+use fmi2_export::Error;
+
+use super::variables::Parameters;
+
+/// What the relay remembers: whether the pump is on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TankRelay {
+    on: bool,
+}
+
+impl TankRelay {
+    /// Whether the pump is on at a tank pressure (Pa): on above the one limit until below the other.
+    pub fn sample(&mut self, parameters: &Parameters, tank_pressure: f64) -> bool {
+        if tank_pressure > parameters.tank_pressure_on {
+            self.on = true;
+        } else if tank_pressure < parameters.tank_pressure_off {
+            self.on = false;
+        }
+        self.on
+    }
+}
+
+/// Refuses limits that leave no band between them.
+///
+/// # Errors
+/// Names both with their values.
+pub fn check(parameters: &Parameters) -> Result<(), Error> {
+    let (on, off) = (parameters.tank_pressure_on, parameters.tank_pressure_off);
+    if on > off {
+        return Ok(());
+    }
+    Err(Error::new(format!(
+        "tank_pressure_on is {on} Pa and tank_pressure_off is {off} Pa, but the pump must be switched on at a higher pressure than off"
+    )))
+}
