@@ -96,6 +96,7 @@ unsafe fn c_string<'a>(name: &str, text: *const c_char) -> Result<&'a CStr, Erro
 }
 
 /// `fmi2Instantiate`: null, and a message, when an argument is wrong.
+#[must_use]
 pub unsafe fn instantiate<M: Model>(
     instance_name: *const c_char,
     fmu_type: c_int,
@@ -188,7 +189,9 @@ pub unsafe fn setup_experiment<M: Model>(
         tolerance: (tolerance_defined != FALSE).then_some(tolerance),
     };
     // SAFETY: the component is the importer's (see the module).
-    unsafe { call::<M>(component, Function::SetupExperiment, |instance| instance.setup_experiment(experiment)) }
+    unsafe {
+        call::<M>(component, Function::SetupExperiment, |instance| instance.setup_experiment(experiment))
+    }
 }
 
 /// Defines functions that take the component alone.
@@ -441,7 +444,11 @@ pub unsafe fn get_real_status<M: Model>(component: Component, kind: c_int, value
 }
 
 /// `fmi2GetIntegerStatus`: there is none.
-pub unsafe fn get_integer_status<M: Model>(component: Component, _kind: c_int, value: *mut Integer) -> Status {
+pub unsafe fn get_integer_status<M: Model>(
+    component: Component,
+    _kind: c_int,
+    value: *mut Integer,
+) -> Status {
     // SAFETY: the component and the value are the importer's (see the module).
     unsafe { status::<M, _>(component, Function::GetIntegerStatus, value, |_| None) }
 }

@@ -145,11 +145,13 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
+    #[expect(clippy::unnecessary_wraps, reason = "answers as every function that may be called does")]
     pub(crate) fn terminate(&mut self) -> Answer {
         self.memory.phase = Phase::Terminated;
         Ok(Status::Ok)
     }
 
+    #[expect(clippy::unnecessary_wraps, reason = "answers as every function that may be called does")]
     pub(crate) fn reset(&mut self) -> Answer {
         self.memory = Memory::new();
         Ok(Status::Ok)
@@ -193,9 +195,8 @@ impl<M: Model> Instance<M> {
                 "communicationStepSize is {size}; it must be finite and greater than 0"
             )));
         }
-        // Written so that a NaN is refused.
         let off = (start - memory.time).abs();
-        if !(off <= TIME_TOLERANCE * size + time_rounding(memory.time)) {
+        if off.is_nan() || off > TIME_TOLERANCE * size + time_rounding(memory.time) {
             return Err(Error::new(format!(
                 "currentCommunicationPoint is {start}, but the last step ended at {}",
                 memory.time
@@ -255,11 +256,13 @@ impl<M: Model> Instance<M> {
     }
 
     /// A variable, if a value reference is one's and of that type.
-    fn variable(reference: ValueReference, requested: DataType) -> Result<&'static VariableDescription, Error> {
-        let variable = Self::DESCRIPTION
-            .variables
-            .get(reference as usize)
-            .ok_or_else(|| Error::new(format!("there is no variable with the value reference {reference}")))?;
+    fn variable(
+        reference: ValueReference,
+        requested: DataType,
+    ) -> Result<&'static VariableDescription, Error> {
+        let variable = Self::DESCRIPTION.variables.get(reference as usize).ok_or_else(|| {
+            Error::new(format!("there is no variable with the value reference {reference}"))
+        })?;
         let data_type = match variable.data_type {
             DataType::Enumeration => DataType::Integer,
             other => other,
@@ -413,7 +416,8 @@ impl<M: Model> Instance<M> {
     }
 
     pub(crate) fn set_boolean(&mut self, references: &[ValueReference], values: &[i32]) -> Answer {
-        let write = |variables: &mut M::Variables, reference, value| variables.set_boolean(reference, value != 0);
+        let write =
+            |variables: &mut M::Variables, reference, value| variables.set_boolean(reference, value != 0);
         self.set(references, values, DataType::Boolean, |_| 0.0, write)
     }
 

@@ -80,7 +80,8 @@ impl Fmu<'_> {
         let mut entries = vec![];
         for (platform, library) in &self.libraries {
             let (folder, suffix) = (platform.folder(), platform.library_suffix());
-            entries.push((format!("binaries/{folder}/{}.{suffix}", self.model_identifier), library.as_slice()));
+            entries
+                .push((format!("binaries/{folder}/{}.{suffix}", self.model_identifier), library.as_slice()));
         }
         entries.extend(self.files.iter().map(|(path, content)| (path.clone(), content.as_slice())));
         entries.sort();
@@ -126,7 +127,8 @@ mod tests {
     #[test]
     fn parts_lie_where_the_standard_wants_them() {
         let mut zip = zip::ZipArchive::new(Cursor::new(archive())).unwrap();
-        let names: Vec<_> = (0..zip.len()).map(|index| zip.by_index(index).unwrap().name().to_owned()).collect();
+        let names: Vec<_> =
+            (0..zip.len()).map(|index| zip.by_index(index).unwrap().name().unwrap().into_owned()).collect();
         assert_eq!(
             names,
             [

@@ -1,0 +1,481 @@
+//! The C functions around a small model, called as an importer would: what each answers, and what it
+//! leaves behind. (What it says is tested with the exported libraries, where a logger in C is at hand.)
+
+use std::ffi::CString;
+use std::ptr;
+
+use fmi2_export::c_types::{CO_SIMULATION, CallbackFunctions, Component, FALSE, Status, TRUE};
+use fmi2_export::description::{
+    Capabilities, Causality, DataType, Initial, ModelDescription, ValueReference, Variability,
+    VariableDescription,
+};
+use fmi2_export::{Context, Error, Inputs, InputsOf, Model, RealInput, Step, Variables, c_api};
+
+const TIME: ValueReference = 0;
+const INPUT: ValueReference = 1;
+const GAIN: ValueReference = 2;
+const OFFSET: ValueReference = 3;
+const COUNT: ValueReference = 4;
+const INTEGRAL: ValueReference = 5;
+const TEXT: ValueReference = 6;
+
+const fn variable(
+    name: &'static str,
+    data_type: DataType,
+    causality: Causality,
+    variability: Variability,
+    initial: Initial,
+) -> VariableDescription {
+    let real_input = if matches!(causality, Causality::Input) { Some(0) } else { None };
+    VariableDescription {
+        name,
+        data_type,
+        causality,
+        variability,
+        initial,
+        min: -10.0,
+        max: 10.0,
+        real_input,
+    }
+}
+
+static DESCRIPTION: ModelDescription = ModelDescription {
+    model_identifier: "Integrator",
+    guid: "{guid}",
+    xml: "",
+    variables: &[
+        variable("time", DataType::Real, Causality::Independent, Variability::Continuous, Initial::None),
+        variable("input", DataType::Real, Causality::Input, Variability::Continuous, Initial::None),
+        variable("gain", DataType::Real, Causality::Parameter, Variability::Tunable, Initial::Exact),
+        variable("offset", DataType::Real, Causality::Parameter, Variability::Fixed, Initial::Exact),
+        variable("count", DataType::Integer, Causality::Local, Variability::Discrete, Initial::Calculated),
+        variable("integral", DataType::Real, Causality::Output, Variability::Continuous, Initial::Calculated),
+        variable("text", DataType::String, Causality::Parameter, Variability::Tunable, Initial::Exact),
+    ],
+    log_categories: &["logStatusError", "logStatusWarning", "logEvents"],
+    capabilities: Capabilities { interpolate_inputs: true, get_and_set_state: true },
+};
+
+#[derive(Clone, Default)]
+struct InputVariables {
+    input: f64,
+}
+
+impl Inputs for InputVariables {
+    const REALS: &'static [RealInput] = &[RealInput { min: -10.0, max: 10.0 }];
+
+    fn real(&self, _position: usize) -> f64 {
+        self.input
+    }
+
+    fn set_real(&mut self, _position: usize, value: f64) {
+        self.input = value;
+    }
+}
+
+#[derive(Clone, Default)]
+struct AllVariables {
+    inputs: InputVariables,
+    gain: f64,
+    offset: f64,
+    count: i32,
+    integral: f64,
+    text: String,
+}
+
+impl Variables for AllVariables {
+    type Inputs = InputVariables;
+    const DESCRIPTION: &'static ModelDescription = &DESCRIPTION;
+
+    fn inputs(&self) -> &InputVariables {
+        &self.inputs
+    }
+
+    fn real(&self, reference: ValueReference) -> f64 {
+        match reference {
+            INPUT => self.inputs.input,
+            GAIN => self.gain,
+            OFFSET => self.offset,
+            INTEGRAL => self.integral,
+            _ => 0.0,
+        }
+    }
+
+    fn set_real(&mut self, reference: ValueReference, value: f64) {
+        match reference {
+            INPUT => self.inputs.input = value,
+            GAIN => self.gain = value,
+            OFFSET => self.offset = value,
+            _ => {}
+        }
+    }
+
+    fn integer(&self, _reference: ValueReference) -> i32 {
+        self.count
+    }
+
+    fn set_integer(&mut self, _reference: ValueReference, _value: i32) {}
+
+    fn boolean(&self, _reference: ValueReference) -> bool {
+        false
+    }
+
+    fn set_boolean(&mut self, _reference: ValueReference, _value: bool) {}
+
+    fn string(&self, _reference: ValueReference) -> &str {
+        &self.text
+    }
+
+    fn set_string(&mut self, _reference: ValueReference, value: &str) {
+        value.clone_into(&mut self.text);
+    }
+
+    fn first_non_finite(&self) -> Option<ValueReference> {
+        (!self.integral.is_finite()).then_some(INTEGRAL)
+    }
+}
+
+/// Integrates its input times a gain; obeys the text `panic` and `overflow`.
+#[derive(Clone, Default)]
+struct Integrator;
+
+impl Model for Integrator {
+    type Variables = AllVariables;
+
+    fn check_parameters(variables: &AllVariables) -> Result<(), Error> {
+        if variables.gain + variables.offset > 15.0 {
+            return Err(Error::new("gain and offset contradict each other"));
+        }
+        Ok(())
+    }
+
+    fn initialize(
+        &mut self,
+        variables: &mut AllVariables,
+        inputs: &InputsOf<Self>,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        variables.integral = variables.offset + inputs.input;
+        variables.count = 0;
+        Ok(())
+    }
+
+    fn step(
+        &mut self,
+        variables: &mut AllVariables,
+        step: &Step<'_, InputsOf<Self>>,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        match variables.text.as_str() {
+            "panic" => panic!("as asked"),
+            "overflow" => variables.integral = f64::INFINITY,
+            _ => {}
+        }
+        // Simpson's rule is exact for inputs up to the third order.
+        let at = |share: f64| step.inputs.at(share * step.size).input;
+        variables.integral += variables.gain * step.size / 6.0 * (at(0.0) + 4.0 * at(0.5) + at(1.0));
+        variables.count += 1;
+        Ok(())
+    }
+}
+
+/// An instance, freed when it goes.
+struct Importer(Component);
+
+impl Drop for Importer {
+    fn drop(&mut self) {
+        // SAFETY: the component is this importer's and used no more.
+        unsafe { c_api::free_instance::<Integrator>(self.0) }
+    }
+}
+
+fn instantiate(name: &str, guid: &str, fmu_type: i32) -> Component {
+    let callbacks = CallbackFunctions {
+        logger: None,
+        allocate_memory: None,
+        free_memory: None,
+        step_finished: None,
+        component_environment: ptr::null_mut(),
+    };
+    let (name, guid) = (CString::new(name).unwrap(), CString::new(guid).unwrap());
+    // SAFETY: all arguments are valid during the call.
+    unsafe {
+        c_api::instantiate::<Integrator>(
+            name.as_ptr(),
+            fmu_type,
+            guid.as_ptr(),
+            ptr::null(),
+            &raw const callbacks,
+            FALSE,
+            FALSE,
+        )
+    }
+}
+
+impl Importer {
+    fn new() -> Self {
+        let component = instantiate("integrator", DESCRIPTION.guid, CO_SIMULATION);
+        assert!(!component.is_null());
+        Self(component)
+    }
+
+    /// An instance that is ready to step from 0.
+    fn ready() -> Self {
+        let importer = Self::new();
+        assert_eq!(importer.set_up(), Status::Ok);
+        assert_eq!(importer.set(GAIN, 1.0), Status::Ok);
+        assert_eq!(importer.enter(), Status::Ok);
+        assert_eq!(importer.exit(), Status::Ok);
+        importer
+    }
+
+    fn set_up(&self) -> Status {
+        // SAFETY: as everywhere here: the component is this importer's, and arrays have their lengths.
+        unsafe { c_api::setup_experiment::<Integrator>(self.0, FALSE, 0.0, 0.0, TRUE, 100.0) }
+    }
+
+    fn enter(&self) -> Status {
+        // SAFETY: see `set_up`.
+        unsafe { c_api::enter_initialization_mode::<Integrator>(self.0) }
+    }
+
+    fn exit(&self) -> Status {
+        // SAFETY: see `set_up`.
+        unsafe { c_api::exit_initialization_mode::<Integrator>(self.0) }
+    }
+
+    fn reset(&self) -> Status {
+        // SAFETY: see `set_up`.
+        unsafe { c_api::reset::<Integrator>(self.0) }
+    }
+
+    fn set(&self, reference: ValueReference, value: f64) -> Status {
+        // SAFETY: see `set_up`.
+        unsafe { c_api::set_real::<Integrator>(self.0, &raw const reference, 1, &raw const value) }
+    }
+
+    fn set_text(&self, text: &str) -> Status {
+        let text = CString::new(text).unwrap();
+        // SAFETY: see `set_up`.
+        unsafe { c_api::set_string::<Integrator>(self.0, &TEXT, 1, &text.as_ptr()) }
+    }
+
+    fn get(&self, reference: ValueReference) -> Result<f64, Status> {
+        let mut value = f64::NAN;
+        // SAFETY: see `set_up`.
+        let status =
+            unsafe { c_api::get_real::<Integrator>(self.0, &raw const reference, 1, &raw mut value) };
+        if status == Status::Ok { Ok(value) } else { Err(status) }
+    }
+
+    fn slope(&self, order: i32, value: f64) -> Status {
+        // SAFETY: see `set_up`.
+        unsafe {
+            c_api::set_real_input_derivatives::<Integrator>(
+                self.0,
+                &INPUT,
+                1,
+                &raw const order,
+                &raw const value,
+            )
+        }
+    }
+
+    fn step(&self, time: f64, size: f64) -> Status {
+        // SAFETY: see `set_up`.
+        unsafe { c_api::do_step::<Integrator>(self.0, time, size, FALSE) }
+    }
+}
+
+#[test]
+fn wrong_arguments_give_no_instance() {
+    assert!(instantiate(" ", DESCRIPTION.guid, CO_SIMULATION).is_null());
+    assert!(instantiate("name", "{another}", CO_SIMULATION).is_null());
+    assert!(instantiate("name", DESCRIPTION.guid, 0).is_null());
+    // SAFETY: null is an answer to every argument.
+    unsafe {
+        let none = ptr::null();
+        assert!(c_api::instantiate::<Integrator>(none, 1, none, none, ptr::null(), 0, 0).is_null());
+        assert_eq!(c_api::reset::<Integrator>(ptr::null_mut()), Status::Error);
+        c_api::free_instance::<Integrator>(ptr::null_mut());
+    }
+}
+
+#[test]
+fn the_calling_sequence_is_kept() {
+    let importer = Importer::new();
+    assert_eq!(importer.step(0.0, 1.0), Status::Error);
+    assert_eq!(importer.get(INTEGRAL), Err(Status::Error));
+    assert_eq!(importer.enter(), Status::Error, "fmi2SetupExperiment comes before");
+    assert_eq!(importer.set_up(), Status::Ok);
+    assert_eq!(importer.enter(), Status::Ok);
+    assert_eq!(importer.set_up(), Status::Error);
+    assert_eq!(importer.set(OFFSET, 2.0), Status::Ok);
+    assert_eq!(importer.exit(), Status::Ok);
+    assert_eq!(importer.set(OFFSET, 3.0), Status::Error, "a fixed parameter");
+    assert_eq!(importer.set(INTEGRAL, 3.0), Status::Error, "an output");
+    assert_eq!(importer.get(INTEGRAL), Ok(2.0), "and nothing changed");
+    assert_eq!(importer.step(0.0, 1.0), Status::Ok);
+    // SAFETY: the component is the importer's.
+    assert_eq!(unsafe { c_api::terminate::<Integrator>(importer.0) }, Status::Ok);
+    assert_eq!(importer.step(1.0, 1.0), Status::Error);
+    assert_eq!(importer.get(INTEGRAL), Ok(2.0));
+    assert_eq!(importer.reset(), Status::Ok);
+    assert_eq!(importer.set_up(), Status::Ok);
+}
+
+#[test]
+fn initialization_follows_every_set() {
+    let importer = Importer::new();
+    assert_eq!(importer.set_up(), Status::Ok);
+    assert_eq!(importer.enter(), Status::Ok);
+    for value in [1.0, 4.0, 2.0] {
+        assert_eq!(importer.set(INPUT, value), Status::Ok);
+        assert_eq!(importer.get(INTEGRAL), Ok(value));
+    }
+}
+
+#[test]
+fn wrong_values_change_nothing() {
+    let importer = Importer::ready();
+    for value in [f64::NAN, f64::INFINITY, 11.0] {
+        assert_eq!(importer.set(GAIN, value), Status::Error);
+    }
+    assert_eq!(importer.set(INPUT, f64::NAN), Status::Error);
+    assert_eq!(importer.set(99, 1.0), Status::Error);
+    assert_eq!(importer.set(COUNT, 1.0), Status::Error, "an Integer");
+    assert_eq!(importer.get(COUNT), Err(Status::Error));
+    // SAFETY: the arrays have two elements; the second reference does not exist, so the first is not set.
+    let status =
+        unsafe { c_api::set_real::<Integrator>(importer.0, [GAIN, 99].as_ptr(), 2, [5.0, 5.0].as_ptr()) };
+    assert_eq!(status, Status::Error);
+    assert_eq!(importer.get(GAIN), Ok(1.0));
+    // SAFETY: null arrays are an answer to no values, and an error with some.
+    unsafe {
+        assert_eq!(c_api::get_real::<Integrator>(importer.0, ptr::null(), 0, ptr::null_mut()), Status::Ok);
+        assert_eq!(c_api::get_real::<Integrator>(importer.0, ptr::null(), 1, ptr::null_mut()), Status::Error);
+    }
+}
+
+#[test]
+fn an_input_out_of_bounds_is_bounded_and_warned_of_once() {
+    let importer = Importer::ready();
+    assert_eq!(importer.set(INPUT, 12.0), Status::Warning);
+    assert_eq!(importer.set(INPUT, 13.0), Status::Ok);
+    assert_eq!(importer.get(INPUT), Ok(13.0));
+    assert_eq!(importer.step(0.0, 1.0), Status::Ok);
+    assert_eq!(importer.get(INTEGRAL), Ok(10.0));
+    assert_eq!(importer.set(INPUT, 0.0), Status::Ok);
+    assert_eq!(importer.set(INPUT, -11.0), Status::Warning);
+}
+
+#[test]
+fn contradictory_parameters_are_refused_until_they_are_put_right() {
+    let importer = Importer::new();
+    assert_eq!(importer.set_up(), Status::Ok);
+    assert_eq!(importer.set(OFFSET, 9.0), Status::Ok);
+    assert_eq!(importer.set(GAIN, 9.0), Status::Ok);
+    assert_eq!(importer.enter(), Status::Ok);
+    assert_eq!(importer.exit(), Status::Error);
+    assert_eq!(importer.set(GAIN, 1.0), Status::Ok);
+    assert_eq!(importer.exit(), Status::Ok);
+    assert_eq!(importer.set(GAIN, 9.0), Status::Ok);
+    assert_eq!(importer.step(0.0, 1.0), Status::Error);
+    assert_eq!(importer.set(GAIN, 2.0), Status::Ok);
+    assert_eq!(importer.step(0.0, 1.0), Status::Ok);
+}
+
+#[test]
+fn steps_that_cannot_be_are_refused() {
+    let importer = Importer::ready();
+    for size in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert_eq!(importer.step(0.0, size), Status::Error);
+    }
+    assert_eq!(importer.step(f64::NAN, 1.0), Status::Error);
+    assert_eq!(importer.step(0.5, 1.0), Status::Error, "the time is 0");
+    assert_eq!(importer.step(0.0, 100.5), Status::Error, "past the stop time");
+    assert_eq!(importer.step(0.0, 1.0), Status::Ok, "none of it did harm");
+    assert_eq!(importer.get(TIME), Ok(1.0));
+}
+
+#[test]
+fn communication_points_may_carry_rounding() {
+    for by_adding in [false, true] {
+        let importer = Importer::ready();
+        let mut sum = 0.0;
+        for index in 0..99_999 {
+            let time = if by_adding { sum } else { f64::from(index) * 0.001 };
+            assert_eq!(importer.step(time, 0.001), Status::Ok, "at {time}");
+            sum += 0.001;
+        }
+    }
+}
+
+#[test]
+fn input_derivatives_last_one_step() {
+    let importer = Importer::ready();
+    assert_eq!(importer.set(INPUT, 1.0), Status::Ok);
+    assert_eq!(importer.slope(0, 1.0), Status::Error);
+    assert_eq!(importer.slope(9, 1.0), Status::Error);
+    assert_eq!(importer.slope(1, f64::NAN), Status::Error);
+    assert_eq!(importer.slope(1, 2.0), Status::Ok);
+    assert_eq!(importer.slope(2, 1.5), Status::Ok);
+    assert_eq!(importer.step(0.0, 2.0), Status::Ok);
+    // ∫ 1 + 2t + 1.5t²/2 from 0 to 2 is 2 + 4 + 2; small numbers, so nothing is rounded but Simpson's sixth.
+    let first = importer.get(INTEGRAL).unwrap();
+    assert!((first - 8.0).abs() < 1e-14, "{first}");
+    assert_eq!(importer.step(2.0, 1.0), Status::Ok);
+    let second = importer.get(INTEGRAL).unwrap();
+    assert!((second - 9.0).abs() < 1e-14, "the slope is gone: {second}");
+    assert_eq!(importer.slope(1, 5.0), Status::Ok);
+    assert_eq!(importer.set(INPUT, 1.0), Status::Ok);
+    assert_eq!(importer.step(3.0, 1.0), Status::Ok);
+    let third = importer.get(INTEGRAL).unwrap();
+    assert!((third - 10.0).abs() < 1e-14, "setting the value cleared the slope: {third}");
+}
+
+#[test]
+fn a_failed_step_ends_in_error_until_reset() {
+    for text in ["panic", "overflow"] {
+        let importer = Importer::ready();
+        assert_eq!(importer.set_text(text), Status::Ok);
+        assert_eq!(importer.step(0.0, 1.0), Status::Error);
+        assert_eq!(importer.step(0.0, 1.0), Status::Error, "refused now");
+        assert_eq!(importer.set_text(""), Status::Error);
+        if text == "overflow" {
+            assert_eq!(importer.get(INTEGRAL), Err(Status::Error), "never a wrong number");
+        }
+        assert_eq!(importer.reset(), Status::Ok);
+        assert_eq!(importer.set_up(), Status::Ok);
+        assert_eq!(importer.enter(), Status::Ok);
+        assert_eq!(importer.exit(), Status::Ok);
+        assert_eq!(importer.get(INTEGRAL), Ok(0.0));
+        assert_eq!(importer.step(0.0, 1.0), Status::Ok);
+    }
+}
+
+#[test]
+fn a_saved_state_is_taken_up() {
+    let importer = Importer::ready();
+    assert_eq!(importer.set(INPUT, 3.0), Status::Ok);
+    assert_eq!(importer.step(0.0, 1.0), Status::Ok);
+    let mut state = ptr::null_mut();
+    // SAFETY: the component and the state are this test's.
+    unsafe {
+        assert_eq!(c_api::get_fmu_state::<Integrator>(importer.0, &raw mut state), Status::Ok);
+        let first = state;
+        assert_eq!(importer.step(1.0, 1.0), Status::Ok);
+        assert_eq!(importer.get(INTEGRAL), Ok(6.0));
+        assert_eq!(importer.set_text("panic"), Status::Ok);
+        assert_eq!(importer.step(2.0, 1.0), Status::Error);
+        assert_eq!(c_api::set_fmu_state::<Integrator>(importer.0, state), Status::Ok);
+        assert_eq!(importer.step(1.0, 1.0), Status::Ok, "the text was saved as well");
+        assert_eq!(importer.get(INTEGRAL), Ok(6.0));
+        assert_eq!(c_api::get_fmu_state::<Integrator>(importer.0, &raw mut state), Status::Ok);
+        assert_eq!(state, first, "the handle is used again");
+        assert_eq!(c_api::free_fmu_state::<Integrator>(importer.0, &raw mut state), Status::Ok);
+        assert!(state.is_null());
+        assert_eq!(c_api::free_fmu_state::<Integrator>(importer.0, &raw mut state), Status::Ok);
+        assert_eq!(c_api::set_fmu_state::<Integrator>(importer.0, state), Status::Error);
+    }
+}

@@ -1,0 +1,158 @@
+//! `export`: compiles the models' libraries with cargo and packs each into an .fmu.
+//!
+//! A model is a workspace member whose library is a `cdylib` named after the model. The description that
+//! goes into the FMU is the very file that the build wrote and compiled into the library, as cargo's
+//! messages tell, so the two cannot differ.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, bail};
+use cargo_metadata::{CrateType, Message, Metadata, MetadataCommand, Package};
+use fmi2_export::package::{Fmu, Platform};
+
+/// Exports the named models, or all, into a folder.
+pub fn run(names: &[String], out: Option<PathBuf>) -> Result<()> {
+    let platform = Platform::host()
+        .context("FMI 2.0 has no name for this platform; see binaries/ in its section 2.3")?;
+    let metadata = MetadataCommand::new()
+        .exec()
+        .context("cargo finds no workspace here; run this in the folder of the repository")?;
+    let models = choose(&metadata, names)?;
+    let build = compile(&metadata, models.values().copied())?;
+
+    let out = out.unwrap_or_else(|| metadata.target_directory.join("fmu").into());
+    fs::create_dir_all(&out).with_context(|| format!("cannot create the folder {}", out.display()))?;
+    let licenses = licenses(metadata.workspace_root.as_std_path())?;
+    for &name in models.keys() {
+        let description = build.description(name)?;
+        let library =
+            build.libraries.get(name).with_context(|| format!("cargo built no library of {name}"))?;
+        let fmu = Fmu {
+            model_identifier: name,
+            model_description: &description,
+            libraries: vec![(platform, read(library)?)],
+            files: licenses.clone(),
+        };
+        write(&fmu, &out.join(format!("{name}.fmu")))?;
+    }
+    Ok(())
+}
+
+/// The models that are asked for, by name.
+fn choose<'a>(metadata: &'a Metadata, names: &'a [String]) -> Result<BTreeMap<&'a str, &'a Package>> {
+    let all: BTreeMap<&str, &Package> = metadata
+        .workspace_packages()
+        .into_iter()
+        .flat_map(|package| {
+            let libraries =
+                package.targets.iter().filter(|target| target.crate_types.contains(&CrateType::CDyLib));
+            libraries.map(move |target| (target.name.as_str(), package))
+        })
+        .collect();
+    let known = all.keys().copied().collect::<Vec<_>>().join(", ");
+    if all.is_empty() {
+        bail!("no member of the workspace {} is a cdylib", metadata.workspace_root);
+    }
+    if names.is_empty() {
+        return Ok(all);
+    }
+    names
+        .iter()
+        .map(|name| {
+            all.get_key_value(name.as_str())
+                .map(|(&name, &package)| (name, package))
+                .with_context(|| format!("there is no model {name}; there are {known}"))
+        })
+        .collect()
+}
+
+/// What cargo built.
+struct Build {
+    /// The library of each model.
+    libraries: BTreeMap<String, PathBuf>,
+    /// The output folders of all build scripts.
+    generated: Vec<PathBuf>,
+}
+
+impl Build {
+    /// The description that the build generated for a model.
+    fn description(&self, model: &str) -> Result<String> {
+        let file = self
+            .generated
+            .iter()
+            .map(|folder| folder.join(model).join("modelDescription.xml"))
+            .find(|file| file.is_file())
+            .with_context(|| {
+                format!("the build made no modelDescription.xml for {model}; does build.rs call fmi2_export::build::generate?")
+            })?;
+        fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))
+    }
+}
+
+/// Compiles packages; cargo's progress shows on stderr.
+fn compile<'a>(metadata: &Metadata, packages: impl Iterator<Item = &'a Package>) -> Result<Build> {
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut command = Command::new(cargo);
+    command
+        .args(["build", "--release", "--message-format=json-render-diagnostics"])
+        .arg("--manifest-path")
+        .arg(metadata.workspace_root.join("Cargo.toml"))
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped());
+    for package in packages {
+        command.args(["--package", &package.name]);
+    }
+    let mut child = command.spawn().context("cannot run cargo; install Rust, or set CARGO to where it is")?;
+    let stdout = child.stdout.take().context("cargo has no output")?;
+    let mut build = Build { libraries: BTreeMap::new(), generated: vec![] };
+    for message in Message::parse_stream(BufReader::new(stdout)) {
+        match message.context("cannot read cargo's messages")? {
+            Message::BuildScriptExecuted(script) => build.generated.push(script.out_dir.into()),
+            Message::CompilerArtifact(artifact)
+                if artifact.target.crate_types.contains(&CrateType::CDyLib) =>
+            {
+                let suffixes = ["so", "dylib", "dll"];
+                let is_library = |file: &Path| {
+                    file.extension().is_some_and(|suffix| suffixes.iter().any(|&library| suffix == library))
+                };
+                if let Some(file) = artifact.filenames.iter().find(|file| is_library(file.as_std_path())) {
+                    build.libraries.insert(artifact.target.name, file.clone().into());
+                }
+            }
+            _ => {}
+        }
+    }
+    if !child.wait().context("cargo did not end")?.success() {
+        bail!("cargo could not build the models; its messages stand above");
+    }
+    Ok(build)
+}
+
+/// The licenses of the workspace, for the FMU's documentation.
+fn licenses(root: &Path) -> Result<Vec<(String, Vec<u8>)>> {
+    let mut files = vec![];
+    for name in ["LICENSE-APACHE", "LICENSE-MIT"] {
+        files.push((format!("documentation/licenses/{name}"), read(&root.join(name))?));
+    }
+    Ok(files)
+}
+
+fn read(file: &Path) -> Result<Vec<u8>> {
+    fs::read(file).with_context(|| format!("cannot read {}", file.display()))
+}
+
+/// Writes an FMU beside its place, then moves it there: whoever reads the file never sees half of it.
+fn write(fmu: &Fmu<'_>, path: &Path) -> Result<()> {
+    let new = path.with_extension("fmu.new");
+    let failed = || format!("cannot write {}", path.display());
+    fmu.write(fs::File::create(&new).with_context(failed)?).with_context(failed)?;
+    fs::rename(&new, path).with_context(failed)?;
+    let kilobytes = fs::metadata(path).with_context(failed)?.len().div_ceil(1000);
+    let guid = fmu.model_description.split("guid=\"").nth(1).and_then(|rest| rest.split('"').next());
+    println!("{}  {kilobytes} kB  {}", path.display(), guid.unwrap_or("no GUID"));
+    Ok(())
+}
