@@ -26,35 +26,22 @@ const RESERVED: [&str; 50] = [
 pub(super) fn model(model: &json::Model) -> Result<(), Refusal> {
     let identifier = &model.model_identifier;
     if !is_c_identifier(identifier) {
-        return Err(Refusal::new(format!(
-            "model_identifier '{identifier}' is not an identifier of C"
-        )));
+        return Err(Refusal::new(format!("model_identifier '{identifier}' is not an identifier of C")));
     }
     for required in LOG_CATEGORIES {
-        if !model
-            .log_categories
-            .iter()
-            .any(|category| category.name == required)
-        {
+        if !model.log_categories.iter().any(|category| category.name == required) {
             return Err(Refusal::new(format!(
                 "log_categories lacks '{required}', under which the runtime logs"
             )));
         }
     }
-    unique(
-        "log category",
-        model.log_categories.iter().map(|category| category.name.as_str()),
-    )?;
+    unique("log category", model.log_categories.iter().map(|category| category.name.as_str()))?;
     let experiment = &model.default_experiment;
     if experiment.stop_time <= experiment.start_time {
-        return Err(Refusal::new(
-            "default_experiment: stop_time is not after start_time",
-        ));
+        return Err(Refusal::new("default_experiment: stop_time is not after start_time"));
     }
     if experiment.step_size <= 0.0 {
-        return Err(Refusal::new(
-            "default_experiment: step_size is not greater than 0",
-        ));
+        return Err(Refusal::new("default_experiment: step_size is not greater than 0"));
     }
     names(model)?;
     texts(model)
@@ -62,20 +49,12 @@ pub(super) fn model(model: &json::Model) -> Result<(), Refusal> {
 
 /// The names of everything but variables.
 fn names(model: &json::Model) -> Result<(), Refusal> {
-    unique(
-        "enumeration",
-        model
-            .enumerations
-            .iter()
-            .map(|enumeration| enumeration.name.as_str()),
-    )?;
+    unique("enumeration", model.enumerations.iter().map(|enumeration| enumeration.name.as_str()))?;
     for enumeration in &model.enumerations {
         let name = &enumeration.name;
         type_name("enumeration", name)?;
         if matches!(name.as_str(), "Real" | "Integer" | "Boolean" | "String") {
-            return Err(Refusal::new(format!(
-                "enumeration '{name}': this is the name of a built-in type"
-            )));
+            return Err(Refusal::new(format!("enumeration '{name}': this is the name of a built-in type")));
         }
         if enumeration.items.is_empty() {
             return Err(Refusal::new(format!("enumeration '{name}' has no items")));
@@ -85,27 +64,14 @@ fn names(model: &json::Model) -> Result<(), Refusal> {
                 Refusal::new(format!("enumeration '{name}', item '{}': {reason}", item.name))
             })?;
         }
-        let variants: Vec<_> = enumeration
-            .items
-            .iter()
-            .map(|item| rust::pascal_case(&item.name))
-            .collect();
-        unique(
-            &format!("enumeration '{name}': item"),
-            variants.iter().map(String::as_str),
-        )?;
+        let variants: Vec<_> = enumeration.items.iter().map(|item| rust::pascal_case(&item.name)).collect();
+        unique(&format!("enumeration '{name}': item"), variants.iter().map(String::as_str))?;
     }
-    unique(
-        "component type",
-        model.component_types.iter().map(|known| known.name.as_str()),
-    )?;
+    unique("component type", model.component_types.iter().map(|known| known.name.as_str()))?;
     for component_type in &model.component_types {
         type_name("component type", &component_type.name)?;
     }
-    unique(
-        "component",
-        model.components.iter().map(|component| component.name.as_str()),
-    )?;
+    unique("component", model.components.iter().map(|component| component.name.as_str()))?;
     for component in &model.components {
         let name = &component.name;
         field_name(name).map_err(|reason| Refusal::new(format!("component '{name}': {reason}")))?;
@@ -124,27 +90,12 @@ fn texts(model: &json::Model) -> Result<(), Refusal> {
         ("copyright", &model.copyright),
         ("license", &model.license),
     ];
-    texts.extend(
-        model
-            .log_categories
-            .iter()
-            .map(|category| (category.name.as_str(), &category.description)),
-    );
+    texts.extend(model.log_categories.iter().map(|category| (category.name.as_str(), &category.description)));
     for enumeration in &model.enumerations {
         texts.push((&enumeration.name, &enumeration.description));
-        texts.extend(
-            enumeration
-                .items
-                .iter()
-                .map(|item| (item.name.as_str(), &item.description)),
-        );
+        texts.extend(enumeration.items.iter().map(|item| (item.name.as_str(), &item.description)));
     }
-    texts.extend(
-        model
-            .components
-            .iter()
-            .map(|component| (component.name.as_str(), &component.description)),
-    );
+    texts.extend(model.components.iter().map(|component| (component.name.as_str(), &component.description)));
     for (name, text) in texts {
         one_line(text).map_err(|reason| Refusal::new(format!("'{name}': {reason}")))?;
     }
@@ -173,9 +124,7 @@ fn unique<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> Result<(), Re
 
 fn is_c_identifier(name: &str) -> bool {
     name.starts_with(|first: char| first.is_ascii_alphabetic() || first == '_')
-        && name
-            .chars()
-            .all(|character| character.is_ascii_alphanumeric() || character == '_')
+        && name.chars().all(|character| character.is_ascii_alphanumeric() || character == '_')
 }
 
 fn type_name(what: &str, name: &str) -> Result<(), Refusal> {
@@ -183,9 +132,7 @@ fn type_name(what: &str, name: &str) -> Result<(), Refusal> {
     if upper && name != "Self" && name.chars().all(|character| character.is_ascii_alphanumeric()) {
         Ok(())
     } else {
-        Err(Refusal::new(format!(
-            "{what} '{name}': the name is not written like this: TypeName"
-        )))
+        Err(Refusal::new(format!("{what} '{name}': the name is not written like this: TypeName")))
     }
 }
 
@@ -219,10 +166,7 @@ pub(super) fn variable(
 ) -> Result<Checked, String> {
     field_name(&json.name)?;
     one_line(&json.description)?;
-    if let Some(description) = json
-        .derivative
-        .as_ref()
-        .and_then(|derivative| derivative.description.as_ref())
+    if let Some(description) = json.derivative.as_ref().and_then(|derivative| derivative.description.as_ref())
     {
         one_line(description)?;
     }
@@ -248,13 +192,7 @@ pub(super) fn variable(
             Some(starts)
         }
     };
-    Ok(Checked {
-        role,
-        data_type,
-        variability,
-        initial,
-        starts,
-    })
+    Ok(Checked { role, data_type, variability, initial, starts })
 }
 
 fn data_type(model: &json::Model, json: &json::Variable) -> Result<DataType, String> {
@@ -264,10 +202,7 @@ fn data_type(model: &json::Model, json: &json::Variable) -> Result<DataType, Str
         "Boolean" => DataType::Boolean,
         "String" => DataType::String,
         name => {
-            let position = model
-                .enumerations
-                .iter()
-                .position(|enumeration| enumeration.name == name);
+            let position = model.enumerations.iter().position(|enumeration| enumeration.name == name);
             let unknown =
                 || format!("type '{name}' is none of Real, Integer, Boolean, String and the enumerations");
             DataType::Enumeration(position.ok_or_else(unknown)?)
@@ -375,28 +310,20 @@ fn bounds(json: &json::Variable, data_type: DataType) -> Result<(), String> {
             return Err("nominal is not greater than 0".to_owned());
         }
     } else if json.unit.is_some() || json.display_unit.is_some() || json.nominal.is_some() {
-        return Err(format!(
-            "unit, display_unit and nominal are for Real, not {}",
-            json.data_type
-        ));
+        return Err(format!("unit, display_unit and nominal are for Real, not {}", json.data_type));
     }
     let bounds = [json.min, json.max];
     match data_type {
         DataType::Real => {}
         DataType::Integer => {
-            if let Some(bound) = bounds
-                .iter()
-                .flatten()
-                .find(|&&bound| f64::from(bound as i32) != bound)
-            {
+            let integers = f64::from(i32::MIN)..=f64::from(i32::MAX);
+            let is_integer = |bound: f64| bound.fract() == 0.0 && integers.contains(&bound);
+            if let Some(bound) = bounds.into_iter().flatten().find(|&bound| !is_integer(bound)) {
                 return Err(format!("the bound {bound:?} is no Integer"));
             }
         }
         _ if bounds != [None, None] => {
-            return Err(format!(
-                "min and max are for Real and Integer, not {}",
-                json.data_type
-            ));
+            return Err(format!("min and max are for Real and Integer, not {}", json.data_type));
         }
         _ => {}
     }
@@ -421,13 +348,10 @@ fn flatten(
         Value::Array(values) if values.len() == size => {
             values.iter().try_for_each(|value| flatten(inner, value, take))
         }
-        Value::Array(values) => Err(format!(
-            "start has {} elements where the dimensions ask for {size}",
-            values.len()
-        )),
-        _ => Err(format!(
-            "start is {start} where the dimensions ask for an array of {size}"
-        )),
+        Value::Array(values) => {
+            Err(format!("start has {} elements where the dimensions ask for {size}", values.len()))
+        }
+        _ => Err(format!("start is {start} where the dimensions ask for an array of {size}")),
     }
 }
 
@@ -453,10 +377,7 @@ fn start_value(
             Ok(Start::Real(value))
         }
         DataType::Integer => {
-            let integer = value
-                .as_i64()
-                .and_then(|value| i32::try_from(value).ok())
-                .ok_or_else(mismatch)?;
+            let integer = value.as_i64().and_then(|value| i32::try_from(value).ok()).ok_or_else(mismatch)?;
             within(f64::from(integer))?;
             Ok(Start::Integer(integer))
         }
@@ -472,8 +393,7 @@ fn start_value(
             let name = value.as_str().ok_or_else(mismatch)?;
             let items = &model.enumerations[position].items;
             let item = items.iter().position(|item| item.name == name);
-            item.map(Start::Item)
-                .ok_or_else(|| format!("start '{name}' is no item of {}", json.data_type))
+            item.map(Start::Item).ok_or_else(|| format!("start '{name}' is no item of {}", json.data_type))
         }
     }
 }
@@ -499,24 +419,16 @@ pub(super) fn units<'a>(
         if let Some(name) = variable.display_unit.as_deref() {
             let unit = &units[position];
             let Some(display) = unit.display_units.iter().position(|display| display.name == name) else {
-                return refuse(format!(
-                    "unit '{}' has no display unit '{name}' in {file}",
-                    unit.name
-                ));
+                return refuse(format!("unit '{}' has no display unit '{name}' in {file}", unit.name));
             };
             displayed.insert((position, display));
         }
     }
     let displays = |position| {
         let of_unit = displayed.range((position, 0)..(position + 1, 0));
-        of_unit
-            .map(|&(unit, display)| &units[unit].display_units[display])
-            .collect()
+        of_unit.map(|&(unit, display)| &units[unit].display_units[display]).collect()
     };
-    Ok(used
-        .into_iter()
-        .map(|position| (&units[position], displays(position)))
-        .collect())
+    Ok(used.into_iter().map(|position| (&units[position], displays(position))).collect())
 }
 
 /// The checks of the file of units by itself.
@@ -543,11 +455,7 @@ pub(super) fn unit_file(units: &[json::Unit]) -> Result<(), Refusal> {
 
 /// The generated types must have different names.
 pub(super) fn type_names(model: &json::Model, parts: &[Part<'_>]) -> Result<(), Refusal> {
-    let mut names: Vec<_> = model
-        .enumerations
-        .iter()
-        .map(|enumeration| enumeration.name.clone())
-        .collect();
+    let mut names: Vec<_> = model.enumerations.iter().map(|enumeration| enumeration.name.clone()).collect();
     names.extend(rust::struct_names(parts));
     names.extend(rust::FIXED_NAMES.map(str::to_owned));
     unique("the generated type", names.iter().map(String::as_str))
@@ -564,20 +472,11 @@ pub(super) fn outputs(variables: &[Variable]) -> Result<(), Refusal> {
 
 /// A calculated parameter changes with parameters only.
 pub(super) fn calculated_parameters(variables: &[Variable]) -> Result<(), Refusal> {
-    for variable in variables
-        .iter()
-        .filter(|variable| variable.role == Role::CalculatedParameter)
-    {
+    for variable in variables.iter().filter(|variable| variable.role == Role::CalculatedParameter) {
         let allowed = |role| matches!(role, Role::Parameter | Role::CalculatedParameter);
         let others = variable.reads.iter().chain(variable.reads_in_initialization());
-        if let Some(read) = others
-            .map(|&read| &variables[read])
-            .find(|read| !allowed(read.role))
-        {
-            let reason = format!(
-                "a calculatedParameter reads '{}', which is no parameter",
-                read.name
-            );
+        if let Some(read) = others.map(|&read| &variables[read]).find(|read| !allowed(read.role)) {
+            let reason = format!("a calculatedParameter reads '{}', which is no parameter", read.name);
             return Err(Refusal::of(&variable.name, reason));
         }
     }

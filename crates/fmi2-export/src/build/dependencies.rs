@@ -30,17 +30,11 @@ impl Structure {
         };
         let in_steps = |variable| Unknown {
             variable,
-            dependencies: closure(variables, variable, Variable::known_in_steps, |variable| {
-                &variable.reads
-            }),
+            dependencies: closure(variables, variable, Variable::known_in_steps, |variable| &variable.reads),
         };
         Self {
-            outputs: positions(|variable| variable.role == Role::Output)
-                .map(in_steps)
-                .collect(),
-            derivatives: positions(|variable| variable.role == Role::Derivative)
-                .map(in_steps)
-                .collect(),
+            outputs: positions(|variable| variable.role == Role::Output).map(in_steps).collect(),
+            derivatives: positions(|variable| variable.role == Role::Derivative).map(in_steps).collect(),
             initial_unknowns: positions(Variable::unknown_in_initialization)
                 .map(|variable| Unknown {
                     variable,
@@ -73,9 +67,7 @@ fn closure(
             }
         }
     }
-    (0..variables.len())
-        .filter(|&position| reached[position] && known(&variables[position]))
-        .collect()
+    (0..variables.len()).filter(|&position| reached[position] && known(&variables[position])).collect()
 }
 
 /// Refuses variables that read each other in a circle without a state in between: no order of the
@@ -85,10 +77,7 @@ pub(super) fn refuse_cycles(variables: &[Variable]) -> Result<(), Refusal> {
     let mut finished = vec![false; variables.len()];
     for position in 0..variables.len() {
         if let Some(cycle) = find_cycle(variables, position, &mut Vec::new(), &mut finished) {
-            let names: Vec<_> = cycle
-                .iter()
-                .map(|&position| variables[position].name.as_str())
-                .collect();
+            let names: Vec<_> = cycle.iter().map(|&position| variables[position].name.as_str()).collect();
             let reason = format!("it reads itself: {} -> {}", names.join(" -> "), names[0]);
             return Err(Refusal::of(names[0], reason));
         }
@@ -109,9 +98,7 @@ fn find_cycle(
     if !finished[position] {
         path.push(position);
         let reads = &variables[position].reads;
-        let found = reads
-            .iter()
-            .find_map(|&read| find_cycle(variables, read, path, finished));
+        let found = reads.iter().find_map(|&read| find_cycle(variables, read, path, finished));
         if found.is_some() {
             return found;
         }

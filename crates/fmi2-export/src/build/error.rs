@@ -12,10 +12,7 @@ pub struct Error {
 
 impl Error {
     pub(super) fn new(file: &Path, refusal: impl Into<Refusal>) -> Self {
-        Self {
-            file: file.to_owned(),
-            refusal: refusal.into(),
-        }
+        Self { file: file.to_owned(), refusal: refusal.into() }
     }
 
     /// The file that has to be mended.
@@ -59,18 +56,12 @@ pub(super) struct Refusal {
 impl Refusal {
     /// A reason that concerns the model as a whole.
     pub(super) fn new(reason: impl Into<String>) -> Self {
-        Self {
-            variable: None,
-            reason: reason.into(),
-        }
+        Self { variable: None, reason: reason.into() }
     }
 
     /// A reason that concerns one variable.
     pub(super) fn of(variable: impl Into<String>, reason: impl Into<String>) -> Self {
-        Self {
-            variable: Some(variable.into()),
-            reason: reason.into(),
-        }
+        Self { variable: Some(variable.into()), reason: reason.into() }
     }
 }
 

@@ -4,11 +4,13 @@
 //! silently having no effect.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::fs;
+use std::marker::PhantomData;
 use std::path::Path;
 
-use serde::Deserialize;
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, Error as _, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
 use super::error::Error;
@@ -155,10 +157,10 @@ pub(super) struct Component {
     #[serde(rename = "type")]
     pub(super) component_type: Option<String>,
     /// Start values of the type's variables that hold for this component.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "without_duplicates")]
     pub(super) start: BTreeMap<String, Value>,
     /// The variables that the type's `{placeholders}` stand for in this component.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "without_duplicates")]
     pub(super) connections: BTreeMap<String, String>,
 }
 
@@ -168,6 +170,7 @@ pub(super) struct Component {
 pub(super) struct Unit {
     pub(super) name: String,
     /// The exponents of the SI base units; absent where they are no integers.
+    #[serde(default, deserialize_with = "some_without_duplicates")]
     pub(super) base: Option<BTreeMap<BaseUnit, i32>>,
     /// From this unit to the base unit.
     #[serde(default = "one")]
@@ -228,6 +231,51 @@ fn one() -> f64 {
     1.0
 }
 
+/// A map in which each key stands once; serde's own takes the last of several.
+fn without_duplicates<'de, D, K, V>(deserializer: D) -> Result<BTreeMap<K, V>, D::Error>
+where
+    D: Deserializer<'de>,
+    K: Deserialize<'de> + Ord + fmt::Debug,
+    V: Deserialize<'de>,
+{
+    struct MapVisitor<K, V>(PhantomData<(K, V)>);
+
+    impl<'de, K, V> Visitor<'de> for MapVisitor<K, V>
+    where
+        K: Deserialize<'de> + Ord + fmt::Debug,
+        V: Deserialize<'de>,
+    {
+        type Value = BTreeMap<K, V>;
+
+        fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+            formatter.write_str("an object")
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, mut access: A) -> Result<Self::Value, A::Error> {
+            let mut map = BTreeMap::new();
+            while let Some(key) = access.next_key::<K>()? {
+                if map.contains_key(&key) {
+                    return Err(A::Error::custom(format!("{key:?} is given twice")));
+                }
+                map.insert(key, access.next_value()?);
+            }
+            Ok(map)
+        }
+    }
+
+    deserializer.deserialize_map(MapVisitor(PhantomData))
+}
+
+/// The same for a map that may be absent.
+fn some_without_duplicates<'de, D, K, V>(deserializer: D) -> Result<Option<BTreeMap<K, V>>, D::Error>
+where
+    D: Deserializer<'de>,
+    K: Deserialize<'de> + Ord + fmt::Debug,
+    V: Deserialize<'de>,
+{
+    without_duplicates(deserializer).map(Some)
+}
+
 /// Reads a file of the schema `T`.
 pub(super) fn read<T: DeserializeOwned>(file: &Path) -> Result<T, Error> {
     let text = fs::read_to_string(file).map_err(|error| Error::new(file, error.to_string()))?;
@@ -241,11 +289,7 @@ pub(super) fn read<T: DeserializeOwned>(file: &Path) -> Result<T, Error> {
 /// The `"name"` of the innermost named object around a place: serde says where an error is, but not in
 /// which variable.
 fn enclosing_name(text: &str, line: usize, column: usize) -> Option<&str> {
-    let line_start: usize = text
-        .split_inclusive('\n')
-        .take(line.checked_sub(1)?)
-        .map(str::len)
-        .sum();
+    let line_start: usize = text.split_inclusive('\n').take(line.checked_sub(1)?).map(str::len).sum();
     let place = (line_start + column.saturating_sub(1)).min(text.len());
     let mut open = Vec::new();
     let mut characters = text.char_indices();
@@ -258,9 +302,7 @@ fn enclosing_name(text: &str, line: usize, column: usize) -> Option<&str> {
             _ => {}
         }
     }
-    open.into_iter()
-        .rev()
-        .find_map(|start| name_of_object(&text[start..]))
+    open.into_iter().rev().find_map(|start| name_of_object(&text[start..]))
 }
 
 /// The value of an object's own key `name`.

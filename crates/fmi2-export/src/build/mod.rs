@@ -99,11 +99,7 @@ pub fn generate(json: impl AsRef<Path>) {
     let json = json.as_ref();
     println!("cargo::rerun-if-changed={}", json.display());
     let of_cargo = |name| env::var(name).unwrap_or_else(|_| panic!("{name} is set for build scripts only"));
-    match generate_into(
-        json,
-        Path::new(&of_cargo("OUT_DIR")),
-        &of_cargo("CARGO_PKG_VERSION"),
-    ) {
+    match generate_into(json, Path::new(&of_cargo("OUT_DIR")), &of_cargo("CARGO_PKG_VERSION")) {
         Ok(generated) => println!("cargo::rerun-if-changed={}", generated.units.display()),
         Err(error) => {
             println!("cargo::error={error}");

@@ -128,10 +128,7 @@ impl Variable {
     /// Whether it belongs to the `InitialUnknowns`.
     pub(super) fn unknown_in_initialization(&self) -> bool {
         !self.known_in_initialization()
-            && matches!(
-                self.role,
-                Role::Output | Role::State | Role::Derivative | Role::CalculatedParameter
-            )
+            && matches!(self.role, Role::Output | Role::State | Role::Derivative | Role::CalculatedParameter)
     }
 
     /// The positions of what its equation reads in initialization.
@@ -167,13 +164,7 @@ pub(super) fn resolve<'a>(
     check::outputs(&variables)?;
     dependencies::refuse_cycles(&variables)?;
     check::calculated_parameters(&variables)?;
-    Ok(Resolved {
-        model,
-        version,
-        units,
-        parts,
-        variables,
-    })
+    Ok(Resolved { model, version, units, parts, variables })
 }
 
 /// The work in progress.
@@ -236,11 +227,7 @@ impl<'a> Flattening<'a> {
                 (variables, None)
             }
             (None, Some(wanted)) => {
-                let found = self
-                    .model
-                    .component_types
-                    .iter()
-                    .find(|known| known.name == *wanted);
+                let found = self.model.component_types.iter().find(|known| known.name == *wanted);
                 let found = found.ok_or_else(|| {
                     Refusal::new(format!(
                         "component '{name}': type '{wanted}' is not among the component_types"
@@ -259,13 +246,7 @@ impl<'a> Flattening<'a> {
                 return Err(Refusal::of(format!("{name}.{started}"), reason));
             }
         }
-        self.add_part(
-            Some(name),
-            component_type,
-            &component.description,
-            variables,
-            &component.start,
-        )
+        self.add_part(Some(name), component_type, &component.description, variables, &component.start)
     }
 
     fn add_part(
@@ -281,12 +262,7 @@ impl<'a> Flattening<'a> {
             let start = starts.get(&variable.name).or(variable.start.as_ref());
             fields.push(self.add_field(name, description, variable, start)?);
         }
-        self.parts.push(Part {
-            name,
-            component_type,
-            description,
-            fields,
-        });
+        self.parts.push(Part { name, component_type, description, fields });
         Ok(())
     }
 
@@ -298,9 +274,7 @@ impl<'a> Flattening<'a> {
         json: &'a json::Variable,
         start: Option<&Value>,
     ) -> Result<Field<'a>, Refusal> {
-        let prefix = component
-            .map(|component| format!("{component}."))
-            .unwrap_or_default();
+        let prefix = component.map(|component| format!("{component}.")).unwrap_or_default();
         let name = format!("{prefix}{}", json.name);
         let refuse = |reason: String| Refusal::of(&name, reason);
         let checked = check::variable(self.model, json, start).map_err(refuse)?;
@@ -333,22 +307,12 @@ impl<'a> Flattening<'a> {
             let part = self.parts.len();
             let reads = json.reads.as_deref().unwrap_or_default();
             let initial_reads = json.initial_reads.as_deref();
-            self.equations.push(Equation {
-                position,
-                part,
-                reads,
-                initial_reads,
-            });
+            self.equations.push(Equation { position, part, reads, initial_reads });
             if let Some(derivative) = &json.derivative {
                 let state = &self.variables[position];
                 let (reads, initial_reads) = (&derivative.reads, derivative.initial_reads.as_deref());
                 let position = position + 1;
-                self.equations.push(Equation {
-                    position,
-                    part,
-                    reads,
-                    initial_reads,
-                });
+                self.equations.push(Equation { position, part, reads, initial_reads });
                 let description = match &derivative.description {
                     Some(description) => describe(description),
                     None => format!("Time derivative of {}", state.name),
@@ -385,20 +349,11 @@ impl<'a> Flattening<'a> {
                 return Err(refuse(DUPLICATE.to_owned()));
             }
         }
-        Ok(Field {
-            json,
-            role: checked.role,
-            data_type: checked.data_type,
-            positions,
-        })
+        Ok(Field { json, role: checked.role, data_type: checked.data_type, positions })
     }
 
     fn add_scalar(&mut self, variable: Variable) -> Result<(), Refusal> {
-        if self
-            .names
-            .insert(variable.name.clone(), vec![self.variables.len()])
-            .is_some()
-        {
+        if self.names.insert(variable.name.clone(), vec![self.variables.len()]).is_some() {
             return Err(Refusal::of(variable.name, DUPLICATE));
         }
         self.variables.push(variable);
@@ -421,11 +376,7 @@ impl<'a> Flattening<'a> {
         let mut used = BTreeSet::new();
         for equation in &self.equations {
             let component = self.parts[equation.part].name;
-            let component = self
-                .model
-                .components
-                .iter()
-                .find(|known| Some(known.name.as_str()) == component);
+            let component = self.model.components.iter().find(|known| Some(known.name.as_str()) == component);
             let mut look_up = |names: &'a [String]| -> Result<Vec<usize>, Refusal> {
                 let mut positions = BTreeSet::new();
                 for name in names {
@@ -471,21 +422,14 @@ fn look_up_read<'n, 'a>(
         None => (read, false),
     };
     let wrap = |name: &str| {
-        if of_derivative {
-            format!("der({name})")
-        } else {
-            name.to_owned()
-        }
+        if of_derivative { format!("der({name})") } else { name.to_owned() }
     };
     let placeholder = read.strip_prefix('{').and_then(|read| read.strip_suffix('}'));
     let candidates = if let Some(connection) = placeholder {
-        let component =
-            component.ok_or_else(|| format!("'{read}': connections are for components with a type"))?;
+        let component = component
+            .ok_or_else(|| format!("it reads '{read}', but connections are for components with a type"))?;
         let name = component.connections.get(connection).ok_or_else(|| {
-            format!(
-                "it reads '{read}', but component '{}' has no such connection",
-                component.name
-            )
+            format!("it reads '{read}', but component '{}' has no such connection", component.name)
         })?;
         used.insert((&component.name, connection));
         vec![wrap(name)]
@@ -497,12 +441,7 @@ fn look_up_read<'n, 'a>(
         .iter()
         .find_map(|name| names.get(name))
         .map(Vec::as_slice)
-        .ok_or_else(|| {
-            format!(
-                "it reads '{}', which does not exist",
-                candidates[candidates.len() - 1]
-            )
-        })
+        .ok_or_else(|| format!("it reads '{}', which does not exist", candidates[candidates.len() - 1]))
 }
 
 /// The elements of an array, row by row: the subscripts in FMI's notation (`[1,2]`) and the indices in
@@ -519,14 +458,10 @@ fn elements(dimensions: &[usize]) -> Vec<(String, String)> {
         .iter()
         .map(|element| {
             let subscripts: Vec<_> = element.iter().map(|index| (index + 1).to_string()).collect();
-            let indices: String = element.iter().map(|index| format!("[{index}]")).collect();
+            let indices: Vec<_> = element.iter().map(|index| format!("[{index}]")).collect();
             (
-                if subscripts.is_empty() {
-                    String::new()
-                } else {
-                    format!("[{}]", subscripts.join(","))
-                },
-                indices,
+                if subscripts.is_empty() { String::new() } else { format!("[{}]", subscripts.join(",")) },
+                indices.concat(),
             )
         })
         .collect()

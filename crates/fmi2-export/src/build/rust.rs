@@ -26,13 +26,7 @@ enum Group {
     Outputs,
 }
 
-const GROUPS: [Group; 5] = [
-    Group::Parameters,
-    Group::Inputs,
-    Group::States,
-    Group::Locals,
-    Group::Outputs,
-];
+const GROUPS: [Group; 5] = [Group::Parameters, Group::Inputs, Group::States, Group::Locals, Group::Outputs];
 
 impl Group {
     /// The group of a declared variable.
@@ -67,9 +61,7 @@ impl Group {
     }
 
     fn fields<'p, 'a>(self, part: &'p Part<'a>) -> impl Iterator<Item = &'p Field<'a>> {
-        part.fields
-            .iter()
-            .filter(move |field| Self::of(field.role) == self)
+        part.fields.iter().filter(move |field| Self::of(field.role) == self)
     }
 
     fn is_in(self, part: &Part<'_>) -> bool {
@@ -90,20 +82,11 @@ impl Group {
 pub(super) fn struct_names(parts: &[Part<'_>]) -> Vec<String> {
     let first_of_type = |&(position, part): &(usize, &Part<'_>)| {
         part.component_type.is_none()
-            || parts[..position]
-                .iter()
-                .all(|other| other.component_type != part.component_type)
+            || parts[..position].iter().all(|other| other.component_type != part.component_type)
     };
-    let own = parts
-        .iter()
-        .enumerate()
-        .filter(|(_, part)| part.name.is_some())
-        .filter(first_of_type);
+    let own = parts.iter().enumerate().filter(|(_, part)| part.name.is_some()).filter(first_of_type);
     own.flat_map(|(_, part)| {
-        GROUPS
-            .into_iter()
-            .filter(|group| group.is_in(part))
-            .map(|group| group.struct_name(part))
+        GROUPS.into_iter().filter(|group| group.is_in(part)).map(|group| group.struct_name(part))
     })
     .collect()
 }
@@ -131,11 +114,7 @@ pub(super) fn generate(model: &Resolved<'_>, guid: &str) -> String {
     }
     let mut written = BTreeSet::new();
     for group in GROUPS {
-        for part in model
-            .parts
-            .iter()
-            .filter(|part| part.name.is_some() && group.is_in(part))
-        {
+        for part in model.parts.iter().filter(|part| part.name.is_some() && group.is_in(part)) {
             if written.insert(group.struct_name(part)) {
                 text += &generator.component_struct(group, part);
             }
@@ -182,11 +161,7 @@ fn enumeration_text(enumeration: &json::Enumeration) -> String {
     for (item, value) in enumeration.items.iter().zip(1..) {
         let value: i32 = value;
         let variant = pascal_case(&item.name);
-        let _ = writeln!(
-            text,
-            "    /// {}\n    {variant} = {value},",
-            markdown(&item.description)
-        );
+        let _ = writeln!(text, "    /// {}\n    {variant} = {value},", markdown(&item.description));
         let _ = writeln!(arms, "            {value} => Some(Self::{variant}),");
     }
     text += "}\n\n";
@@ -261,16 +236,10 @@ impl Generator<'_, '_> {
                 continue;
             };
             let part_name = group.struct_name(part);
-            let _ = writeln!(
-                text,
-                "    /// {}\n    pub {component}: {part_name},",
-                markdown(part.description)
-            );
+            let _ =
+                writeln!(text, "    /// {}\n    pub {component}: {part_name},", markdown(part.description));
             let inner = self.starts(group, part, "                ");
-            let _ = writeln!(
-                starts,
-                "            {component}: {part_name} {{\n{inner}            }},"
-            );
+            let _ = writeln!(starts, "            {component}: {part_name} {{\n{inner}            }},");
         }
         text += "}\n";
         text + &default(name, &starts)
@@ -293,27 +262,15 @@ impl Generator<'_, '_> {
         for size in field.json.dimensions.iter().rev() {
             data_type = format!("[{data_type}; {size}]");
         }
-        format!(
-            "    /// {description}{unit}\n    pub {}: {data_type},\n",
-            field.json.name
-        )
+        format!("    /// {description}{unit}\n    pub {}: {data_type},\n", field.json.name)
     }
 
     /// The start values of a part's variables, as the fields of a struct expression.
     fn starts(&self, group: Group, part: &Part<'_>, indent: &str) -> String {
         let mut text = String::new();
         for field in group.fields(part) {
-            let values: Vec<_> = field
-                .positions
-                .iter()
-                .map(|&position| self.start(position))
-                .collect();
-            let _ = writeln!(
-                text,
-                "{indent}{}: {},",
-                field.json.name,
-                nest(&field.json.dimensions, &values)
-            );
+            let values: Vec<_> = field.positions.iter().map(|&position| self.start(position)).collect();
+            let _ = writeln!(text, "{indent}{}: {},", field.json.name, nest(&field.json.dimensions, &values));
         }
         text
     }
@@ -337,41 +294,24 @@ impl Generator<'_, '_> {
 
     fn item(&self, enumeration: usize, item: usize) -> String {
         let enumeration = &self.model.model.enumerations[enumeration];
-        format!(
-            "{}::{}",
-            enumeration.name,
-            pascal_case(&enumeration.items[item].name)
-        )
+        format!("{}::{}", enumeration.name, pascal_case(&enumeration.items[item].name))
     }
 
     /// The states as an array, for solvers.
     fn states_impl(&self) -> String {
-        let states: Vec<_> = self
-            .model
-            .of_role(Role::State)
-            .map(|position| &self.model.variables[position])
-            .collect();
-        let names: String = states
-            .iter()
-            .map(|state| format!("        {:?},\n", state.name))
-            .collect();
-        let values: String = states
-            .iter()
-            .map(|state| format!("            self.{},\n", state.path))
-            .collect();
+        let states: Vec<_> =
+            self.model.of_role(Role::State).map(|position| &self.model.variables[position]).collect();
+        let names: Vec<_> = states.iter().map(|state| format!("        {:?},\n", state.name)).collect();
+        let values: Vec<_> =
+            states.iter().map(|state| format!("            self.{},\n", state.path)).collect();
         let mut next = 0;
         let mut fields = String::new();
         for part in self.model.parts.iter().filter(|part| Group::States.is_in(part)) {
-            let indent = if part.name.is_some() {
-                "                "
-            } else {
-                "            "
-            };
+            let indent = if part.name.is_some() { "                " } else { "            " };
             let mut inner = String::new();
             for field in Group::States.fields(part) {
-                let elements: Vec<_> = (next..next + field.positions.len())
-                    .map(|number| format!("values[{number}]"))
-                    .collect();
+                let elements: Vec<_> =
+                    (next..next + field.positions.len()).map(|number| format!("values[{number}]")).collect();
                 next += field.positions.len();
                 let _ = writeln!(
                     inner,
@@ -414,7 +354,9 @@ impl Generator<'_, '_> {
     }}
 }}
 ",
-            states.len()
+            states.len(),
+            names = names.concat(),
+            values = values.concat(),
         )
     }
 
@@ -424,10 +366,7 @@ impl Generator<'_, '_> {
             let variable = &self.model.variables[position];
             let (min, max) = self.bounds(variable);
             let path = &variable.path;
-            let _ = writeln!(
-                bounds,
-                "        ::fmi2_export::RealInput {{ min: {min}, max: {max} }},"
-            );
+            let _ = writeln!(bounds, "        ::fmi2_export::RealInput {{ min: {min}, max: {max} }},");
             let _ = writeln!(getters, "            {place} => self.{path},");
             let _ = writeln!(setters, "            {place} => self.{path} = value,");
         }
@@ -455,7 +394,7 @@ impl Generator<'_, '_> {
     }
 
     fn variables_impl(&self) -> String {
-        let accessors: String = [
+        let accessors: Vec<_> = [
             ("real", "f64", "f64", "0.0"),
             ("integer", "i32", "i32", "0"),
             ("boolean", "bool", "bool", "false"),
@@ -507,7 +446,8 @@ impl Generator<'_, '_> {
 {finite}        None
     }}
 }}
-"
+",
+            accessors = accessors.concat(),
         )
     }
 
@@ -537,10 +477,9 @@ impl Generator<'_, '_> {
                     let set = to.map(|to| format!("{{\n                {item} {{\n                    self.{to} = item;\n                }}\n            }}"));
                     (format!("self.{from} as i32"), set)
                 }
-                DataType::String => (
-                    format!("&self.{from}"),
-                    to.map(|to| format!("value.clone_into(&mut self.{to}),")),
-                ),
+                DataType::String => {
+                    (format!("&self.{from}"), to.map(|to| format!("value.clone_into(&mut self.{to}),")))
+                }
                 _ => (format!("self.{from}"), to.map(|to| format!("self.{to} = value,"))),
             };
             let _ = writeln!(getters, "            {position} => {get},");
@@ -554,11 +493,8 @@ impl Generator<'_, '_> {
     /// The tables for the runtime.
     fn description(&self, guid: &str) -> String {
         let model = self.model.model;
-        let categories: String = model
-            .log_categories
-            .iter()
-            .map(|category| format!("        {:?},\n", category.name))
-            .collect();
+        let categories: Vec<_> =
+            model.log_categories.iter().map(|category| format!("        {:?},\n", category.name)).collect();
         let mut variables = String::new();
         let mut real_inputs = self.real_inputs().zip(0..).peekable();
         for (position, variable) in self.model.variables.iter().enumerate() {
@@ -589,9 +525,7 @@ impl Generator<'_, '_> {
                     .causality()
                     .map_or("Independent".to_owned(), |causality| format!("{causality:?}")),
                 variable.variability,
-                variable
-                    .initial
-                    .map_or("None".to_owned(), |initial| format!("{initial:?}")),
+                variable.initial.map_or("None".to_owned(), |initial| format!("{initial:?}")),
                 place.map(|(_, place)| place),
             );
         }
@@ -620,6 +554,7 @@ impl Generator<'_, '_> {
             model.model_identifier,
             model.capabilities.interpolate_inputs,
             model.capabilities.get_and_set_state,
+            categories = categories.concat(),
         )
     }
 
@@ -640,10 +575,7 @@ impl Generator<'_, '_> {
                 let items = self.model.model.enumerations[enumeration].items.len();
                 ("1.0".to_owned(), format!("{items}.0"))
             }
-            _ => (
-                text(variable.min, "f64::NEG_INFINITY"),
-                text(variable.max, "f64::INFINITY"),
-            ),
+            _ => (text(variable.min, "f64::NEG_INFINITY"), text(variable.max, "f64::INFINITY")),
         }
     }
 }
@@ -663,11 +595,7 @@ fn place(variable: &Variable) -> String {
 
 /// The derives of a struct with these fields: a String is the one type that is not Copy.
 fn derive<'f, 'a: 'f>(mut fields: impl Iterator<Item = &'f Field<'a>>) -> String {
-    let copy = if fields.any(|field| field.data_type == DataType::String) {
-        ""
-    } else {
-        "Copy, "
-    };
+    let copy = if fields.any(|field| field.data_type == DataType::String) { "" } else { "Copy, " };
     format!("#[derive(Clone, {copy}Debug, PartialEq)]\n")
 }
 
@@ -690,10 +618,8 @@ fn nest(dimensions: &[usize], elements: &[String]) -> String {
         [] => elements.concat(),
         [_] => format!("[{}]", elements.join(", ")),
         [size, inner @ ..] => {
-            let rows: Vec<_> = elements
-                .chunks(elements.len() / size)
-                .map(|elements| nest(inner, elements))
-                .collect();
+            let rows: Vec<_> =
+                elements.chunks(elements.len() / size).map(|elements| nest(inner, elements)).collect();
             format!("[{}]", rows.join(", "))
         }
     }

@@ -3,6 +3,7 @@
 //! The same model gives the same bytes: nothing depends on the time or on the order of a hash map, so
 //! the GUID, a hash of these bytes, changes exactly when the interface does.
 
+use std::borrow::Cow;
 use std::io;
 
 use quick_xml::events::{BytesDecl, BytesText, Event};
@@ -22,10 +23,7 @@ pub(super) struct Description {
 impl Description {
     pub(super) fn new(model: &Resolved<'_>, structure: &Structure) -> Self {
         let without_guid = write(model, structure, "");
-        let guid = format!(
-            "{{{}}}",
-            Uuid::new_v5(&Uuid::NAMESPACE_OID, without_guid.as_bytes())
-        );
+        let guid = format!("{{{}}}", Uuid::new_v5(&Uuid::NAMESPACE_OID, without_guid.as_bytes()));
         let text = write(model, structure, &guid);
         Self { guid, text }
     }
@@ -59,10 +57,7 @@ fn write_document(
         ("version", resolved.version.to_owned()),
         ("copyright", model.copyright.clone()),
         ("license", model.license.clone()),
-        (
-            "generationTool",
-            concat!("fmi2-export ", env!("CARGO_PKG_VERSION")).to_owned(),
-        ),
+        ("generationTool", concat!("fmi2-export ", env!("CARGO_PKG_VERSION")).to_owned()),
         ("variableNamingConvention", "structured".to_owned()),
     ];
     element(writer, "fmiModelDescription", attributes, |writer| {
@@ -94,14 +89,8 @@ fn write_co_simulation(writer: &mut XmlWriter, model: &json::Model) -> io::Resul
     let attributes = vec![
         ("modelIdentifier", model.model_identifier.clone()),
         ("needsExecutionTool", false.to_string()),
-        (
-            "canHandleVariableCommunicationStepSize",
-            capabilities.variable_communication_step_size.to_string(),
-        ),
-        (
-            "canInterpolateInputs",
-            capabilities.interpolate_inputs.to_string(),
-        ),
+        ("canHandleVariableCommunicationStepSize", capabilities.variable_communication_step_size.to_string()),
+        ("canInterpolateInputs", capabilities.interpolate_inputs.to_string()),
         ("maxOutputDerivativeOrder", 0.to_string()),
         ("canRunAsynchronuously", false.to_string()),
         ("canBeInstantiatedOnlyOncePerProcess", false.to_string()),
@@ -124,9 +113,8 @@ fn write_units(writer: &mut XmlWriter, model: &Resolved<'_>) -> io::Result<()> {
             element(writer, "Unit", name, |writer| {
                 if let Some(base) = &unit.base {
                     let exponents = base.iter().filter(|(_, exponent)| **exponent != 0);
-                    let mut attributes: Attributes = exponents
-                        .map(|(unit, exponent)| (unit.symbol(), exponent.to_string()))
-                        .collect();
+                    let mut attributes: Attributes =
+                        exponents.map(|(unit, exponent)| (unit.symbol(), exponent.to_string())).collect();
                     attributes.extend(conversion(unit.factor, unit.offset));
                     empty(writer, "BaseUnit", attributes)?;
                 }
@@ -159,24 +147,18 @@ fn write_types(writer: &mut XmlWriter, model: &json::Model) -> io::Result<()> {
     }
     element(writer, "TypeDefinitions", vec![], |writer| {
         model.enumerations.iter().try_for_each(|enumeration| {
-            let attributes = vec![
-                ("name", enumeration.name.clone()),
-                ("description", enumeration.description.clone()),
-            ];
+            let attributes =
+                vec![("name", enumeration.name.clone()), ("description", enumeration.description.clone())];
             element(writer, "SimpleType", attributes, |writer| {
                 element(writer, "Enumeration", vec![], |writer| {
-                    enumeration
-                        .items
-                        .iter()
-                        .zip(1..)
-                        .try_for_each(|(item, value): (_, i32)| {
-                            let attributes = vec![
-                                ("name", item.name.clone()),
-                                ("value", value.to_string()),
-                                ("description", item.description.clone()),
-                            ];
-                            empty(writer, "Item", attributes)
-                        })
+                    enumeration.items.iter().zip(1..).try_for_each(|(item, value): (_, i32)| {
+                        let attributes = vec![
+                            ("name", item.name.clone()),
+                            ("value", value.to_string()),
+                            ("description", item.description.clone()),
+                        ];
+                        empty(writer, "Item", attributes)
+                    })
                 })
             })
         })
@@ -185,10 +167,7 @@ fn write_types(writer: &mut XmlWriter, model: &json::Model) -> io::Result<()> {
 
 fn write_variable(writer: &mut XmlWriter, model: &Resolved<'_>, position: usize) -> io::Result<()> {
     let variable = &model.variables[position];
-    writer.write_event(Event::Comment(BytesText::new(&format!(
-        " index {} ",
-        index(position)
-    ))))?;
+    writer.write_event(Event::Comment(BytesText::new(&format!(" index {} ", index(position)))))?;
     let mut attributes = vec![
         ("name", variable.name.clone()),
         ("valueReference", position.to_string()),
@@ -196,11 +175,7 @@ fn write_variable(writer: &mut XmlWriter, model: &Resolved<'_>, position: usize)
         ("causality", causality(variable.role).to_owned()),
         ("variability", variability(variable.variability).to_owned()),
     ];
-    attributes.extend(
-        variable
-            .initial
-            .map(|value| ("initial", initial(value).to_owned())),
-    );
+    attributes.extend(variable.initial.map(|value| ("initial", initial(value).to_owned())));
     element(writer, "ScalarVariable", attributes, |writer| {
         let (name, attributes) = type_element(model, variable);
         empty(writer, name, attributes)
@@ -233,11 +208,7 @@ fn type_element(model: &Resolved<'_>, variable: &Variable) -> (&'static str, Att
         }
     };
     attributes.extend(variable.start.as_ref().map(|value| ("start", start(value))));
-    attributes.extend(
-        variable
-            .state
-            .map(|state| ("derivative", index(state).to_string())),
-    );
+    attributes.extend(variable.state.map(|state| ("derivative", index(state).to_string())));
     (name, attributes)
 }
 
@@ -249,30 +220,20 @@ fn write_structure(writer: &mut XmlWriter, structure: &Structure) -> io::Result<
     ];
     element(writer, "ModelStructure", vec![], |writer| {
         // The schema knows no empty list.
-        lists
-            .into_iter()
-            .filter(|(_, unknowns)| !unknowns.is_empty())
-            .try_for_each(|(name, unknowns)| {
-                element(writer, name, vec![], |writer| {
-                    unknowns
-                        .iter()
-                        .try_for_each(|unknown| write_unknown(writer, unknown))
-                })
+        lists.into_iter().filter(|(_, unknowns)| !unknowns.is_empty()).try_for_each(|(name, unknowns)| {
+            element(writer, name, vec![], |writer| {
+                unknowns.iter().try_for_each(|unknown| write_unknown(writer, unknown))
             })
+        })
     })
 }
 
 /// The dependencies are written where there are none, too: their absence would mean all.
 fn write_unknown(writer: &mut XmlWriter, unknown: &Unknown) -> io::Result<()> {
-    let dependencies: Vec<_> = unknown
-        .dependencies
-        .iter()
-        .map(|&position| index(position).to_string())
-        .collect();
-    let attributes = vec![
-        ("index", index(unknown.variable).to_string()),
-        ("dependencies", dependencies.join(" ")),
-    ];
+    let dependencies: Vec<_> =
+        unknown.dependencies.iter().map(|&position| index(position).to_string()).collect();
+    let attributes =
+        vec![("index", index(unknown.variable).to_string()), ("dependencies", dependencies.join(" "))];
     empty(writer, "Unknown", attributes)
 }
 
@@ -325,10 +286,7 @@ fn initial(initial: Initial) -> &'static str {
 }
 
 fn described(described: &json::Described) -> Attributes {
-    vec![
-        ("name", described.name.clone()),
-        ("description", described.description.clone()),
-    ]
+    vec![("name", described.name.clone()), ("description", described.description.clone())]
 }
 
 fn element(
@@ -337,19 +295,13 @@ fn element(
     attributes: Attributes,
     content: impl FnOnce(&mut XmlWriter) -> io::Result<()>,
 ) -> io::Result<()> {
-    let attributes = attributes.iter().map(|(name, value)| (*name, value.as_str()));
-    writer
-        .create_element(name)
-        .with_attributes(attributes)
-        .write_inner_content(content)?;
+    let attributes = attributes.into_iter().map(|(name, value)| (name, Cow::Owned(value)));
+    writer.create_element(name).with_attributes(attributes).write_inner_content(content)?;
     Ok(())
 }
 
 fn empty(writer: &mut XmlWriter, name: &'static str, attributes: Attributes) -> io::Result<()> {
-    let attributes = attributes.iter().map(|(name, value)| (*name, value.as_str()));
-    writer
-        .create_element(name)
-        .with_attributes(attributes)
-        .write_empty()?;
+    let attributes = attributes.into_iter().map(|(name, value)| (name, Cow::Owned(value)));
+    writer.create_element(name).with_attributes(attributes).write_empty()?;
     Ok(())
 }
