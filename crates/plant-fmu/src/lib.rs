@@ -1,0 +1,5 @@
+//! The plant as an FMI 2.0 co-simulation FMU: the functions of the standard around
+//! [`boost_fmu::plant::BoostPlant`].
+#![allow(non_snake_case)]
+
+fmi2_export::export_fmi2!(boost_fmu::plant::BoostPlant);

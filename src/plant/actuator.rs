@@ -1,0 +1,238 @@
+//! The wastegate actuator: a membrane between the chamber and ambient, a spring, and the rod that opens
+//! the high-pressure wastegate (paper, eqs. (3) to (5) and fig. 4).
+//!
+//! Vacuum opens: in eq. (4) ambient pressure and the exhaust's force on the wastegate's plate act together
+//! against chamber pressure and spring. More duty means less chamber pressure, a wider wastegate and less
+//! boost.
+//!
+//! The spring has a preload and hardens towards full stroke (paper, fig. 8a); the stops are stiff springs
+//! with damping that sets in with depth. Friction is Dahl's (eq. (5)), written as
+//! σ·|1 − r|^α·sgn(1 − r)·v so that an overshoot of the friction force beyond the Coulomb force is no
+//! power of a negative number.
+
+use super::gas::Gas;
+
+/// A wastegate actuator.
+#[derive(Clone, Copy, Debug)]
+pub struct Actuator {
+    /// Area of the membrane in m².
+    pub membrane_area: f64,
+    /// Volume of the chamber in m³ at position 0.
+    pub chamber_volume: f64,
+    /// Moving mass in kg.
+    pub mass: f64,
+    /// Viscous damping in N s/m.
+    pub damping: f64,
+    /// Spring force in N at position 0.
+    pub spring_preload: f64,
+    /// Linear spring stiffness in N/m.
+    pub spring_stiffness: f64,
+    /// Coefficient of the spring's 7th power in N/m⁷.
+    pub spring_hardening: f64,
+    /// Distance between the stops in m.
+    pub stroke: f64,
+    /// Stiffness of the stops in N/m.
+    pub stop_stiffness: f64,
+    /// Damping of the stops in N s/m.
+    pub stop_damping: f64,
+    /// Depth in m at which the stops damp fully.
+    pub stop_damping_depth: f64,
+    /// Coulomb friction in N.
+    pub coulomb_friction: f64,
+    /// Dahl's stiffness σ in N/m.
+    pub friction_stiffness: f64,
+    /// Dahl's exponent α.
+    pub friction_exponent: f64,
+    /// Area in m² on which the exhaust pushes the wastegate open.
+    pub exhaust_area: f64,
+    /// The gas in the chamber.
+    pub air: Gas,
+}
+
+/// The forces on the rod in N.
+#[derive(Clone, Copy, Debug)]
+pub struct Forces {
+    /// Ambient against chamber on the membrane; opens.
+    pub membrane: f64,
+    /// Exhaust on the wastegate's plate; opens.
+    pub exhaust: f64,
+    /// Spring; shuts.
+    pub spring: f64,
+    /// Stops; against an opening motion where positive.
+    pub stop: f64,
+}
+
+impl Actuator {
+    /// The forces at a position (m) and speed (m/s), for ambient and chamber pressure (Pa) and the
+    /// pressure difference (Pa) across the wastegate.
+    #[must_use]
+    pub fn forces(
+        &self,
+        position: f64,
+        velocity: f64,
+        ambient_pressure: f64,
+        chamber_pressure: f64,
+        exhaust_difference: f64,
+    ) -> Forces {
+        Forces {
+            membrane: (ambient_pressure - chamber_pressure) * self.membrane_area,
+            exhaust: self.exhaust_area * exhaust_difference,
+            spring: self.spring_force(position),
+            stop: self.stop_force(position, velocity),
+        }
+    }
+
+    /// Eq. (4): acceleration in m/s².
+    #[must_use]
+    pub fn acceleration(&self, forces: &Forces, friction_force: f64, velocity: f64) -> f64 {
+        let opening = forces.membrane + forces.exhaust - forces.spring - forces.stop;
+        (opening - friction_force - self.damping * velocity) / self.mass
+    }
+
+    /// The spring's force in N at a position in m.
+    #[must_use]
+    pub fn spring_force(&self, position: f64) -> f64 {
+        self.spring_preload + self.spring_stiffness * position + self.spring_hardening * position.powi(7)
+    }
+
+    /// The stops' force in N at a position (m) and speed (m/s).
+    #[must_use]
+    pub fn stop_force(&self, position: f64, velocity: f64) -> f64 {
+        let damped = |depth: f64| self.stop_damping * velocity * (depth / self.stop_damping_depth).min(1.0);
+        if position < 0.0 {
+            self.stop_stiffness * position + damped(-position)
+        } else if position > self.stroke {
+            let depth = position - self.stroke;
+            self.stop_stiffness * depth + damped(depth)
+        } else {
+            0.0
+        }
+    }
+
+    /// Eq. (5) times the speed (m/s): rate of change of the friction force (N) in N/s.
+    #[must_use]
+    pub fn friction_rate(&self, friction_force: f64, velocity: f64) -> f64 {
+        let margin = 1.0 - friction_force / self.coulomb_friction * velocity.signum();
+        let share = if self.friction_exponent == 1.0 {
+            margin
+        } else {
+            margin.abs().powf(self.friction_exponent).copysign(margin)
+        };
+        self.friction_stiffness * share * velocity
+    }
+
+    /// Volume of the chamber in m³ at a position in m. The floor is for trial states of solvers; the
+    /// stops keep the rod far from it.
+    #[must_use]
+    pub fn volume(&self, position: f64) -> f64 {
+        (self.chamber_volume - self.membrane_area * position).max(1e-3 * self.chamber_volume)
+    }
+
+    /// Eq. (3) for a moving wall: rate of change of the chamber's pressure (Pa) in Pa/s, when `mass_flow`
+    /// in kg/s goes in on balance.
+    #[must_use]
+    pub fn pressure_rate(
+        &self,
+        pressure: f64,
+        temperature: f64,
+        volume: f64,
+        velocity: f64,
+        mass_flow: f64,
+    ) -> f64 {
+        let inflow = self.air.gas_constant * temperature * mass_flow;
+        (inflow + pressure * self.membrane_area * velocity) / volume
+    }
+
+    /// How far the wastegate is open, from 0 to 1.
+    #[must_use]
+    pub fn opening(&self, position: f64) -> f64 {
+        (position / self.stroke).clamp(0.0, 1.0)
+    }
+
+    /// The position in m at which spring and stops hold a force in N that opens, without friction.
+    ///
+    /// Newton's method, kept within a bracket that shrinks: the force rises with position everywhere.
+    #[must_use]
+    pub fn position_at_rest(&self, opening_force: f64) -> f64 {
+        let excess = |x: f64| self.spring_force(x) + self.stop_force(x, 0.0) - opening_force;
+        let mut low = (-excess(0.0)).min(0.0) / self.stop_stiffness;
+        let mut high = self.stroke + (-excess(self.stroke)).max(0.0) / self.stop_stiffness;
+        let mut position = 0.5 * (low + high);
+        for _ in 0..200 {
+            let force = excess(position);
+            if force > 0.0 {
+                high = position;
+            } else {
+                low = position;
+            }
+            let stop = if (0.0..=self.stroke).contains(&position) { 0.0 } else { self.stop_stiffness };
+            let stiffness = self.spring_stiffness + 7.0 * self.spring_hardening * position.powi(6) + stop;
+            let newton = position - force / stiffness;
+            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+            if next == position {
+                break;
+            }
+            position = next;
+        }
+        position
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn actuator() -> Actuator {
+        Actuator {
+            membrane_area: 1.5e-3,
+            chamber_volume: 45e-6,
+            mass: 0.1,
+            damping: 30.0,
+            spring_preload: 19.0,
+            spring_stiffness: 3530.0,
+            spring_hardening: 2e15,
+            stroke: 0.01,
+            stop_stiffness: 2e5,
+            stop_damping: 200.0,
+            stop_damping_depth: 5e-5,
+            coulomb_friction: 0.2,
+            friction_stiffness: 400.0,
+            friction_exponent: 1.0,
+            exhaust_area: 0.0,
+            air: Gas::new(287.0, 1005.0, 1.4),
+        }
+    }
+
+    #[test]
+    fn the_position_at_rest_balances_the_forces_everywhere() {
+        let actuator = actuator();
+        for force in [-50.0, 0.0, 18.9, 19.0, 25.0, 40.0, 74.3, 74.4, 200.0] {
+            let position = actuator.position_at_rest(force);
+            let held = actuator.spring_force(position) + actuator.stop_force(position, 0.0);
+            // The stiffest spring, 3e5 N/m, times the spacing of numbers at 0.01 m, 2e-18 m, and the
+            // rounding of the forces themselves.
+            assert!((held - force).abs() < 1e-12 * force.abs().max(1.0), "{force} N: {held} N");
+        }
+    }
+
+    #[test]
+    fn friction_opposes_motion_and_saturates() {
+        let actuator = actuator();
+        assert!(actuator.friction_rate(0.0, 0.01) > 0.0);
+        assert!(actuator.friction_rate(0.0, -0.01) < 0.0);
+        assert!(actuator.friction_rate(0.2, 0.01).abs() < 1e-12);
+        // Turning back, the full stiffness and the release of the stored force add.
+        assert!((actuator.friction_rate(0.2, -0.01) + 2.0 * 400.0 * 0.01).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_general_exponent_contains_the_linear_case() {
+        let linear = actuator();
+        let general = Actuator { friction_exponent: 1.0 + 1e-12, ..linear };
+        for (force, velocity) in [(0.1, 0.02), (-0.15, 0.01), (0.25, 0.01), (0.05, -0.03)] {
+            let difference = general.friction_rate(force, velocity) - linear.friction_rate(force, velocity);
+            // 1e-12 times the logarithm of the share, times rates of up to 24 N/s.
+            assert!(difference.abs() < 1e-9, "{difference}");
+        }
+    }
+}

@@ -1,0 +1,80 @@
+//! A centrifugal compressor by its head and flow coefficients (Eriksson, Modeling and control of
+//! turbocharged SI and DI engines, OGST 62(4), 2007).
+//!
+//! Speed lines are the parabola Ψ = Ψ_m·(1 − (Φ/Φ_m)²) between the head coefficient Ψ = 2·Δh_is/U² and
+//! the flow coefficient Φ = W/(ρ₁·πD²/4·U), solved for the flow. Written with squares of speeds it is
+//! defined at standstill and for pressure ratios below 1 as well; beyond the head of zero flow it is
+//! continued as an odd function, which is the back flow of surge. Efficiency is a parabola over Φ, and
+//! "effective": mechanical and heat losses are in it.
+
+use std::f64::consts::PI;
+
+use super::gas::{Gas, signed_root, smooth_max};
+
+/// A compressor.
+#[derive(Clone, Copy, Debug)]
+pub struct Compressor {
+    /// Diameter of the impeller in m.
+    pub diameter: f64,
+    /// Head coefficient at zero flow, `Ψ_m`.
+    pub peak_head_coefficient: f64,
+    /// Flow coefficient at zero head, `Φ_m`.
+    pub peak_flow_coefficient: f64,
+    /// Best efficiency.
+    pub peak_efficiency: f64,
+    /// Flow coefficient of the best efficiency.
+    pub peak_efficiency_flow_coefficient: f64,
+    /// Smallest efficiency.
+    pub minimum_efficiency: f64,
+    /// Width in m²/s² of the transition between forward and backward flow.
+    pub head_smoothing: f64,
+    /// Volume behind the compressor in m³.
+    pub outlet_volume: f64,
+    /// The gas.
+    pub air: Gas,
+}
+
+/// What a compressor does at an instant.
+#[derive(Clone, Copy, Debug)]
+pub struct Compression {
+    /// Flow in kg/s; negative: backwards.
+    pub mass_flow: f64,
+    /// Efficiency.
+    pub efficiency: f64,
+    /// Temperature at the outlet in K.
+    pub outlet_temperature: f64,
+    /// Power taken up in W.
+    pub power: f64,
+}
+
+impl Compressor {
+    /// The flow from the inlet (pressure in Pa, temperature in K) to the outlet pressure (Pa) at a shaft
+    /// speed (rad/s).
+    #[must_use]
+    pub fn compress(&self, inlet: (f64, f64), outlet_pressure: f64, speed: f64) -> Compression {
+        let (pressure, temperature) = inlet;
+        let specific_heat = self.air.specific_heat;
+        let tip_speed_squared = (0.5 * self.diameter * speed).powi(2);
+        // Isentropic rise of temperature; its product with the specific heat is Δh_is.
+        let rise = temperature * ((outlet_pressure / pressure).powf(self.air.isentropic_exponent) - 1.0);
+        // The square of (tip speed times Φ/Φ_m), by the parabola of the speed lines.
+        let flow_speed_squared = tip_speed_squared - 2.0 * specific_heat * rise / self.peak_head_coefficient;
+        let flow_speed =
+            self.peak_flow_coefficient * signed_root(flow_speed_squared, self.head_smoothing);
+        let area = 0.25 * PI * self.diameter * self.diameter;
+        let mass_flow = pressure / (self.air.gas_constant * temperature) * area * flow_speed;
+
+        // 10 m/s keeps the flow coefficient finite at standstill.
+        let flow_coefficient = flow_speed / (tip_speed_squared + 100.0).sqrt();
+        let off_peak = flow_coefficient / self.peak_efficiency_flow_coefficient - 1.0;
+        let efficiency =
+            smooth_max(self.peak_efficiency * (1.0 - off_peak * off_peak), self.minimum_efficiency, 0.02);
+        let actual_rise = smooth_max(rise, 0.0, 1.0) / efficiency;
+        Compression {
+            mass_flow,
+            efficiency,
+            outlet_temperature: temperature + actual_rise,
+            power: smooth_max(mass_flow, 0.0, 1e-4) * specific_heat * actual_rise,
+        }
+    }
+}

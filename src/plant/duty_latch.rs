@@ -1,0 +1,60 @@
+//! The option to take the commanded duty over at the starts of the PWM periods only, as a PWM unit does
+//! (paper, section 3.3: 300 Hz, while the controller runs at 80 Hz).
+//!
+//! The instants are counted in integers from the experiment's start, so that they do not drift. The held
+//! duty is part of the model's memory. The voltage is not held: the valve feels it at once.
+
+/// Instants nearer than this share of a period to the end of a step belong to the next step.
+const ROUNDING: f64 = 1e-6;
+
+/// The held duty and the count of the periods.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct DutyLatch {
+    /// The duty in percent that holds until the next period starts.
+    pub held: f64,
+    /// How many periods have started.
+    started: u64,
+}
+
+impl DutyLatch {
+    /// Before the first period, with a duty in percent.
+    #[must_use]
+    pub fn new(duty: f64) -> Self {
+        Self { held: duty, started: 0 }
+    }
+
+    /// The time in s from the experiment's start to the next start of a period, if it lies before `end`
+    /// (s from there too).
+    #[must_use]
+    pub fn next_before(&self, end: f64, frequency: f64) -> Option<f64> {
+        #[allow(clippy::cast_precision_loss)] // Exact up to 2^53 periods.
+        let instant = self.started as f64 / frequency;
+        (instant < end - ROUNDING / frequency).then_some(instant)
+    }
+
+    /// Starts a period with a duty in percent.
+    pub fn take(&mut self, duty: f64) {
+        self.held = duty;
+        self.started += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn periods_are_counted_without_drift() {
+        let mut latch = DutyLatch::new(40.0);
+        let mut instants = 0;
+        // An hour in controller samples: the ends carry rounding, the count must not.
+        for sample in 1..=288_000 {
+            while let Some(instant) = latch.next_before(f64::from(sample) * 0.0125, 300.0) {
+                assert!((instant - f64::from(instants) / 300.0).abs() < 1e-9);
+                latch.take(50.0);
+                instants += 1;
+            }
+        }
+        assert_eq!(instants, 1_080_000);
+    }
+}

@@ -1,0 +1,171 @@
+//! The states at the start of an experiment.
+//!
+//! [`running`] is an engine that has just been started: no boost, both shafts turning slowly, the
+//! wastegate shut. [`settled`] is the steady state for the inputs at the start, so that an experiment
+//! begins at rest: the actuation is solved in closed form, the gas path with the solver of steady states.
+//! In both the vacuum tank has its start pressure; a tank is never in equilibrium, since it leaks.
+
+use super::system::System;
+use super::variables::{Inputs, States};
+use crate::solver::runge_kutta;
+use crate::solver::steady_state::{self, Failure};
+
+/// For how long at most the transient is followed when there is no steady state to solve for, in s.
+const LONGEST_TRANSIENT: u32 = 60;
+/// The rate of change in 1/s of the scaled states below which a transient has come to rest.
+const AT_REST: f64 = 1e-9;
+
+/// The settled unknowns: the pressures of the gas path in its order, and the speeds of the shafts.
+const UNKNOWNS: usize = 10;
+/// Their magnitudes in Pa and rad/s.
+const SCALES: [f64; UNKNOWNS] = [1e5, 2e5, 2e5, 2e5, 2e5, 2e5, 1.5e5, 1e5, 2e4, 1e4];
+
+/// The states of an engine that has just been started, with the vacuum tank at a pressure in Pa.
+#[must_use]
+pub fn running(system: &System, inputs: &Inputs, tank_pressure: f64) -> States {
+    let ambient_pressure = inputs.ambient_pressure;
+    let mut states = States::default();
+    states.supply_sensor.voltage = system.command(inputs).0;
+    states.valve.plunger_duty = 0.0;
+    states.tank.pressure = tank_pressure;
+    states.actuator.chamber_pressure = ambient_pressure;
+    states.actuator.position = 0.0;
+    states.actuator.velocity = 0.0;
+    states.actuator.friction_force = 0.0;
+    states.air_filter.pressure = ambient_pressure - 200.0;
+    states.lp_compressor.outlet_pressure = ambient_pressure;
+    states.hp_compressor.outlet_pressure = ambient_pressure + 500.0;
+    states.intercooler.outlet_pressure = ambient_pressure;
+    states.intake_manifold.pressure = 0.98 * ambient_pressure;
+    states.exhaust_manifold.pressure = ambient_pressure + 1e4;
+    states.interstage_exhaust.pressure = ambient_pressure + 4e3;
+    states.exhaust.pressure = ambient_pressure + 800.0;
+    states.hp_shaft.speed = 6000.0;
+    states.lp_shaft.speed = 2500.0;
+    states
+}
+
+/// The outcome of the search for the settled states.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settled {
+    /// The states to start from.
+    pub states: States,
+    /// Why they are no steady state, if they are none.
+    pub shortcoming: Option<Shortcoming>,
+}
+
+/// Why an experiment does not start settled.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shortcoming {
+    /// What the solver found.
+    pub failure: Failure,
+    /// For how many seconds the transient of [`running`] was followed instead; 0 where it diverges.
+    pub followed: f64,
+}
+
+/// The steady state for the inputs, with the vacuum tank held at a pressure in Pa.
+///
+/// Where there is none, or none is found, the states that the transient from [`running`] reaches.
+#[must_use]
+pub fn settled(system: &System, inputs: &Inputs, tank_pressure: f64) -> Settled {
+    let mut system = *system;
+    system.freeze_tank(true);
+    let start = running(&system, inputs, tank_pressure);
+    let actuated = settle_actuation(&system, inputs, start);
+    let rates = |unknowns: &[f64; UNKNOWNS]| {
+        let states = settle_rod(&system, inputs, with_unknowns(actuated, unknowns));
+        unknowns_of(&system.evaluate(inputs, &states).derivatives)
+    };
+    match steady_state::find(rates, unknowns_of(&actuated), &SCALES) {
+        Ok(unknowns) => Settled {
+            states: settle_rod(&system, inputs, with_unknowns(actuated, &unknowns)),
+            shortcoming: None,
+        },
+        Err(failure) => {
+            let (states, followed) = follow_transient(&system, inputs, start);
+            Settled { states, shortcoming: Some(Shortcoming { failure, followed }) }
+        }
+    }
+}
+
+/// Brings the plunger and the chamber to rest.
+///
+/// The closed form holds where a search would meet a double root: at low duties the valve's target is
+/// ambient pressure over a whole range.
+fn settle_actuation(system: &System, inputs: &Inputs, mut states: States) -> States {
+    let duty = system.command(inputs).1;
+    states.valve.plunger_duty = duty;
+    states.actuator.chamber_pressure =
+        system.valve.chamber_pressure_at_rest(duty, inputs.ambient_pressure, states.tank.pressure);
+    states
+}
+
+/// Brings the rod to rest without friction: there the forces of membrane and exhaust meet those of spring
+/// and stops.
+fn settle_rod(system: &System, inputs: &Inputs, mut states: States) -> States {
+    let forces = system.actuator.forces(
+        0.0,
+        0.0,
+        inputs.ambient_pressure,
+        states.actuator.chamber_pressure,
+        states.exhaust_manifold.pressure - states.interstage_exhaust.pressure,
+    );
+    states.actuator.position = system.actuator.position_at_rest(forces.membrane + forces.exhaust);
+    states
+}
+
+/// The unknowns among the states or their derivatives.
+fn unknowns_of(states: &States) -> [f64; UNKNOWNS] {
+    [
+        states.air_filter.pressure,
+        states.lp_compressor.outlet_pressure,
+        states.hp_compressor.outlet_pressure,
+        states.intercooler.outlet_pressure,
+        states.intake_manifold.pressure,
+        states.exhaust_manifold.pressure,
+        states.interstage_exhaust.pressure,
+        states.exhaust.pressure,
+        states.hp_shaft.speed,
+        states.lp_shaft.speed,
+    ]
+}
+
+/// The states with other values of the unknowns.
+fn with_unknowns(mut states: States, unknowns: &[f64; UNKNOWNS]) -> States {
+    [
+        states.air_filter.pressure,
+        states.lp_compressor.outlet_pressure,
+        states.hp_compressor.outlet_pressure,
+        states.intercooler.outlet_pressure,
+        states.intake_manifold.pressure,
+        states.exhaust_manifold.pressure,
+        states.interstage_exhaust.pressure,
+        states.exhaust.pressure,
+        states.hp_shaft.speed,
+        states.lp_shaft.speed,
+    ] = *unknowns;
+    states
+}
+
+/// Integrates until everything is at rest, for [`LONGEST_TRANSIENT`] at most. Returns the states and the
+/// time in s; where the integration diverges the states it began with, and 0.
+fn follow_transient(system: &System, inputs: &Inputs, start: States) -> (States, f64) {
+    let rates = |x: &[f64; States::COUNT]| -> [f64; States::COUNT] {
+        system.evaluate(inputs, &States::from_array(*x)).derivatives.to_array()
+    };
+    let scales = start.to_array().map(|x| x.abs().max(1.0));
+    let mut x = start.to_array();
+    for second in 0..LONGEST_TRANSIENT {
+        let slopes = rates(&x);
+        if (0..States::COUNT).all(|i| slopes[i].abs() < AT_REST * scales[i]) {
+            return (States::from_array(x), f64::from(second));
+        }
+        for _ in 0..runge_kutta::substeps(1.0) {
+            runge_kutta::step(|_, x| rates(x), &mut x, runge_kutta::LONGEST_STEP);
+        }
+        if x.iter().any(|x| !x.is_finite()) {
+            return (start, 0.0);
+        }
+    }
+    (States::from_array(x), f64::from(LONGEST_TRANSIENT))
+}

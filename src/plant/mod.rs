@@ -1,0 +1,267 @@
+//! The plant: a two-stage turbocharged petrol engine whose boost pressure is set by a vacuum-actuated
+//! wastegate.
+//!
+//! A PWM signal drives a [solenoid valve](solenoid_valve), which mixes ambient air and the vacuum of a
+//! [tank](vacuum_tank) into the chamber of the [actuator]; its rod opens the high-pressure turbine's
+//! wastegate. How that acts on boost is told by a mean value engine model: [flow
+//! resistances](flow_resistance), [valves](port), [compressors](compressor), [turbines](turbine),
+//! [shafts](shaft), [intercooler] and [cylinders], connected through volumes in which pressures build up.
+//! [`system`] is the assembly; it reads like the sketch of the engine in the paper's fig. 2.
+//!
+//! Each component is plain mathematics on numbers, with its equations' sources and units; it knows
+//! nothing of variables, importers or time steps. Pressures are in Pa, temperatures in K, mass flows in
+//! kg/s. A side of a flow is given as a pair of pressure and temperature.
+//!
+//! The paper describes the actuation system and refers to the literature for the engine; the turbocharger
+//! maps and volumes are not published. Theirs are chosen here so that the paper's figures come out; each
+//! parameter's description says where its value is from.
+//!
+//! [`BoostPlant`] gives the assembly time: it starts an experiment (see [`initialization`]), integrates
+//! over communication steps (see [`crate::solver`]) and fills in the variables that were declared in
+//! `modelDescription/plant.json`.
+
+pub mod actuator;
+pub mod compressor;
+pub mod cylinders;
+pub mod duty_latch;
+pub mod exhaust_manifold;
+pub mod flow_resistance;
+pub mod gas;
+pub mod initialization;
+pub mod intercooler;
+pub mod orifice;
+pub mod port;
+pub mod quantities;
+pub mod shaft;
+pub mod solenoid_valve;
+pub mod supply;
+pub mod system;
+pub mod turbine;
+pub mod vacuum_tank;
+
+/// The plant's variables, generated from `modelDescription/plant.json`.
+pub mod variables {
+    fmi2_export::include_variables!("BoostPlant");
+}
+
+use fmi2_export::{Context, Error, InputSignal, Model, Step};
+
+use self::duty_latch::DutyLatch;
+use self::initialization::{Settled, running, settled};
+use self::quantities::quantities;
+use self::system::System;
+use self::variables::{InitializationMode, Inputs, Parameters, States, Variables};
+use crate::solver::runge_kutta;
+use crate::solver::steady_state::Failure;
+
+/// The largest ratio of Dahl's stiffness to the Coulomb force in 1/m, with a margin for rounding: beyond
+/// it the friction force changes faster than the fixed step of the integration resolves.
+const STIFFEST_FRICTION: f64 = 2000.0 * (1.0 + 1e-9);
+
+/// The plant as a co-simulation model.
+#[derive(Clone, Debug)]
+pub struct BoostPlant {
+    system: System,
+    latch: DutyLatch,
+    /// What the user has been told; initialization is repeated whenever the importer sets a value.
+    told: Told,
+}
+
+/// Warnings that were given.
+#[derive(Clone, Debug, Default)]
+struct Told {
+    /// The ignored start values.
+    ignored: [bool; States::COUNT],
+    /// The inputs for which there is no steady state.
+    unsettled: Option<Inputs>,
+}
+
+impl Default for BoostPlant {
+    fn default() -> Self {
+        Self {
+            system: System::new(&Parameters::default()),
+            latch: DutyLatch::default(),
+            told: Told::default(),
+        }
+    }
+}
+
+impl Model for BoostPlant {
+    type Variables = Variables;
+
+    fn check_parameters(variables: &Variables) -> Result<(), Error> {
+        let p = &variables.parameters;
+        let actuator = &p.actuator;
+        if actuator.friction_stiffness > STIFFEST_FRICTION * actuator.coulomb_friction {
+            return Err(Error::new(format!(
+                "actuator.friction_stiffness = {:?} N/m is more than 2000 1/m times \
+                 actuator.coulomb_friction = {:?} N",
+                actuator.friction_stiffness, actuator.coulomb_friction
+            )));
+        }
+        if actuator.chamber_volume <= actuator.membrane_area * actuator.stroke {
+            return Err(Error::new(format!(
+                "actuator.chamber_volume = {:?} m3 is not more than what actuator.membrane_area = {:?} m2 \
+                 displaces over actuator.stroke = {:?} m",
+                actuator.chamber_volume, actuator.membrane_area, actuator.stroke
+            )));
+        }
+        for (name, gas) in [("air", &p.air), ("exhaust_gas", &p.exhaust_gas)] {
+            if gas.gas_constant >= gas.specific_heat {
+                return Err(Error::new(format!(
+                    "{name}.gas_constant = {:?} J/(kg.K) is not less than {name}.specific_heat = {:?} \
+                     J/(kg.K)",
+                    gas.gas_constant, gas.specific_heat
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    fn initialize(
+        &mut self,
+        variables: &mut Variables,
+        inputs: &Inputs,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        self.system = System::new(&variables.parameters);
+        self.latch = DutyLatch::new(inputs.hp_wastegate_pwm);
+        let tank_pressure = variables.start.tank.pressure;
+        variables.states = match variables.parameters.initialization.mode {
+            InitializationMode::Settled => {
+                let settled = settled(&self.system, inputs, tank_pressure);
+                self.warn_of_unsettled_start(&settled, inputs, context);
+                settled.states
+            }
+            InitializationMode::Running => running(&self.system, inputs, tank_pressure),
+            InitializationMode::Given => variables.start,
+        };
+        self.warn_of_ignored_starts(variables, context);
+        self.refresh(variables, inputs);
+        Ok(())
+    }
+
+    fn step(
+        &mut self,
+        variables: &mut Variables,
+        step: &Step<'_, Inputs>,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        let parameters = &variables.parameters;
+        self.system.freeze_tank(parameters.tank.frozen);
+        let mut states = variables.states.to_array();
+        let mut done = 0.0;
+        if parameters.valve.duty_latch {
+            let begin = step.start - context.experiment.start_time;
+            let frequency = parameters.valve.pwm_frequency;
+            while let Some(instant) = self.latch.next_before(begin + step.size, frequency) {
+                let next = (instant - begin).max(done);
+                self.integrate(&mut states, variables, step, done, next)?;
+                self.latch.take(step.inputs.initial().hp_wastegate_pwm);
+                done = next;
+            }
+        }
+        self.integrate(&mut states, variables, step, done, step.size)?;
+        variables.states = States::from_array(states);
+        self.refresh(variables, &step.inputs.at(step.size));
+        Ok(())
+    }
+
+    fn refresh(&mut self, variables: &mut Variables, inputs: &Inputs) {
+        self.system.freeze_tank(variables.parameters.tank.frozen);
+        let inputs = self.as_held(variables, *inputs);
+        let evaluation = self.system.evaluate(&inputs, &variables.states);
+        variables.derivatives = evaluation.derivatives;
+        (variables.outputs, variables.locals) =
+            quantities(&self.system, &inputs, &variables.states, &evaluation);
+    }
+}
+
+impl BoostPlant {
+    /// The inputs with the duty that the valve sees.
+    fn as_held(&self, variables: &Variables, mut inputs: Inputs) -> Inputs {
+        if variables.parameters.valve.duty_latch {
+            inputs.hp_wastegate_pwm = self.latch.held;
+        }
+        inputs
+    }
+
+    /// Advances the states from one time to another, in s after the step's begin.
+    fn integrate(
+        &self,
+        states: &mut [f64; States::COUNT],
+        variables: &Variables,
+        step: &Step<'_, Inputs>,
+        from: f64,
+        to: f64,
+    ) -> Result<(), Error> {
+        if to <= from {
+            return Ok(());
+        }
+        let signal: &InputSignal<Inputs> = step.inputs;
+        let constant = signal.is_constant().then(|| self.as_held(variables, *signal.initial()));
+        let count = runge_kutta::substeps(to - from);
+        #[allow(clippy::cast_precision_loss)] // Below 2^53 substeps.
+        let duration = (to - from) / count as f64;
+        for substep in 0..count {
+            #[allow(clippy::cast_precision_loss)]
+            let begin = from + substep as f64 * duration;
+            let derivatives = |offset: f64, x: &[f64; States::COUNT]| {
+                let inputs = constant.unwrap_or_else(|| self.as_held(variables, signal.at(begin + offset)));
+                self.system.evaluate(&inputs, &States::from_array(*x)).derivatives.to_array()
+            };
+            runge_kutta::step(derivatives, states, duration);
+            if let Some(position) = states.iter().position(|x| !x.is_finite()) {
+                return Err(Error::new(format!(
+                    "{} has become {:?} at {:?} s: the integration diverges, the equations are too stiff for \
+                     its step with these parameters and inputs",
+                    States::NAMES[position],
+                    states[position],
+                    step.start + begin + duration
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells of inputs for which the experiment does not start at rest, once for each such inputs.
+    fn warn_of_unsettled_start(&mut self, settled: &Settled, inputs: &Inputs, context: &mut Context<'_>) {
+        let Some(shortcoming) = &settled.shortcoming else { return };
+        if self.told.unsettled.as_ref() == Some(inputs) {
+            return;
+        }
+        self.told.unsettled = Some(*inputs);
+        let reason = match shortcoming.failure {
+            Failure::NotIsolated => "has no isolated steady state",
+            Failure::NotConverged => "has no steady state that was found",
+        };
+        let instead = if shortcoming.followed > 0.0 {
+            format!("what a running engine has come to after {} s", shortcoming.followed)
+        } else {
+            "a running engine, whose transient diverges".to_owned()
+        };
+        context.warn(format_args!(
+            "initialization.mode = settled: the plant {reason} for {inputs:?}; the experiment starts from \
+             {instead}"
+        ));
+    }
+
+    /// Tells of start values that the mode of initialization does not use, once for each set of them.
+    fn warn_of_ignored_starts(&mut self, variables: &Variables, context: &mut Context<'_>) {
+        let mode = variables.parameters.initialization.mode;
+        let (start, default) = (variables.start.to_array(), States::default().to_array());
+        let ignored: [bool; States::COUNT] = std::array::from_fn(|i| {
+            mode != InitializationMode::Given
+                && States::NAMES[i] != "tank.pressure"
+                && start[i].to_bits() != default[i].to_bits()
+        });
+        if ignored != self.told.ignored && ignored.contains(&true) {
+            let names: Vec<_> = (0..States::COUNT).filter(|&i| ignored[i]).map(|i| States::NAMES[i]).collect();
+            context.warn(format_args!(
+                "the start values of {} are ignored: they hold with initialization.mode = given only",
+                names.join(", ")
+            ));
+        }
+        self.told.ignored = ignored;
+    }
+}

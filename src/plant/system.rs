@@ -1,0 +1,442 @@
+//! The assembly: how the components are connected (paper, figs. 2 and 3), and the differential equations
+//! that follow. This is the one text of the model; the integrator, the steady-state solver, the outputs
+//! and every local variable come from [`System::evaluate`].
+//!
+//! ```text
+//! ambient ─ air filter ─ LPC ─┬─ HPC ────┬─ intercooler ─┬─ throttle ─ intake manifold ─ cylinders
+//!                             ├─ bypass ─┘               │                                    │
+//!                             └────── surge valve ───────┘                                    │
+//! ambient ─ catalyst ─┬─ LPT ──────────┬─┬─ HPT ──────────┬─ exhaust manifold ────────────────┘
+//!                     └─ LP wastegate ─┘ └─ HP wastegate ─┘
+//!                                               │ rod
+//! ambient ─ solenoid valve ─ chamber of the actuator      solenoid valve ─ vacuum tank ─ pump ─ ambient
+//! ```
+//!
+//! Volumes between the components carry pressures as states; temperatures are static, those of the gas
+//! that flows in.
+
+use super::actuator::{Actuator, Forces};
+use super::compressor::{Compression, Compressor};
+use super::cylinders::{CylinderFlows, Cylinders};
+use super::exhaust_manifold::ExhaustManifold;
+use super::flow_resistance::FlowResistance;
+use super::gas::{Gas, mixed_temperature};
+use super::intercooler::Intercooler;
+use super::orifice::Orifice;
+use super::port::{Port, PortFlow};
+use super::shaft::Shaft;
+use super::solenoid_valve::{SolenoidValve, ValveFlows};
+use super::supply::Supply;
+use super::turbine::{Expansion, Turbine};
+use super::vacuum_tank::VacuumTank;
+use super::variables::{
+    CompressorParameters, Inputs, Parameters, PortParameters, ShaftParameters, States, TurbineParameters,
+};
+
+/// The pressure in Pa from which states are seen in the equations: a solver's trial states may be at or
+/// below zero, where powers and roots of pressure ratios do not exist.
+const LOWEST_PRESSURE: f64 = 1.0;
+/// Flow in kg/s within which the temperatures of mixed air flows are blended.
+const AIR_MIXING_WIDTH: f64 = 1e-4;
+/// The same for exhaust gas.
+const EXHAUST_MIXING_WIDTH: f64 = 1e-5;
+
+/// All components with their parameters, and the constants that follow from these.
+#[derive(Clone, Copy, Debug)]
+pub struct System {
+    air: Gas,
+    exhaust_gas: Gas,
+    supply: Supply,
+    pub(super) valve: SolenoidValve,
+    tank: VacuumTank,
+    pub(super) actuator: Actuator,
+    air_filter: FlowResistance,
+    air_filter_volume: f64,
+    lp_compressor: Compressor,
+    hp_compressor: Compressor,
+    hp_bypass: Port,
+    intercooler: Intercooler,
+    surge_valve: Port,
+    throttle: Port,
+    intake_manifold_volume: f64,
+    pub(super) cylinders: Cylinders,
+    exhaust_manifold: ExhaustManifold,
+    hp_turbine: Turbine,
+    hp_wastegate: Port,
+    interstage_volume: f64,
+    lp_turbine: Turbine,
+    lp_wastegate: Port,
+    exhaust: FlowResistance,
+    exhaust_volume: f64,
+    hp_shaft: Shaft,
+    lp_shaft: Shaft,
+}
+
+/// What every component does at an instant.
+#[derive(Clone, Copy, Debug)]
+pub struct Evaluation {
+    /// The states' derivatives.
+    pub derivatives: States,
+    /// Voltage at the valve in V.
+    pub voltage: f64,
+    /// Duty in percent at nominal voltage that the commanded one is worth.
+    pub commanded_duty: f64,
+    /// The solenoid valve.
+    pub valve: ValveFlows,
+    /// Flow that the vacuum pump draws in kg/s.
+    pub pumped: f64,
+    /// Volume of the actuator's chamber in m³.
+    pub chamber_volume: f64,
+    /// The forces on the actuator's rod.
+    pub forces: Forces,
+    /// Opening of the high-pressure wastegate, from 0 to 1.
+    pub hp_wastegate_opening: f64,
+    /// Flow through the air filter in kg/s.
+    pub air_filter: f64,
+    /// The low-pressure compressor.
+    pub lp_compressor: Compression,
+    /// The high-pressure compressor.
+    pub hp_compressor: Compression,
+    /// The bypass of the high-pressure compressor.
+    pub hp_bypass: PortFlow,
+    /// Temperature in K before the intercooler.
+    pub intercooler_inlet_temperature: f64,
+    /// Flow through the intercooler in kg/s.
+    pub intercooler: f64,
+    /// Temperature in K behind the intercooler.
+    pub charge_temperature: f64,
+    /// The surge valve.
+    pub surge_valve: PortFlow,
+    /// The throttle.
+    pub throttle: PortFlow,
+    /// The cylinders.
+    pub cylinders: CylinderFlows,
+    /// Temperature in K in the exhaust manifold.
+    pub exhaust_temperature: f64,
+    /// The high-pressure turbine.
+    pub hp_turbine: Expansion,
+    /// The high-pressure wastegate.
+    pub hp_wastegate: PortFlow,
+    /// Temperature in K between the turbines.
+    pub interstage_temperature: f64,
+    /// The low-pressure turbine.
+    pub lp_turbine: Expansion,
+    /// The low-pressure wastegate.
+    pub lp_wastegate: PortFlow,
+    /// Temperature in K before the catalyst.
+    pub tail_temperature: f64,
+    /// Flow through the catalyst in kg/s.
+    pub exhaust: f64,
+}
+
+impl System {
+    /// Builds the components.
+    #[must_use]
+    pub fn new(parameters: &Parameters) -> Self {
+        let p = parameters;
+        let air = Gas::new(p.air.gas_constant, p.air.specific_heat, p.air.heat_capacity_ratio);
+        let exhaust_gas =
+            Gas::new(p.exhaust_gas.gas_constant, p.exhaust_gas.specific_heat, p.exhaust_gas.heat_capacity_ratio);
+        let air_orifice = Orifice::new(air, p.restrictions.linear_pressure_ratio);
+        let exhaust_orifice = Orifice::new(exhaust_gas, p.restrictions.linear_pressure_ratio);
+        Self {
+            air,
+            exhaust_gas,
+            supply: Supply {
+                pump_voltage_drop: p.pump.voltage_drop,
+                sensor_time_constant: p.supply_sensor.time_constant,
+            },
+            valve: valve(p, Orifice::new(air, p.valve.linear_pressure_ratio)),
+            tank: VacuumTank {
+                volume: p.tank.volume,
+                frozen: p.tank.frozen,
+                pump_mass_flow: p.pump.mass_flow,
+                air,
+            },
+            actuator: actuator(p, air),
+            air_filter: FlowResistance {
+                resistance: p.air_filter.flow_resistance,
+                linear_pressure: p.air_filter.linear_pressure,
+            },
+            air_filter_volume: p.air_filter.volume,
+            lp_compressor: compressor(&p.lp_compressor, air),
+            hp_compressor: compressor(&p.hp_compressor, air),
+            hp_bypass: port(&p.hp_bypass_port, air_orifice),
+            intercooler: Intercooler {
+                resistance: FlowResistance {
+                    resistance: p.intercooler.flow_resistance,
+                    linear_pressure: p.intercooler.linear_pressure,
+                },
+                effectiveness: p.intercooler.effectiveness,
+                volume: p.intercooler.volume,
+            },
+            surge_valve: port(&p.surge_valve_port, air_orifice),
+            throttle: Port { open_area: p.throttle_body.area, orifice: air_orifice },
+            intake_manifold_volume: p.intake_manifold.volume,
+            cylinders: cylinders(p, air, exhaust_gas),
+            exhaust_manifold: ExhaustManifold {
+                heat_transfer: p.exhaust_manifold.heat_transfer,
+                volume: p.exhaust_manifold.volume,
+                specific_heat: p.exhaust_gas.specific_heat,
+            },
+            hp_turbine: turbine(&p.hp_turbine, exhaust_gas),
+            hp_wastegate: Port {
+                open_area: p.hp_wastegate_port.area * p.hp_wastegate_port.discharge_coefficient,
+                orifice: exhaust_orifice,
+            },
+            interstage_volume: p.interstage_exhaust.volume,
+            lp_turbine: turbine(&p.lp_turbine, exhaust_gas),
+            lp_wastegate: port(&p.lp_wastegate_port, exhaust_orifice),
+            exhaust: FlowResistance {
+                resistance: p.exhaust.flow_resistance,
+                linear_pressure: p.exhaust.linear_pressure,
+            },
+            exhaust_volume: p.exhaust.volume,
+            hp_shaft: shaft(&p.hp_shaft),
+            lp_shaft: shaft(&p.lp_shaft),
+        }
+    }
+
+    /// Holds the vacuum tank's pressure or lets it go.
+    pub fn freeze_tank(&mut self, frozen: bool) {
+        self.tank.frozen = frozen;
+    }
+
+    /// The voltage in V at the terminals of valve and sensor, and the duty in percent at nominal voltage
+    /// that the commanded one is worth.
+    #[must_use]
+    pub fn command(&self, inputs: &Inputs) -> (f64, f64) {
+        let voltage = self.supply.voltage(inputs.supply_voltage, inputs.vacuum_pump);
+        (voltage, self.valve.commanded_duty(inputs.hp_wastegate_pwm, voltage))
+    }
+
+    /// Everything at an instant.
+    #[must_use]
+    #[allow(clippy::too_many_lines)] // One line a component: the figure above in words.
+    pub fn evaluate(&self, inputs: &Inputs, states: &States) -> Evaluation {
+        let ambient = (inputs.ambient_pressure, inputs.ambient_temperature);
+        let p_tank = states.tank.pressure.max(LOWEST_PRESSURE);
+        let p_act = states.actuator.chamber_pressure.max(LOWEST_PRESSURE);
+        let p_af = states.air_filter.pressure.max(LOWEST_PRESSURE);
+        let p_1 = states.lp_compressor.outlet_pressure.max(LOWEST_PRESSURE);
+        let p_2 = states.hp_compressor.outlet_pressure.max(LOWEST_PRESSURE);
+        let p_ic = states.intercooler.outlet_pressure.max(LOWEST_PRESSURE);
+        let p_im = states.intake_manifold.pressure.max(LOWEST_PRESSURE);
+        let p_em = states.exhaust_manifold.pressure.max(LOWEST_PRESSURE);
+        let p_it = states.interstage_exhaust.pressure.max(LOWEST_PRESSURE);
+        let p_t = states.exhaust.pressure.max(LOWEST_PRESSURE);
+        let (w_hp, w_lp) = (states.hp_shaft.speed, states.lp_shaft.speed);
+        let (x, v) = (states.actuator.position, states.actuator.velocity);
+
+        // Actuation (fig. 3).
+        let (voltage, commanded_duty) = self.command(inputs);
+        let valve = self.valve.flows(states.valve.plunger_duty, ambient, p_act, p_tank);
+        let pumped = self.tank.drawn_mass_flow(inputs.vacuum_pump, p_tank);
+        let chamber_volume = self.actuator.volume(x);
+        let forces = self.actuator.forces(x, v, ambient.0, p_act, p_em - p_it);
+        let hp_wastegate_opening = self.actuator.opening(x);
+
+        // Air path (fig. 2, upper half).
+        let air_filter = self.air_filter.mass_flow(ambient, (p_af, ambient.1));
+        let lpc = self.lp_compressor.compress((p_af, ambient.1), p_1, w_lp);
+        let between = (p_1, lpc.outlet_temperature);
+        let hpc = self.hp_compressor.compress(between, p_2, w_hp);
+        let bypass = self.hp_bypass.flow(inputs.hp_bypass, between, (p_2, hpc.outlet_temperature));
+        let t_2m = mixed_temperature(
+            (hpc.mass_flow, hpc.outlet_temperature),
+            (bypass.mass_flow, lpc.outlet_temperature),
+            AIR_MIXING_WIDTH,
+        );
+        let intercooler = self.intercooler.resistance.mass_flow((p_2, t_2m), (p_ic, t_2m));
+        let t_ic = self.intercooler.outlet_temperature(t_2m, ambient.1);
+        let surge_valve = self.surge_valve.flow(inputs.surge_valve, (p_ic, t_ic), between);
+        let throttle = self.throttle.flow(inputs.throttle, (p_ic, t_ic), (p_im, t_ic));
+
+        // Cylinders and exhaust (fig. 2, lower half).
+        let cylinders = self.cylinders.flows(inputs.engine_speed, (p_im, t_ic), p_em);
+        let t_em =
+            self.exhaust_manifold.temperature((cylinders.exhaust, cylinders.exhaust_temperature), ambient.1);
+        let hpt = self.hp_turbine.expand((p_em, t_em), p_it, w_hp);
+        let hp_wastegate = self.hp_wastegate.flap_flow(hp_wastegate_opening, (p_em, t_em), (p_it, t_em));
+        let t_it = mixed_temperature(
+            (hpt.mass_flow, hpt.outlet_temperature),
+            (hp_wastegate.mass_flow, t_em),
+            EXHAUST_MIXING_WIDTH,
+        );
+        let lpt = self.lp_turbine.expand((p_it, t_it), p_t, w_lp);
+        let lp_wastegate = self.lp_wastegate.flow(inputs.lp_wastegate, (p_it, t_it), (p_t, t_it));
+        let t_t = mixed_temperature(
+            (lpt.mass_flow, lpt.outlet_temperature),
+            (lp_wastegate.mass_flow, t_it),
+            EXHAUST_MIXING_WIDTH,
+        );
+        let exhaust = self.exhaust.mass_flow((p_t, t_t), ambient);
+
+        // The balances of the volumes, the rod and the shafts.
+        let (air, gas) = (&self.air, &self.exhaust_gas);
+        let mut rates = States::default();
+        rates.supply_sensor.voltage = self.supply.measured_rate(voltage, states.supply_sensor.voltage);
+        rates.valve.plunger_duty = self.valve.plunger_rate(commanded_duty, states.valve.plunger_duty);
+        rates.tank.pressure = self.tank.pressure_rate(ambient.1, valve.leakage + valve.tank - pumped);
+        rates.actuator.chamber_pressure =
+            self.actuator.pressure_rate(p_act, ambient.1, chamber_volume, v, valve.ambient - valve.tank);
+        rates.actuator.position = v;
+        rates.actuator.velocity = self.actuator.acceleration(&forces, states.actuator.friction_force, v);
+        rates.actuator.friction_force = self.actuator.friction_rate(states.actuator.friction_force, v);
+        rates.air_filter.pressure =
+            air.pressure_rate(ambient.1, self.air_filter_volume, air_filter - lpc.mass_flow);
+        rates.lp_compressor.outlet_pressure = air.pressure_rate(
+            lpc.outlet_temperature,
+            self.lp_compressor.outlet_volume,
+            lpc.mass_flow - hpc.mass_flow - bypass.mass_flow + surge_valve.mass_flow,
+        );
+        rates.hp_compressor.outlet_pressure = air.pressure_rate(
+            t_2m,
+            self.hp_compressor.outlet_volume,
+            hpc.mass_flow + bypass.mass_flow - intercooler,
+        );
+        rates.intercooler.outlet_pressure = air.pressure_rate(
+            t_ic,
+            self.intercooler.volume,
+            intercooler - throttle.mass_flow - surge_valve.mass_flow,
+        );
+        rates.intake_manifold.pressure =
+            air.pressure_rate(t_ic, self.intake_manifold_volume, throttle.mass_flow - cylinders.air);
+        rates.exhaust_manifold.pressure = gas.pressure_rate(
+            t_em,
+            self.exhaust_manifold.volume,
+            cylinders.exhaust - hpt.mass_flow - hp_wastegate.mass_flow,
+        );
+        rates.interstage_exhaust.pressure = gas.pressure_rate(
+            t_it,
+            self.interstage_volume,
+            hpt.mass_flow + hp_wastegate.mass_flow - lpt.mass_flow - lp_wastegate.mass_flow,
+        );
+        rates.exhaust.pressure =
+            gas.pressure_rate(t_t, self.exhaust_volume, lpt.mass_flow + lp_wastegate.mass_flow - exhaust);
+        rates.hp_shaft.speed = self.hp_shaft.acceleration(w_hp, hpt.power, hpc.power);
+        rates.lp_shaft.speed = self.lp_shaft.acceleration(w_lp, lpt.power, lpc.power);
+
+        Evaluation {
+            derivatives: rates,
+            voltage,
+            commanded_duty,
+            valve,
+            pumped,
+            chamber_volume,
+            forces,
+            hp_wastegate_opening,
+            air_filter,
+            lp_compressor: lpc,
+            hp_compressor: hpc,
+            hp_bypass: bypass,
+            intercooler_inlet_temperature: t_2m,
+            intercooler,
+            charge_temperature: t_ic,
+            surge_valve,
+            throttle,
+            cylinders,
+            exhaust_temperature: t_em,
+            hp_turbine: hpt,
+            hp_wastegate,
+            interstage_temperature: t_it,
+            lp_turbine: lpt,
+            lp_wastegate,
+            tail_temperature: t_t,
+            exhaust,
+        }
+    }
+}
+
+fn valve(p: &Parameters, orifice: Orifice) -> SolenoidValve {
+    SolenoidValve {
+        pressure_coefficient: p.valve.pressure_coefficient,
+        leakage_coefficient: p.valve.leakage_coefficient,
+        leakage_area_scale: p.valve.leakage_area_scale,
+        ambient_area: p.valve.ambient_area,
+        tank_area: p.valve.tank_area,
+        proportional_band: p.valve.proportional_band,
+        time_constant: p.valve.time_constant,
+        nominal_voltage: p.valve.nominal_voltage,
+        voltage_exponent: p.valve.voltage_exponent,
+        orifice,
+    }
+}
+
+fn actuator(p: &Parameters, air: Gas) -> Actuator {
+    Actuator {
+        membrane_area: p.actuator.membrane_area,
+        chamber_volume: p.actuator.chamber_volume,
+        mass: p.actuator.mass,
+        damping: p.actuator.damping,
+        spring_preload: p.actuator.spring_preload,
+        spring_stiffness: p.actuator.spring_stiffness,
+        spring_hardening: p.actuator.spring_hardening,
+        stroke: p.actuator.stroke,
+        stop_stiffness: p.actuator.stop_stiffness,
+        stop_damping: p.actuator.stop_damping,
+        stop_damping_depth: p.actuator.stop_damping_depth,
+        coulomb_friction: p.actuator.coulomb_friction,
+        friction_stiffness: p.actuator.friction_stiffness,
+        friction_exponent: p.actuator.friction_exponent,
+        exhaust_area: p.actuator.exhaust_area,
+        air,
+    }
+}
+
+fn cylinders(p: &Parameters, air: Gas, exhaust_gas: Gas) -> Cylinders {
+    Cylinders {
+        displacement: p.cylinders.displacement,
+        compression_ratio: p.cylinders.compression_ratio,
+        bore: p.cylinders.bore,
+        stroke: p.cylinders.stroke,
+        volumetric_efficiency_factor: p.cylinders.volumetric_efficiency_factor,
+        stoichiometric_air_fuel_ratio: p.cylinders.stoichiometric_air_fuel_ratio,
+        lower_heating_value: p.cylinders.lower_heating_value,
+        indicated_efficiency: p.cylinders.indicated_efficiency,
+        ignition_retard_loss: p.cylinders.ignition_retard_loss,
+        friction_boost_layout: p.cylinders.friction_boost_layout,
+        friction_auxiliary_factor: p.cylinders.friction_auxiliary_factor,
+        mean_effective_pressure_offset: p.cylinders.mean_effective_pressure_offset,
+        mean_effective_pressure_slope: p.cylinders.mean_effective_pressure_slope,
+        exhaust_temperature_offset: p.cylinders.exhaust_temperature_offset,
+        exhaust_temperature_slope: p.cylinders.exhaust_temperature_slope,
+        air,
+        exhaust_gas,
+    }
+}
+
+fn compressor(p: &CompressorParameters, air: Gas) -> Compressor {
+    Compressor {
+        diameter: p.diameter,
+        peak_head_coefficient: p.peak_head_coefficient,
+        peak_flow_coefficient: p.peak_flow_coefficient,
+        peak_efficiency: p.peak_efficiency,
+        peak_efficiency_flow_coefficient: p.peak_efficiency_flow_coefficient,
+        minimum_efficiency: p.minimum_efficiency,
+        head_smoothing: p.head_smoothing,
+        outlet_volume: p.outlet_volume,
+        air,
+    }
+}
+
+fn port(p: &PortParameters, orifice: Orifice) -> Port {
+    Port { open_area: p.area * p.discharge_coefficient, orifice }
+}
+
+fn turbine(p: &TurbineParameters, gas: Gas) -> Turbine {
+    Turbine {
+        flow_capacity: p.flow_capacity,
+        diameter: p.diameter,
+        peak_efficiency: p.peak_efficiency,
+        flow_exponent: p.flow_exponent,
+        peak_efficiency_speed_ratio: p.peak_efficiency_speed_ratio,
+        minimum_efficiency: p.minimum_efficiency,
+        flow_smoothing: p.flow_smoothing,
+        gas,
+    }
+}
+
+fn shaft(p: &ShaftParameters) -> Shaft {
+    Shaft { inertia: p.inertia, bearing_damping: p.bearing_damping }
+}

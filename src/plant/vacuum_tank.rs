@@ -1,0 +1,39 @@
+//! The vacuum tank and its pump (paper, section 3.2 and eq. (3)).
+//!
+//! The running pump draws a constant mass flow: the paper finds that good enough between 30 and 35 kPa,
+//! where the controller keeps the tank. A pump cannot draw from nothing, so below 1 kPa, far outside that
+//! band, its flow fades with the pressure; without this a pump that is left on would drive the tank's
+//! pressure through zero.
+
+use super::gas::Gas;
+
+/// The pressure in Pa below which the pump's flow fades.
+const PUMP_FADES_BELOW: f64 = 1000.0;
+
+/// A vacuum tank with a pump.
+#[derive(Clone, Copy, Debug)]
+pub struct VacuumTank {
+    /// Volume in m³.
+    pub volume: f64,
+    /// Whether the pressure is held as it is.
+    pub frozen: bool,
+    /// Flow in kg/s that the running pump draws.
+    pub pump_mass_flow: f64,
+    /// The gas in the tank.
+    pub air: Gas,
+}
+
+impl VacuumTank {
+    /// The flow in kg/s that the pump (0 … 1) draws at a tank pressure (Pa).
+    #[must_use]
+    pub fn drawn_mass_flow(&self, pump: f64, pressure: f64) -> f64 {
+        self.pump_mass_flow * pump * (pressure / PUMP_FADES_BELOW).min(1.0)
+    }
+
+    /// Rate of change of the pressure in Pa/s; `mass_flow` in kg/s goes in on balance, at a temperature
+    /// in K.
+    #[must_use]
+    pub fn pressure_rate(&self, temperature: f64, mass_flow: f64) -> f64 {
+        if self.frozen { 0.0 } else { self.air.pressure_rate(temperature, self.volume, mass_flow) }
+    }
+}

@@ -1,0 +1,50 @@
+//! Dense linear systems of a few unknowns.
+
+/// Solves `matrix · x = right_side` by Gaussian elimination with partial pivoting.
+///
+/// `None` when the matrix is singular to working precision or not finite.
+#[must_use]
+pub fn solve<const N: usize>(mut matrix: [[f64; N]; N], mut right_side: [f64; N]) -> Option<[f64; N]> {
+    for column in 0..N {
+        let pivot = (column..N).max_by(|&a, &b| matrix[a][column].abs().total_cmp(&matrix[b][column].abs()))?;
+        if !(matrix[pivot][column].abs() > f64::MIN_POSITIVE && matrix[pivot][column].is_finite()) {
+            return None;
+        }
+        matrix.swap(column, pivot);
+        right_side.swap(column, pivot);
+        for row in column + 1..N {
+            let factor = matrix[row][column] / matrix[column][column];
+            for k in column..N {
+                matrix[row][k] -= factor * matrix[column][k];
+            }
+            right_side[row] -= factor * right_side[column];
+        }
+    }
+    for row in (0..N).rev() {
+        let known: f64 = (row + 1..N).map(|k| matrix[row][k] * right_side[k]).sum();
+        right_side[row] = (right_side[row] - known) / matrix[row][row];
+    }
+    right_side.iter().all(|x| x.is_finite()).then_some(right_side)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_system_that_needs_pivoting_is_solved() {
+        let matrix = [[0.0, 2.0, 1.0], [1.0, -1.0, 0.0], [3.0, 0.0, -2.0]];
+        // The right side of x = (1, 2, 3).
+        let x = solve(matrix, [7.0, -1.0, -3.0]).unwrap();
+        for (x, expected) in x.iter().zip([1.0, 2.0, 3.0]) {
+            // A handful of operations on numbers of order 1.
+            assert!((x - expected).abs() < 1e-14, "{x} instead of {expected}");
+        }
+    }
+
+    #[test]
+    fn a_singular_system_is_refused() {
+        assert_eq!(solve([[1.0, 2.0], [2.0, 4.0]], [1.0, 1.0]), None);
+        assert_eq!(solve([[f64::NAN]], [1.0]), None);
+    }
+}

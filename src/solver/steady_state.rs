@@ -1,0 +1,160 @@
+//! The steady state of a system dx/dt = f(x) of a few unknowns, by pseudo-transient continuation.
+//!
+//! Each iteration is one implicit Euler step, linearised with a Jacobian from finite differences:
+//! (1/Δt − J)·Δx = f(x). While Δt is short this follows the transient from the guess and so finds the
+//! steady state that the system itself would reach; as the changes become small Δt grows, and the
+//! iteration turns into Newton's, which ends at the precision of the arithmetic (Kelley and Keyes,
+//! Convergence analysis of pseudo-transient continuation, SIAM J. Numer. Anal. 35(2), 1998).
+
+use super::linear;
+
+/// The pseudo time step of the first iteration in seconds.
+const FIRST_STEP: f64 = 1e-3;
+/// The pseudo time step in seconds above which the iteration is Newton's.
+const NEWTON_STEP: f64 = 1e8;
+/// The largest change of a scaled unknown in one iteration.
+const LARGEST_CHANGE: f64 = 0.2;
+/// A change of the scaled unknowns below which Newton's iteration has converged but for rounding.
+const CONVERGED: f64 = 1e-10;
+/// The increment of the finite differences relative to the unknown, about the root of the rounding unit.
+const INCREMENT: f64 = 1e-8;
+/// Iterations after which the search is given up; tens are usual.
+const MOST_ITERATIONS: usize = 400;
+/// Newton iterations after convergence, of which the one with the smallest residual is taken.
+const POLISHING_ITERATIONS: usize = 4;
+
+/// Why there is no steady state to return.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Failure {
+    /// The Jacobian is singular: any steady state is one of infinitely many.
+    NotIsolated,
+    /// The iteration does not come to rest.
+    NotConverged,
+}
+
+/// Finds the steady state of positive unknowns.
+///
+/// `derivatives` is f, `guess` where the search begins, `scales` the magnitude of each unknown.
+///
+/// # Errors
+/// When the system has no isolated steady state or none was found.
+pub fn find<const N: usize>(
+    derivatives: impl Fn(&[f64; N]) -> [f64; N],
+    guess: [f64; N],
+    scales: &[f64; N],
+) -> Result<[f64; N], Failure> {
+    let scaled = |y: &[f64; N]| -> [f64; N] {
+        let slopes = derivatives(&std::array::from_fn(|i| y[i] * scales[i]));
+        std::array::from_fn(|i| slopes[i] / scales[i])
+    };
+    let mut y: [f64; N] = std::array::from_fn(|i| guess[i] / scales[i]);
+    let mut slopes = scaled(&y);
+    let mut step = FIRST_STEP;
+    for _ in 0..MOST_ITERATIONS {
+        let newton = step >= NEWTON_STEP;
+        let damping = if newton { 0.0 } else { 1.0 / step };
+        let change = match linear::solve(damped(&scaled, &y, &slopes, damping), slopes) {
+            Some(change) => change,
+            None if newton => return Err(Failure::NotIsolated),
+            None => return Err(Failure::NotConverged),
+        };
+        let largest = magnitude(&change);
+        if newton && largest < CONVERGED {
+            let polished = polish(&scaled, y)?;
+            return Ok(std::array::from_fn(|i| polished[i] * scales[i]));
+        }
+        let share = admissible_share(&y, &change);
+        let next: [f64; N] = std::array::from_fn(|i| y[i] + share * change[i]);
+        let next_slopes = scaled(&next);
+        if next_slopes.iter().all(|slope| slope.is_finite()) && (share > 0.1 || newton) {
+            (y, slopes) = (next, next_slopes);
+            let factor = if share < 1.0 { 0.5 } else { (LARGEST_CHANGE / largest).clamp(1.0, 10.0) };
+            step *= factor;
+        } else {
+            step *= 0.1;
+        }
+    }
+    Err(Failure::NotConverged)
+}
+
+/// Takes a few more Newton steps and returns the unknowns with the smallest residual: at this precision
+/// rounding, no longer the method, decides which iterate is best.
+fn polish<const N: usize>(
+    scaled: &impl Fn(&[f64; N]) -> [f64; N],
+    mut y: [f64; N],
+) -> Result<[f64; N], Failure> {
+    let mut best = (f64::INFINITY, y);
+    for _ in 0..POLISHING_ITERATIONS {
+        let slopes = scaled(&y);
+        let residual = magnitude(&slopes);
+        if residual < best.0 {
+            best = (residual, y);
+        }
+        let change = linear::solve(damped(scaled, &y, &slopes, 0.0), slopes).ok_or(Failure::NotIsolated)?;
+        y = std::array::from_fn(|i| y[i] + change[i]);
+    }
+    Ok(best.1)
+}
+
+/// The matrix 1/Δt − J at the scaled unknowns, with `damping` = 1/Δt.
+fn damped<const N: usize>(
+    scaled: &impl Fn(&[f64; N]) -> [f64; N],
+    y: &[f64; N],
+    slopes: &[f64; N],
+    damping: f64,
+) -> [[f64; N]; N] {
+    let mut matrix = [[0.0; N]; N];
+    for column in 0..N {
+        let mut moved = *y;
+        moved[column] += INCREMENT * y[column].abs().max(1e-3);
+        let increment = moved[column] - y[column];
+        let moved_slopes = scaled(&moved);
+        for row in 0..N {
+            matrix[row][column] = -(moved_slopes[row] - slopes[row]) / increment;
+        }
+        matrix[column][column] += damping;
+    }
+    matrix
+}
+
+/// The share of a change that keeps within [`LARGEST_CHANGE`] and does not bring any unknown more than
+/// half way to zero.
+fn admissible_share<const N: usize>(y: &[f64; N], change: &[f64; N]) -> f64 {
+    let towards_zero = (0..N)
+        .filter(|&i| change[i] < 0.0)
+        .map(|i| 0.5 * y[i].max(0.0) / -change[i])
+        .fold(1.0, f64::min);
+    towards_zero.min(LARGEST_CHANGE / magnitude(change)).min(1.0)
+}
+
+/// The largest absolute value.
+fn magnitude<const N: usize>(vector: &[f64; N]) -> f64 {
+    vector.iter().fold(0.0, |largest, x| x.abs().max(largest))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_steady_state_that_the_transient_reaches_is_found() {
+        // x' = (x − 1)(3 − x)(x − 5)·x: 1 and 5 repel or attract by turns; from 2.9 the flow goes to 1.
+        let slope = |x: f64| -(x - 1.0) * (x - 3.0) * (x - 5.0);
+        let found = find(|x| [slope(x[0])], [2.9], &[1.0]).unwrap();
+        assert!((found[0] - 1.0).abs() < 1e-14, "{found:?}");
+        let found = find(|x| [slope(x[0])], [3.1], &[1.0]).unwrap();
+        assert!((found[0] - 5.0).abs() < 1e-14, "{found:?}");
+    }
+
+    #[test]
+    fn a_line_of_steady_states_is_not_isolated() {
+        let found = find(|x| [1.0 - x[0], 0.0], [0.5, 0.5], &[1.0, 1.0]);
+        assert_eq!(found, Err(Failure::NotIsolated));
+    }
+
+    #[test]
+    fn endless_growth_is_given_up() {
+        assert_eq!(find(|_| [1.0], [1.0], &[1.0]), Err(Failure::NotIsolated));
+        assert_eq!(find(|x| [1.0 + x[0]], [1.0], &[1.0]), Err(Failure::NotConverged));
+    }
+}
