@@ -1,0 +1,79 @@
+//! A controller on the bench: parameters set, initialized, stepped by a master.
+
+use boost_fmu::controller::BoostController;
+use boost_fmu::controller::variables::{Inputs, Outputs, Parameters, Variables};
+use fmi2_export::{Context, Error, Experiment, InputSignal, Model, Step};
+
+pub struct Bench {
+    pub model: BoostController,
+    pub variables: Variables,
+    experiment: Experiment,
+    /// What was logged: category and message.
+    pub log: Vec<(&'static str, String)>,
+}
+
+impl Bench {
+    /// A controller with changed parameters, initialized at time 0.
+    pub fn new(inputs: &Inputs, change: impl FnOnce(&mut Parameters)) -> Self {
+        Self::starting_at(0.0, inputs, change)
+    }
+
+    pub fn starting_at(start_time: f64, inputs: &Inputs, change: impl FnOnce(&mut Parameters)) -> Self {
+        let mut bench = Self {
+            model: BoostController::default(),
+            variables: Variables::default(),
+            experiment: Experiment { start_time, ..Experiment::default() },
+            log: Vec::new(),
+        };
+        change(&mut bench.variables.parameters);
+        BoostController::check_parameters(&bench.variables).expect("the parameters are consistent");
+        bench.initialize(inputs);
+        bench
+    }
+
+    pub fn initialize(&mut self, inputs: &Inputs) {
+        let log = &mut self.log;
+        let mut log = |category, message: std::fmt::Arguments<'_>| log.push((category, message.to_string()));
+        let mut context = Context::new(self.experiment, &mut log);
+        self.model.initialize(&mut self.variables, inputs, &mut context).expect("initialization succeeds");
+    }
+
+    /// One communication step.
+    pub fn step(&mut self, start: f64, size: f64, inputs: &Inputs) -> Outputs {
+        let signal = InputSignal::constant(*inputs);
+        let log = &mut self.log;
+        let mut log = |category, message: std::fmt::Arguments<'_>| log.push((category, message.to_string()));
+        let mut context = Context::new(self.experiment, &mut log);
+        let step = Step { start, size, inputs: &signal };
+        self.model.step(&mut self.variables, &step, &mut context).expect("the step succeeds");
+        self.variables.outputs
+    }
+
+    /// The sample with a number, at the controller's own pace.
+    pub fn sample(&mut self, number: u32, inputs: &Inputs) -> Outputs {
+        let sample_time = self.variables.parameters.sample_time;
+        self.step(f64::from(number) * sample_time, sample_time, inputs)
+    }
+}
+
+/// Why parameters are refused.
+pub fn refusal(change: impl FnOnce(&mut Parameters)) -> Option<Error> {
+    let mut variables = Variables::default();
+    change(&mut variables.parameters);
+    BoostController::check_parameters(&variables).err()
+}
+
+/// Numbers that look random and are the same in every run (splitmix64).
+pub struct Random(pub u64);
+
+impl Random {
+    /// Between two bounds.
+    pub fn between(&mut self, least: f64, most: f64) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut bits = self.0;
+        bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        bits ^= bits >> 31;
+        least + (most - least) * ((bits >> 11) as f64 / (1_u64 << 53) as f64)
+    }
+}

@@ -1,0 +1,12 @@
+//! The boost pressure controller, called as a model: its law against independent transcriptions and
+//! numbers worked out by hand, its clock, its initialization and what it refuses.
+
+#![allow(clippy::float_cmp, reason = "where equality is asserted, the law is exact")]
+
+mod bench;
+mod initialization;
+mod law;
+mod refusals;
+mod sampling;
+mod stages;
+mod transcription;

@@ -1,0 +1,71 @@
+//! Parameters that contradict each other are refused with a message that names them and their values.
+
+use boost_fmu::controller::variables::Parameters;
+
+use crate::bench::refusal;
+
+fn assert_refused(change: impl FnOnce(&mut Parameters), named: &[&str]) {
+    let message = refusal(change).expect("the parameters are refused").to_string();
+    for name in named {
+        assert!(message.contains(name), "{name} is missing in: {message}");
+    }
+}
+
+#[test]
+fn the_defaults_are_consistent() {
+    assert_eq!(refusal(|_| {}), None);
+}
+
+#[test]
+fn limits_without_a_band_between_them() {
+    assert_refused(
+        |parameters| parameters.tank_pressure_on = 29e3,
+        &["tank_pressure_on is 29000 Pa", "tank_pressure_off is 30000 Pa"],
+    );
+    assert_refused(
+        |parameters| parameters.tank_pressure_off = 35e3,
+        &["tank_pressure_on", "tank_pressure_off"],
+    );
+    assert_refused(|parameters| parameters.pwm_min = 80.0, &["pwm_min is 80 %", "pwm_max is 75 %"]);
+    assert_refused(|parameters| parameters.pwm_max = 25.0, &["pwm_min is 25 %", "pwm_max is 25 %"]);
+    assert_refused(
+        |parameters| parameters.lp_wastegate_close_below = 3500.0,
+        &["lp_wastegate_close_below is 3500 rpm", "lp_wastegate_open_above is 3500 rpm"],
+    );
+}
+
+#[test]
+fn grids_that_do_not_increase() {
+    assert_refused(
+        |parameters| parameters.schedule.engine_speed[3] = 1500.0,
+        &["schedule.engine_speed[3] is 1500", "schedule.engine_speed[4] is 1500"],
+    );
+    assert_refused(
+        |parameters| parameters.schedule.boost_reference[15] = 1e5,
+        &["schedule.boost_reference[15] is 230000", "schedule.boost_reference[16] is 100000"],
+    );
+}
+
+#[test]
+fn gains_that_are_or_pass_through_0() {
+    assert_refused(|parameters| parameters.schedule.gain[4][2] = 0.0, &["schedule.gain[5,3] is 0 Pa/%"]);
+    assert_refused(
+        |parameters| parameters.schedule.gain[4][2] = -1e-9,
+        &["schedule.gain[5,3]", "-0.000000001"],
+    );
+    assert_refused(
+        |parameters| parameters.schedule.gain[15][6] = 2000.0,
+        &["schedule.gain[1,1] is -1140.44 Pa/%", "schedule.gain[16,7] is 2000 Pa/%"],
+    );
+}
+
+/// An actuator that shuts the wastegate with more duty has positive gains.
+#[test]
+fn positive_gains_are_as_good() {
+    let negate = |parameters: &mut Parameters| {
+        for gain in parameters.schedule.gain.iter_mut().flatten() {
+            *gain = -*gain;
+        }
+    };
+    assert_eq!(refusal(negate), None);
+}
