@@ -34,7 +34,6 @@ impl SampleClock {
         // The second term covers this comparison's own rounding, at times that are far from 0.
         let coincidence = (COINCIDENCE * sample_time + 2.0 * f64::EPSILON * end.abs() + self.rounding)
             .min(MOST_COINCIDENCE * sample_time);
-        #[allow(clippy::cast_precision_loss, reason = "exact for the first 9e15 samples")]
         let time = start_time + self.executed as f64 * sample_time;
         (time < end - coincidence).then(|| {
             self.executed += 1;
