@@ -5,8 +5,8 @@ use std::io::{self, Read, Write};
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
+use quick_xml::{Reader, XmlVersion};
 use zip::ZipArchive;
 
 /// No description that a tool wrote is as large (bytes); an archive may claim more than memory holds.
@@ -66,8 +66,8 @@ impl Attributes {
         let mut attributes = vec![];
         for attribute in element.attributes() {
             let attribute = attribute?;
-            let key = String::from_utf8(attribute.key.as_ref().to_vec())?;
-            attributes.push((key, attribute.unescape_value()?.into_owned()));
+            let value = attribute.normalized_value(XmlVersion::Implicit1_0)?;
+            attributes.push((attribute.key.as_ref().to_owned(), value.into_owned()));
         }
         Ok(Self(attributes))
     }
@@ -102,7 +102,7 @@ impl Description {
                 Event::Eof => break,
                 _ => continue,
             };
-            let name = String::from_utf8(element.local_name().as_ref().to_vec())?;
+            let name = element.local_name().as_ref().to_owned();
             let attributes = Attributes::of(element)?;
             let parents: Vec<&str> = path.iter().map(String::as_str).collect();
             match parents[..] {
