@@ -1,0 +1,100 @@
+"""The exported files: valid, small, reproducible, and with the standard's functions only."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import zipfile
+from pathlib import Path
+
+import pytest
+from fmpy import __file__ as fmpy_file
+from fmpy.validation import validate_fmu
+from lxml import etree
+from master import Fmu
+
+NAMES = ["BoostPlant", "BoostController"]
+
+LARGEST = 600_000
+"""Bytes of an FMU."""
+
+FUNCTIONS = """
+fmi2GetTypesPlatform fmi2GetVersion fmi2SetDebugLogging
+fmi2Instantiate fmi2FreeInstance
+fmi2SetupExperiment fmi2EnterInitializationMode fmi2ExitInitializationMode fmi2Terminate fmi2Reset
+fmi2GetReal fmi2GetInteger fmi2GetBoolean fmi2GetString
+fmi2SetReal fmi2SetInteger fmi2SetBoolean fmi2SetString
+fmi2GetFMUstate fmi2SetFMUstate fmi2FreeFMUstate
+fmi2SerializedFMUstateSize fmi2SerializeFMUstate fmi2DeSerializeFMUstate
+fmi2GetDirectionalDerivative
+fmi2SetRealInputDerivatives fmi2GetRealOutputDerivatives
+fmi2DoStep fmi2CancelStep
+fmi2GetStatus fmi2GetRealStatus fmi2GetIntegerStatus fmi2GetBooleanStatus fmi2GetStringStatus
+""".split()
+"""All functions of FMI 2.0 for co-simulation."""
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_fmpy_finds_no_problem(exported: Path, name: str) -> None:
+    assert validate_fmu(str(exported / f"{name}.fmu")) == []
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_description_follows_the_schema(exported: Path, name: str) -> None:
+    file = Path(fmpy_file).parent / "schema" / "fmi2" / "fmi2ModelDescription.xsd"
+    schema = etree.XMLSchema(etree.parse(file))
+    with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
+        document = etree.fromstring(archive.read("modelDescription.xml"))
+    schema.assertValid(document)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_library_defines_the_standards_functions_only(fmus: dict[str, Fmu], name: str) -> None:
+    library = Path(fmus[name].folder) / "binaries" / "linux64" / f"{name}.so"
+    command = ["nm", "-D", "--defined-only", str(library)]
+    lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    assert len(FUNCTIONS) == 34
+    assert sorted(line.split()[-1] for line in lines) == sorted(FUNCTIONS)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_fmu_is_small(exported: Path, name: str) -> None:
+    assert (exported / f"{name}.fmu").stat().st_size < LARGEST
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_archive_is_tidy(exported: Path, name: str) -> None:
+    """Only folders that the standard names, each entry once, in the same order and of one date."""
+    with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
+        assert archive.testzip() is None
+        entries = archive.infolist()
+    names = [entry.filename for entry in entries]
+    assert len(names) == len(set(names))
+    assert {n.split("/")[0] for n in names} <= {
+        "modelDescription.xml",
+        "binaries",
+        "documentation",
+        "resources",
+        "model.png",
+    }
+    assert f"binaries/linux64/{name}.so" in names
+    assert "documentation/licenses/LICENSE-MIT" in names
+    assert len({entry.date_time for entry in entries}) == 1
+    assert {entry.compress_type for entry in entries} <= {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
+
+
+def test_export_is_reproducible(root: Path, tmp_path: Path) -> None:
+    """The same sources give the same bytes, also when cargo compiles them anew."""
+
+    def export(folder: str) -> dict[str, str]:
+        out = tmp_path / folder
+        command = ["cargo", "run", "--release", "--quiet", "--", "export", "--out", str(out)]
+        subprocess.run(command, cwd=root, check=True, capture_output=True)
+        return {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in out.iterdir()}
+
+    first = export("first")
+    for source in ["build.rs", "src/lib.rs", *root.glob("crates/*/src/lib.rs")]:
+        os.utime(root / source)
+    assert export("second") == first
+    assert sorted(first) == ["BoostController.fmu", "BoostPlant.fmu"]
