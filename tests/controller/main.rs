@@ -4,6 +4,7 @@
 #![allow(clippy::float_cmp, reason = "where equality is asserted, the law is exact")]
 
 mod bench;
+mod extremes;
 mod initialization;
 mod law;
 mod refusals;

@@ -1,0 +1,92 @@
+//! Any parameters within their ranges that do not contradict each other, and any inputs within theirs, give
+//! finite values and outputs within their ranges.
+
+use boost_fmu::controller::BoostController;
+use boost_fmu::controller::variables::{Inputs, Variables};
+use fmi2_export::description::{Causality, DataType};
+use fmi2_export::{Inputs as _, Model as _, Variables as _};
+
+use crate::bench::{Bench, Random};
+
+/// A bound or something between, small values as likely as large ones.
+fn value_within(random: &mut Random, least: f64, most: f64) -> f64 {
+    let between = match random.between(0.0, 4.0) {
+        choice if choice < 1.0 => least,
+        choice if choice < 2.0 => most,
+        choice if choice < 3.0 && least > 0.0 => least * (most / least).powf(random.between(0.0, 1.0)),
+        _ => random.between(least, most),
+    };
+    between.clamp(least, most)
+}
+
+/// Random parameters that pass the check; the schedule's grid and signs of gains stay.
+fn parameters(random: &mut Random) -> Variables {
+    loop {
+        let mut variables = Variables::default();
+        for (reference, variable) in (0..).zip(Variables::DESCRIPTION.variables) {
+            if variable.causality != Causality::Parameter || random.between(0.0, 1.0) < 0.5 {
+                continue;
+            }
+            match variable.data_type {
+                DataType::Real if variable.name.starts_with("schedule.gain") => {
+                    variables.set_real(reference, -value_within(random, 1e-3, variable.max));
+                }
+                DataType::Real
+                    if !["schedule.engine_speed", "schedule.boost_reference"]
+                        .iter()
+                        .any(|grid| variable.name.starts_with(grid)) =>
+                {
+                    variables.set_real(reference, value_within(random, variable.min, variable.max));
+                }
+                DataType::Boolean => variables.set_boolean(reference, random.between(0.0, 1.0) < 0.5),
+                // Rarely another mode than boost, where there is the most to go wrong.
+                DataType::Enumeration => {
+                    let items = if variable.name == "mode" { 3 } else { 2 };
+                    let item = (1..items).find(|_| random.between(0.0, 1.0) < 0.7).unwrap_or(items);
+                    variables.set_integer(reference, item);
+                }
+                _ => {}
+            }
+        }
+        if BoostController::check_parameters(&variables).is_ok() {
+            return variables;
+        }
+    }
+}
+
+#[test]
+fn whatever_is_allowed_gives_numbers() {
+    let mut random = Random(99);
+    let description = Variables::DESCRIPTION;
+    for _ in 0..500 {
+        let variables = parameters(&mut random);
+        let mut bench = Bench::new(&Inputs::default(), |_| {});
+        bench.variables = variables;
+        bench.initialize(&Inputs::default());
+        let mut inputs = Inputs::default();
+        for number in 0..500 {
+            for variable in description.variables {
+                if let Some(position) = variable.real_input
+                    && random.between(0.0, 1.0) < 0.1
+                {
+                    inputs.set_real(position, value_within(&mut random, variable.min, variable.max));
+                }
+            }
+            bench.sample(number, &inputs);
+            for (reference, variable) in (0..).zip(description.variables) {
+                if !matches!(variable.causality, Causality::Output | Causality::Local)
+                    || variable.data_type != DataType::Real
+                {
+                    continue;
+                }
+                let value = bench.variables.real(reference);
+                assert!(
+                    value.is_finite() && (variable.min..=variable.max).contains(&value),
+                    "{} is {value} with {:?} at {inputs:?}",
+                    variable.name,
+                    bench.variables.parameters
+                );
+            }
+        }
+    }
+}
