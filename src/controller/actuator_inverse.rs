@@ -8,8 +8,8 @@ use super::variables::ActuatorInverseParameters;
 /// The largest duty (%).
 const FULL_DUTY: f64 = 100.0;
 
-/// More steps than are ever taken: two in a row at least halve the bracket or the step, and 60 halvings
-/// come from the range of the duty to neighbouring numbers.
+/// A bound on the steps: bisection alone needs some 55 from the range of the duty to neighbouring numbers,
+/// Newton's method a handful.
 const MOST_STEPS: usize = 128;
 
 /// The duty at nominal voltage (%) that holds the wastegate at an opening from 0 (the duty at which it
@@ -35,18 +35,10 @@ fn root(coefficients: &[f64; 4], value: f64) -> f64 {
     let slope = |duty: f64| (3.0 * k1 * duty + 2.0 * k2) * duty + k3;
     let (at_none, at_full) = (excess(0.0), excess(FULL_DUTY));
     if at_none == 0.0 || at_full == 0.0 || (at_none > 0.0) == (at_full > 0.0) {
-        return if at_none.abs() <= at_full.abs() {
-            0.0
-        } else {
-            FULL_DUTY
-        };
+        return if at_none.abs() <= at_full.abs() { 0.0 } else { FULL_DUTY };
     }
     // The ends of the bracket by the sign of the excess there.
-    let (mut above, mut below) = if at_none > 0.0 {
-        (0.0, FULL_DUTY)
-    } else {
-        (FULL_DUTY, 0.0)
-    };
+    let (mut above, mut below) = if at_none > 0.0 { (0.0, FULL_DUTY) } else { (FULL_DUTY, 0.0) };
     let mut duty = FULL_DUTY / 2.0;
     let mut step = FULL_DUTY;
     for _ in 0..MOST_STEPS {
@@ -58,11 +50,7 @@ fn root(coefficients: &[f64; 4], value: f64) -> f64 {
         let newton = -here / slope(duty);
         let stays_inside = (duty + newton - above) * (duty + newton - below) < 0.0;
         let bisection = f64::midpoint(above, below) - duty;
-        step = if stays_inside && newton.abs() < 0.5 * step.abs() {
-            newton
-        } else {
-            bisection
-        };
+        step = if stays_inside && newton.abs() < 0.5 * step.abs() { newton } else { bisection };
         if step.abs() <= f64::EPSILON * duty {
             break;
         }
@@ -90,10 +78,7 @@ mod tests {
         for coefficients in odd {
             for value in [-1e9, -1.0, 0.0, 3e4, 5e4, 1e5, 1e9] {
                 let duty = root(&coefficients, value);
-                assert!(
-                    (0.0..=FULL_DUTY).contains(&duty),
-                    "{coefficients:?} {value}: {duty}"
-                );
+                assert!((0.0..=FULL_DUTY).contains(&duty), "{coefficients:?} {value}: {duty}");
                 let excess = |duty: f64| coefficients.iter().fold(0.0, |sum, k| sum * duty + k) - value;
                 if excess(0.0) * excess(FULL_DUTY) < 0.0 {
                     // One ulp of the duty moves the cubic by its slope, at most 3e10 Pa/% here, times

@@ -33,10 +33,7 @@ impl Compensator {
     /// The limits of a duty at nominal voltage: those given (%), and what full duty amounts to.
     #[must_use]
     pub fn limits(self, least: f64, most: f64) -> Limits {
-        Limits {
-            least,
-            most: most.min(FULL_DUTY / self.factor),
-        }
+        Limits { least, most: most.min(FULL_DUTY / self.factor) }
     }
 
     /// The duty (%) at this voltage that acts like one at nominal voltage.

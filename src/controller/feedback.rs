@@ -38,9 +38,7 @@ impl Tuning {
 
     /// The tracking time `T_tr` of the paper, section 6, not below four samples (s).
     fn tracking_time(&self, sample_time: f64) -> f64 {
-        (self.integral_time * self.derivative_time)
-            .sqrt()
-            .max(LEAST_TRACKING_SAMPLES * sample_time)
+        (self.integral_time * self.derivative_time).sqrt().max(LEAST_TRACKING_SAMPLES * sample_time)
     }
 }
 
@@ -59,11 +57,7 @@ impl Pid {
     /// A controller that begins at rest at a boost pressure (Pa).
     #[must_use]
     pub fn at(measurement: f64) -> Self {
-        Self {
-            integral: 0.0,
-            derivative: 0.0,
-            measurement,
-        }
+        Self { integral: 0.0, derivative: 0.0, measurement }
     }
 
     /// The derivative term takes the measurement (Pa) of a new sample.

@@ -135,20 +135,11 @@ impl Model for BoostController {
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
         *self = Self::default();
-        let Variables {
-            parameters,
-            locals,
-            outputs,
-            ..
-        } = variables;
+        let Variables { parameters, locals, outputs, .. } = variables;
         let bypassed = StageStrategy::default().sample(parameters, inputs.engine_speed);
         let valves = Valves {
             vacuum_pump: false,
-            lp_wastegate: if bypassed {
-                0.0
-            } else {
-                stage::lp_wastegate(parameters, inputs.engine_speed)
-            },
+            lp_wastegate: if bypassed { 0.0 } else { stage::lp_wastegate(parameters, inputs.engine_speed) },
             hp_bypass: bypassed,
         };
         let duty = if bypassed && parameters.mode == ControlMode::Boost {
@@ -158,14 +149,7 @@ impl Model for BoostController {
         };
         let command = Command::feedforward(duty, feedforward::bounded_reference(parameters, inputs));
         let compensator = Compensator::new(parameters, inputs.supply_voltage_measured);
-        publish(
-            locals,
-            outputs,
-            &command,
-            compensator,
-            limits(parameters, compensator),
-            valves,
-        );
+        publish(locals, outputs, &command, compensator, limits(parameters, compensator), valves);
         locals.sample_count = 0;
         Ok(())
     }
@@ -197,50 +181,33 @@ impl Model for BoostController {
 impl BoostController {
     /// Executes the sample at a time (s).
     fn sample(&mut self, variables: &mut Variables, inputs: &Inputs, time: f64, context: &mut Context<'_>) {
-        let Variables {
-            parameters,
-            locals,
-            outputs,
-            ..
-        } = variables;
+        let Variables { parameters, locals, outputs, .. } = variables;
         if parameters.mode == ControlMode::Boost && self.boost.is_none() {
             if inputs.boost_pressure < LEAST_MEASUREMENT {
                 return;
             }
             self.boost = Some(BoostLoop::at(inputs.boost_pressure));
             let pressure = inputs.boost_pressure;
-            context.event(format_args!(
-                "at {time} s: the first measurement of boost, {pressure} Pa"
-            ));
+            context.event(format_args!("at {time} s: the first measurement of boost, {pressure} Pa"));
         }
         let (was_on, was_bypassed) = (self.relay, self.stage);
         let vacuum_pump = self.relay.sample(parameters, inputs.tank_pressure);
         let bypassed = self.stage.sample(parameters, inputs.engine_speed);
         if self.relay != was_on {
             let (does, pressure) = (if vacuum_pump { "on" } else { "off" }, inputs.tank_pressure);
-            context.event(format_args!(
-                "at {time} s: the vacuum pump goes {does}, tank at {pressure} Pa"
-            ));
+            context.event(format_args!("at {time} s: the vacuum pump goes {does}, tank at {pressure} Pa"));
         }
         if self.stage != was_bypassed {
-            let (is, speed) = (
-                if bypassed { "passed by" } else { "at work" },
-                inputs.engine_speed,
-            );
-            context.event(format_args!(
-                "at {time} s: the high-pressure stage is {is}, {speed} rpm"
-            ));
+            let (is, speed) = (if bypassed { "passed by" } else { "at work" }, inputs.engine_speed);
+            context.event(format_args!("at {time} s: the high-pressure stage is {is}, {speed} rpm"));
         }
 
         let compensator = Compensator::new(parameters, inputs.supply_voltage_measured);
         let limits = limits(parameters, compensator);
         let reference = feedforward::bounded_reference(parameters, inputs);
         // The low-pressure wastegate of a high-pressure stage passed by is shut but for mode boost.
-        let mut lp_wastegate = if bypassed {
-            0.0
-        } else {
-            stage::lp_wastegate(parameters, inputs.engine_speed)
-        };
+        let mut lp_wastegate =
+            if bypassed { 0.0 } else { stage::lp_wastegate(parameters, inputs.engine_speed) };
         let command = match &mut self.boost {
             Some(boost) if bypassed => {
                 lp_wastegate = boost.pass_by(parameters, inputs.boost_pressure, reference);
@@ -249,11 +216,7 @@ impl BoostController {
             Some(boost) => boost.control(parameters, inputs, reference, limits),
             None => Command::feedforward(feedforward::at_rest(parameters, inputs), reference),
         };
-        let valves = Valves {
-            vacuum_pump,
-            lp_wastegate,
-            hp_bypass: bypassed,
-        };
+        let valves = Valves { vacuum_pump, lp_wastegate, hp_bypass: bypassed };
         publish(locals, outputs, &command, compensator, limits, valves);
     }
 }
@@ -276,20 +239,14 @@ impl BoostLoop {
         reference: f64,
         limits: Limits,
     ) -> Command {
-        let &Parameters {
-            sample_time,
-            lambda,
-            derivative_filter,
-            ..
-        } = parameters;
+        let &Parameters { sample_time, lambda, derivative_filter, .. } = parameters;
         let measurement = inputs.boost_pressure;
         self.low_pressure = LowPressureLoop::default();
 
         let operating_point = OperatingPoint::new(&parameters.schedule, reference, inputs.engine_speed);
         let local_model = operating_point.local_model();
         let tuning = Tuning::new(&local_model, lambda);
-        self.pid
-            .differentiate(&tuning, derivative_filter, sample_time, measurement);
+        self.pid.differentiate(&tuning, derivative_filter, sample_time, measurement);
 
         let (feedforward, error, reference_model_pressure) = match parameters.structure {
             FeedbackStructure::Paper => (operating_point.feedforward(), reference - measurement, reference),
@@ -299,12 +256,7 @@ impl BoostLoop {
                 let feedforward = model.feedforward(&linearized, reference, lambda);
                 let error = model.error(measurement);
                 let pressure = model.pressure;
-                model.advance(
-                    &linearized,
-                    limits.clip(feedforward),
-                    local_model.delay,
-                    sample_time,
-                );
+                model.advance(&linearized, limits.clip(feedforward), local_model.delay, sample_time);
                 (feedforward, error, pressure)
             }
         };
@@ -316,8 +268,7 @@ impl BoostLoop {
             reference_model_pressure,
         };
         let duty = command.duty();
-        self.pid
-            .integrate(&tuning, sample_time, error, limits.clip(duty) - duty);
+        self.pid.integrate(&tuning, sample_time, error, limits.clip(duty) - duty);
         command
     }
 
@@ -325,10 +276,7 @@ impl BoostLoop {
     /// high-pressure wastegate follows the boost pressure, from which it begins anew when its turn comes.
     fn pass_by(&mut self, parameters: &Parameters, boost_pressure: f64, reference: f64) -> f64 {
         let low_pressure = self.low_pressure;
-        *self = Self {
-            low_pressure,
-            ..Self::at(boost_pressure)
-        };
+        *self = Self { low_pressure, ..Self::at(boost_pressure) };
         self.low_pressure.sample(parameters, boost_pressure - reference)
     }
 }

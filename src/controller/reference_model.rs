@@ -31,10 +31,7 @@ impl ReferenceModel {
     /// A model that begins at rest at a boost pressure (Pa).
     #[must_use]
     pub fn at(pressure: f64) -> Self {
-        Self {
-            pressure,
-            delayed: None,
-        }
+        Self { pressure, delayed: None }
     }
 
     /// The model at its boost pressure, given any operating point of the same engine speed.
@@ -42,10 +39,7 @@ impl ReferenceModel {
     pub fn linearize(&self, operating_point: OperatingPoint<'_>) -> Linearized {
         let here = operating_point.at_pressure(self.pressure);
         let local = here.local_model();
-        Linearized {
-            holding: here.feedforward(),
-            slope: local.gain / local.time_constant,
-        }
+        Linearized { holding: here.feedforward(), slope: local.gain / local.time_constant }
     }
 
     /// The duty at nominal voltage (%) that leads the model to the reference (Pa) with the time constant

@@ -38,11 +38,7 @@ impl Place {
         let width = axis[below + 1] - axis[below];
         // An axis that does not increase is refused before the first step, but initialization must get
         // as far as that without dividing by zero.
-        let fraction = if width > 0.0 {
-            ((value - axis[below]) / width).clamp(0.0, 1.0)
-        } else {
-            0.0
-        };
+        let fraction = if width > 0.0 { ((value - axis[below]) / width).clamp(0.0, 1.0) } else { 0.0 };
         Self { below, fraction }
     }
 
@@ -74,10 +70,7 @@ impl<'a> OperatingPoint<'a> {
     /// The operating point of another boost pressure (Pa) at the same engine speed.
     #[must_use]
     pub fn at_pressure(self, boost_pressure: f64) -> Self {
-        Self {
-            row: Place::on(&self.schedule.boost_reference, boost_pressure),
-            ..self
-        }
+        Self { row: Place::on(&self.schedule.boost_reference, boost_pressure), ..self }
     }
 
     /// The duty at nominal voltage (%) that holds the boost pressure at rest: the static map of the
@@ -98,8 +91,7 @@ impl<'a> OperatingPoint<'a> {
     }
 
     fn interpolate<const ROWS: usize, const COLUMNS: usize>(self, table: &[[f64; COLUMNS]; ROWS]) -> f64 {
-        self.row
-            .interpolate(|row| self.column.interpolate(|column| table[row][column]))
+        self.row.interpolate(|row| self.column.interpolate(|column| table[row][column]))
     }
 }
 

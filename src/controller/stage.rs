@@ -21,11 +21,7 @@ impl StageStrategy {
     /// speed has fallen below it by the hysteresis.
     pub fn sample(&mut self, parameters: &Parameters, engine_speed: f64) -> bool {
         let until = parameters.lp_wastegate_open_above;
-        let from = if self.bypassed {
-            until - parameters.stage_hysteresis
-        } else {
-            until
-        };
+        let from = if self.bypassed { until - parameters.stage_hysteresis } else { until };
         self.bypassed = engine_speed >= until || engine_speed > from;
         self.bypassed
     }
@@ -35,10 +31,7 @@ impl StageStrategy {
 /// shut up to the one limit, fully open at the other, linear between.
 #[must_use]
 pub fn lp_wastegate(parameters: &Parameters, engine_speed: f64) -> f64 {
-    let (shut, open) = (
-        parameters.lp_wastegate_close_below,
-        parameters.lp_wastegate_open_above,
-    );
+    let (shut, open) = (parameters.lp_wastegate_close_below, parameters.lp_wastegate_open_above);
     if engine_speed <= shut {
         0.0
     } else if engine_speed >= open {
@@ -77,10 +70,7 @@ impl LowPressureLoop {
 /// # Errors
 /// Names both with their values.
 pub fn check(parameters: &Parameters) -> Result<(), Error> {
-    let (shut, open) = (
-        parameters.lp_wastegate_close_below,
-        parameters.lp_wastegate_open_above,
-    );
+    let (shut, open) = (parameters.lp_wastegate_close_below, parameters.lp_wastegate_open_above);
     if shut < open {
         return Ok(());
     }
