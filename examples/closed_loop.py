@@ -9,7 +9,7 @@ from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
 
 
-class Fmu(FMU2Slave):
+class FMU2ByName(FMU2Slave):
     """An FMU in initialization mode, its variables by name."""
 
     def __init__(self, name):
@@ -31,7 +31,7 @@ class Fmu(FMU2Slave):
         return {name for name, v in self.variables.items() if v.causality == causality}
 
 
-controller, plant = Fmu("BoostController"), Fmu("BoostPlant")
+controller, plant = FMU2ByName("BoostController"), FMU2ByName("BoostPlant")
 commands = controller.named("output") & plant.named("input")
 measurements = plant.named("output") & controller.named("input")
 steps = {0: 125, 5: 135, 15: 150, 25: 170, 38: 185, 52: 170, 64: 150, 76: 135, 88: 125, 100: 145, 112: 125}

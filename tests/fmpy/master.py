@@ -38,6 +38,18 @@ class Message(NamedTuple):
     text: str
 
 
+_LOGS: dict[int, list[Message]] = {}
+"""The messages of each instance, by its componentEnvironment."""
+
+
+def _log(environment: int, _: bytes, status: int, category: bytes, message: bytes) -> None:
+    _LOGS[environment].append(Message(status, category.decode(), message.decode()))
+
+
+_LOGGER = fmi2CallbackLoggerTYPE(_log)
+"""One for all: FMPy's proxy, which formats the messages, remembers only the last logger it was given."""
+
+
 class Fmu:
     """An extracted FMU, of which any number of instances can be made."""
 
@@ -73,16 +85,13 @@ class Instance:
             instanceName=name or fmu.description.modelName,
         )
         callbacks = fmi2CallbackFunctions()
-        callbacks.logger = fmi2CallbackLoggerTYPE(self._log)
+        callbacks.logger = _LOGGER
         callbacks.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
         callbacks.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
-        # The struct loses the Python function when FMPy's proxy, which formats the message, takes its place.
-        self._logger = callbacks.logger
+        callbacks.componentEnvironment = id(self)
         addLoggerProxy(byref(callbacks))
+        _LOGS[id(self)] = self.messages
         self.slave.instantiate(callbacks=callbacks, loggingOn=True)
-
-    def _log(self, _, __, status: int, category: bytes, message: bytes) -> None:
-        self.messages.append(Message(status, category.decode(), message.decode()))
 
     def warnings(self) -> list[str]:
         """The texts of the warnings so far."""
@@ -125,9 +134,7 @@ class Instance:
         tolerance: float | None = None,
     ) -> Instance:
         """Sets start values and enters the initialization mode."""
-        self.slave.setupExperiment(
-            startTime=start_time, stopTime=stop_time, tolerance=tolerance
-        )
+        self.slave.setupExperiment(startTime=start_time, stopTime=stop_time, tolerance=tolerance)
         self.set(values or {})
         self.slave.enterInitializationMode()
         return self

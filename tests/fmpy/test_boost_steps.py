@@ -9,7 +9,6 @@ from experiments import (
     BOOST_STEPS,
     BOOST_STEPS_END,
     ON_TOLERANCE,
-    SAMPLE_TIME,
     Steps,
     couple,
     couple_running,
@@ -84,7 +83,9 @@ def test_result_does_not_depend_on_the_communication_rate(plant: Make, controlle
     """Within 0.3 kPa in transients (a sample inside a long step acts early), 0.02 kPa at rest."""
     records = [boost_steps(plant, controller, rate) for rate in RATES]
     # Instants that all have: multiples of 25 ms.
-    common = [record["boost_pressure"][:: round(rate / 40)] for rate, record in zip(RATES, records, strict=True)]
+    common = [
+        record["boost_pressure"][:: round(rate / 40)] for rate, record in zip(RATES, records, strict=True)
+    ]
     spread = np.ptp(np.stack(common), axis=0)
     time = np.arange(len(spread)) / 40
     ends = np.array([time for time, _ in BOOST_STEPS[1:]] + [BOOST_STEPS_END])
@@ -95,9 +96,10 @@ def test_result_does_not_depend_on_the_communication_rate(plant: Make, controlle
 
 
 def test_loop_starts_at_rest(plant: Make, controller: Make) -> None:
-    """A settled start with values exchanged in initialization stays near the reference."""
-    master = couple(plant(), controller())
-    record = master.run(3.0)
-    # The map's feedforward was identified with friction, which a settled start has not: 1.8 kPa at most.
-    assert np.max(np.abs(record["boost_pressure"] - 125e3)) <= 1800
-    assert SAMPLE_TIME == master.step
+    """With values exchanged in initialization, both begin near the reference and go to it without a jolt."""
+    record = couple(plant(), controller()).run(3.0)
+    error = record["boost_pressure"] - 125e3
+    print(f"at the start {error[0]:.0f} Pa, at most {np.max(np.abs(error)):.0f} Pa")
+    # The map was identified with friction, which a settled start has not: up to 1.8 kPa.
+    assert abs(error[0]) <= 1800
+    assert np.max(np.abs(error)) <= abs(error[0]) + ON_TOLERANCE

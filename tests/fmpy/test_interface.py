@@ -218,7 +218,7 @@ def test_the_controllers_actuator_is_the_plants(fmus: dict[str, Fmu]) -> None:
     """Position control inverts the plant that it is delivered with."""
     plant, controller = fmus["BoostPlant"].variables, fmus["BoostController"].variables
     pairs = {f"valve.pressure_coefficient[{i}]": f"pressure_coefficient[{i}]" for i in range(1, 5)}
-    names = "spring_preload spring_stiffness spring_hardening membrane_area stroke".split()
+    names = ["spring_preload", "spring_stiffness", "spring_hardening", "membrane_area", "stroke"]
     pairs |= {f"actuator.{name}": name for name in names}
     for mine, its in pairs.items():
         assert float(plant[mine].start) == float(controller[f"actuator_inverse.{its}"].start), mine
@@ -227,9 +227,7 @@ def test_the_controllers_actuator_is_the_plants(fmus: dict[str, Fmu]) -> None:
 
 
 @pytest.mark.parametrize(("key", "promised"), ENUMERATIONS.items(), ids=lambda v: str(v[1]))
-def test_enumerations(
-    fmus: dict[str, Fmu], key: tuple[str, str], promised: tuple[list[str], str]
-) -> None:
+def test_enumerations(fmus: dict[str, Fmu], key: tuple[str, str], promised: tuple[list[str], str]) -> None:
     items, start = promised
     variable = fmus[key[0]].variables[key[1]]
     found = {int(item.value): item.name for item in variable.declaredType.items}
@@ -264,9 +262,9 @@ def test_no_loop_through_what_the_controller_reads(fmus: dict[str, Fmu]) -> None
         assert reads is not None, "absent dependencies mean all"
         assert [variable.name for variable in reads if variable.causality == "input"] == [], name
     outputs = fmus["BoostController"].description.outputs
-    assert {unknown.variable.name: unknown.dependencies for unknown in outputs} == dict.fromkeys(
-        CONTROLLER_OUTPUTS, []
-    )
+    assert {unknown.variable.name: unknown.dependencies for unknown in outputs} == {
+        name: [] for name in CONTROLLER_OUTPUTS
+    }
 
 
 def test_initial_system_of_both_has_no_loop(fmus: dict[str, Fmu]) -> None:
@@ -298,7 +296,6 @@ def test_capabilities(fmus: dict[str, Fmu], name: str) -> None:
     for capability in [
         "canHandleVariableCommunicationStepSize",
         "canGetAndSetFMUstate",
-        "canSerializeFMUstate",
         "canInterpolateInputs",
     ]:
         assert getattr(simulation, capability), capability

@@ -30,7 +30,9 @@ def test_hand_over_dips_and_recovers(plant: Make, controller: Make, rate: float)
     climb = 1000.0 / rate
     up, down = 10.0, 10.0 + climb + 20.0
     end = down + climb + 20.0
-    speed = ramp((0, 3000.0), (up, 3000.0), (up + climb, 4000.0), (down, 4000.0), (down + climb, 3000.0), (end, 3000.0))
+    speed = ramp(
+        (0, 3000.0), (up, 3000.0), (up + climb, 4000.0), (down, 4000.0), (down + climb, 3000.0), (end, 3000.0)
+    )
     inputs = {"boost_reference": lambda _: reference, "engine_speed": speed}
     record = couple(plant(), controller(), inputs=inputs).run(end)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import Make
-from master import Fmu, Instance, Master
+from master import Instance, Master
 
 COLUMNS = {
     "p_ic": "boost_pressure",
@@ -129,22 +129,55 @@ def test_settled_start_is_the_running_engines_rest(plant: Make, row: dict[str, f
 EXTREMES = list(itertools.product([0.0, 700.0, 8000.0], [0.0, 0.02, 1.0], [0.0, 1.0]))
 
 
-@pytest.mark.parametrize(("speed", "throttle", "valves"), EXTREMES)
-@pytest.mark.parametrize("mode", ["settled", "running"])
-def test_extremes_stay_finite(
-    plant: Make, plant_fmu: Fmu, mode: str, speed: float, throttle: float, valves: float
-) -> None:
+def extreme(speed: float, throttle: float, valves: float) -> dict[str, float]:
     """Engines that stand still, shut throttles, everything open at top speed."""
-    instance = plant()
     names = ["lp_wastegate", "hp_bypass", "surge_valve"]
-    inputs = {"engine_speed": speed, "throttle": throttle, **dict.fromkeys(names, valves)}
-    settle(instance, inputs, mode)
-    no_isolated_rest = speed == 0 or throttle == 0
-    if mode == "settled" and no_isolated_rest:
-        assert instance.warnings(), "a start that is no steady state was not told"
+    return {"engine_speed": speed, "throttle": throttle, **dict.fromkeys(names, valves)}
+
+
+def assert_finite(instance: Instance) -> None:
+    """No variable is NaN or infinite."""
+    variables = instance.fmu.description.modelVariables
+    reals = instance.reals(v.name for v in variables if v.type == "Real")
+    assert np.isfinite(reals).all()
+
+
+@pytest.mark.parametrize(("speed", "throttle", "valves"), EXTREMES)
+def test_extremes_settle_or_are_told(plant: Make, speed: float, throttle: float, valves: float) -> None:
+    """A settled start is at rest, or a warning says that it is not."""
+    instance = plant()
+    settle(instance, extreme(speed, throttle, valves), "settled")
+    assert_finite(instance)
+    warned = bool(instance.warnings())
+    record = Master([instance], 0.1).run(5.0)
+    assert_finite(instance)
+    # The same 1e-6 as at the table's points; speeds and flows that are 0 have a scale instead of a value.
+    floors = {"hp_turbo_speed": 1.0, "lp_turbo_speed": 1.0, "air_mass_flow": 1e-6, "engine_torque": 1e-3}
+    moved = {
+        name: float(np.ptp(record[name]))
+        for name in COLUMNS.values()
+        if np.ptp(record[name]) > max(1e-6 * np.max(np.abs(record[name])), 1e-6 * floors.get(name, 0.0))
+    }
+    print(f"{'warned' if warned else 'not warned'}, moved: {moved}")
+    assert warned or moved == {}
+
+
+@pytest.mark.parametrize(("speed", "throttle", "valves"), EXTREMES)
+def test_extremes_run_from_a_running_engine(
+    plant: Make, speed: float, throttle: float, valves: float
+) -> None:
+    instance = plant()
+    settle(instance, extreme(speed, throttle, valves), "running")
     Master([instance], 0.1).run(5.0)
-    reals = [v.name for v in plant_fmu.description.modelVariables if v.type == "Real"]
-    assert np.isfinite(instance.reals(reals)).all()
+    assert_finite(instance)
+
+
+def test_a_start_without_isolated_steady_state_is_told(plant: Make) -> None:
+    """An engine at rest behind a shut throttle holds whatever pressure its intake manifold has."""
+    instance = plant()
+    settle(instance, extreme(0.0, 0.0, 0.0), "settled")
+    assert len(instance.warnings()) == 1
+    assert "steady" in instance.warnings()[0]
 
 
 def test_tank_pressure_holds_in_each_mode(plant: Make) -> None:
@@ -159,8 +192,8 @@ def test_a_state_that_is_not_used_is_told_once(plant: Make) -> None:
     """Start values of states count in the mode `given` only."""
     instance = plant()
     instance.start({"exhaust.pressure": 103e3, "hp_shaft.speed": 7000.0})
-    told = [text for text in instance.warnings() if "exhaust.pressure" in text or "hp_shaft.speed" in text]
-    assert len(told) == 2
+    told = " ".join(instance.warnings())
+    assert told.count("exhaust.pressure") == told.count("hp_shaft.speed") == 1
     given = plant()
     given.start({"initialization.mode": "given", "exhaust.pressure": 103e3})
     assert given.warnings() == []

@@ -72,9 +72,10 @@ def test_parameter_outside_its_range_is_refused(
     make: Callable[[Fmu], Instance], fmus: dict[str, Fmu], name: str, variable: str, value: float
 ) -> None:
     instance = make(fmus[name])
-    before = instance.get(variable)
     refused(instance, lambda: instance.set({variable: value}), variable)
-    assert instance.get(variable) == before
+    instance.begin()
+    start = fmus[name].variables[variable].start
+    assert instance.get(variable) == float(start)
 
 
 def test_largest_tank_is_accepted(plant: Make) -> None:
@@ -95,7 +96,12 @@ def test_largest_tank_is_accepted(plant: Make) -> None:
     ],
 )
 def test_input_outside_its_range_is_taken_as_the_bound(
-    make: Callable[[Fmu], Instance], fmus: dict[str, Fmu], name: str, variable: str, outside: float, bound: float
+    make: Callable[[Fmu], Instance],
+    fmus: dict[str, Fmu],
+    name: str,
+    variable: str,
+    outside: float,
+    bound: float,
 ) -> None:
     """Sensors and solvers overshoot; one warning per input until it has returned."""
     fmu = fmus[name]
@@ -137,7 +143,7 @@ CONTRADICTIONS = [
 
 @pytest.mark.parametrize(("values", "names"), CONTRADICTIONS, ids=lambda v: str(v))
 def test_contradictions_are_refused(controller: Make, values: dict[str, float], names: list[str]) -> None:
-    """At the end of initialization, since masters set one parameter at a time; tunable ones at the next step."""
+    """Masters set one at a time: refused at the end of initialization, tunable ones at the next step."""
     instance = controller().begin(values)
     refused(instance, instance.slave.exitInitializationMode, *names)
 
@@ -154,9 +160,9 @@ def test_contradictions_are_refused(controller: Make, values: dict[str, float], 
 
 @pytest.mark.parametrize("axis", ["engine_speed", "boost_reference"])
 def test_grid_that_does_not_increase_is_refused(controller: Make, axis: str) -> None:
-    probe = controller()
-    same = probe.get(f"schedule.{axis}[2]")
-    instance = controller().begin({f"schedule.{axis}[3]": same})
+    instance = controller()
+    same = float(instance.fmu.variables[f"schedule.{axis}[2]"].start)
+    instance.begin({f"schedule.{axis}[3]": same})
     refused(instance, instance.slave.exitInitializationMode, f"schedule.{axis}[")
 
 
@@ -193,7 +199,7 @@ def test_duty_stays_in_its_range(controller: Make, mode: str, voltage: float) ->
         instance.set({"boost_pressure": 200e3})
         instance.slave.doStep(index * STEP, STEP)
         duties.append(instance.get("hp_wastegate_pwm"))
-    assert 0.0 <= min(duties)
+    assert min(duties) >= 0.0
     assert max(duties) <= 100.0
     if voltage < 8.0:
         # In mode boost 75 % at 6 V (less is not believed) would be 150 %.

@@ -1,0 +1,141 @@
+"""The README's own lines, run as they stand there."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from conftest import ROOT
+from fmpy.util import read_csv
+from master import Fmu
+
+README = (ROOT / "README.md").read_text()
+
+BROWSER = """
+import sys, urllib.request
+page = urllib.request.urlopen(sys.argv[2]).read()
+open(sys.argv[1], "wb").write(page)
+"""
+"""Stands in for the browser that FMPy opens to show a plot: keeps the page."""
+
+
+def blocks(language: str) -> list[str]:
+    """The fenced blocks of a language."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", README, re.DOTALL | re.MULTILINE)
+
+
+LINES = [line for block in blocks("sh") for line in block.splitlines()]
+
+FMPY_LINES = [line for line in LINES if line.startswith("fmpy ")]
+
+
+@pytest.fixture
+def clone(exported: Path, tmp_path: Path) -> Path:
+    """What the lines meet in the folder of the repository, wherever cargo's target folder is."""
+    (tmp_path / "target").mkdir()
+    (tmp_path / "target" / "fmu").symlink_to(exported)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    (tmp_path / "docs").mkdir()
+    return tmp_path
+
+
+def run(line: str, folder: Path, **environment: str) -> str:
+    """Runs a line with this Python's commands first; gives its output."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    done = subprocess.run(
+        shlex.split(line),
+        cwd=folder,
+        env={**os.environ, "PATH": path, "MPLBACKEND": "Agg", **environment},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_every_line_is_tried() -> None:
+    others = [line for line in LINES if line not in FMPY_LINES]
+    assert others == [
+        "cargo run --release -- export",
+        "bash tests/run",
+        "python examples/closed_loop.py --plot docs/closed_loop.png",
+    ]
+    assert len(FMPY_LINES) >= 6
+
+
+def test_export(clone: Path) -> None:
+    """The line as it stands, but for the folder, which other tests read meanwhile."""
+    out = clone / "out"
+    run(f"cargo run --release -- export --out {out}", ROOT)
+    assert sorted(file.name for file in out.iterdir()) == ["BoostController.fmu", "BoostPlant.fmu"]
+
+
+def test_test_command_is_there() -> None:
+    assert os.access(ROOT / "tests" / "run", os.X_OK)
+    script = (ROOT / "tests" / "run").read_text()
+    assert "cargo run --release --locked -- export" in script
+
+
+@pytest.mark.parametrize("line", FMPY_LINES)
+def test_fmpy(clone: Path, line: str) -> None:
+    page = clone / "page.html"
+    fetch = clone / "browser.py"
+    fetch.write_text(BROWSER)
+    output = run(line, clone, BROWSER=f"{sys.executable} {fetch} {page} %s &")
+    assert "WARNING" not in output
+    assert "Warning" not in output
+    if "validate" in line:
+        assert "No problems found." in output
+    if "info" in line:
+        assert "Co-Simulation" in output
+    if "--show-plot" not in line:
+        return
+    # FMPy ends when it has sent the plot; the browser needs a moment to have it.
+    for _ in range(100):
+        if page.exists() and page.stat().st_size > 0:
+            break
+        time.sleep(0.1)
+    wanted = line.partition("--output-variables ")[2].split()
+    names = wanted or [
+        {"BoostPlant": "boost_pressure", "BoostController": "hp_wastegate_pwm"}[Path(line.split()[2]).stem]
+    ]
+    content = page.read_text()
+    for name in names:
+        assert name in content
+
+
+@pytest.mark.parametrize("file", sorted((ROOT / "examples").glob("*.csv")), ids=lambda file: file.stem)
+def test_example_inputs_name_every_input(fmus: dict[str, Fmu], file: Path) -> None:
+    """FMPy warns of each input that a file leaves out."""
+    names = read_csv(file).dtype.names
+    inputs = [{"time", *fmu.named("input")} for fmu in fmus.values()]
+    assert set(names) in inputs
+
+
+def test_loop_is_the_examples() -> None:
+    (loop,) = blocks("python")
+    assert loop in (ROOT / "examples" / "closed_loop.py").read_text()
+
+
+def test_loop(clone: Path) -> None:
+    (loop,) = blocks("python")
+    (clone / "loop.py").write_text(loop)
+    output = run("python loop.py", clone)
+    assert output == "boost pressure 125.00 kPa, reference 125.00 kPa\n"
+
+
+def test_picture(clone: Path) -> None:
+    (line,) = [line for line in LINES if line.startswith("python ")]
+    run(line, clone)
+    picture = (clone / "docs" / "closed_loop.png").read_bytes()
+    assert picture.startswith(b"\x89PNG")
+    assert "(docs/closed_loop.png)" in README
+    assert (ROOT / "docs" / "closed_loop.png").exists()
