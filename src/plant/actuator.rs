@@ -111,6 +111,7 @@ impl Actuator {
 
     /// Eq. (5) times the speed (m/s): rate of change of the friction force (N) in N/s.
     #[must_use]
+    #[allow(clippy::float_cmp, reason = "exactly 1 needs no power")]
     pub fn friction_rate(&self, friction_force: f64, velocity: f64) -> f64 {
         let margin = 1.0 - friction_force / self.coulomb_friction * velocity.signum();
         let share = if self.friction_exponent == 1.0 {
@@ -153,6 +154,7 @@ impl Actuator {
     ///
     /// Newton's method, kept within a bracket that shrinks: the force rises with position everywhere.
     #[must_use]
+    #[allow(clippy::float_cmp, reason = "ends where numbers lie no closer")]
     pub fn position_at_rest(&self, opening_force: f64) -> f64 {
         let excess = |x: f64| self.spring_force(x) + self.stop_force(x, 0.0) - opening_force;
         let mut low = (-excess(0.0)).min(0.0) / self.stop_stiffness;

@@ -1,8 +1,8 @@
 //! A centrifugal compressor by its head and flow coefficients (Eriksson, Modeling and control of
 //! turbocharged SI and DI engines, OGST 62(4), 2007).
 //!
-//! Speed lines are the parabola Ψ = Ψ_m·(1 − (Φ/Φ_m)²) between the head coefficient Ψ = 2·Δh_is/U² and
-//! the flow coefficient Φ = W/(ρ₁·πD²/4·U), solved for the flow. Written with squares of speeds it is
+//! Speed lines are the parabola `Ψ = Ψ_m·(1 − (Φ/Φ_m)²)` between the head coefficient `Ψ = 2·Δh_is/U²` and
+//! the flow coefficient `Φ = W/(ρ₁·πD²/4·U)`, solved for the flow. Written with squares of speeds it is
 //! defined at standstill and for pressure ratios below 1 as well; beyond the head of zero flow it is
 //! continued as an odd function, which is the back flow of surge. Efficiency is a parabola over Φ, and
 //! "effective": mechanical and heat losses are in it.
@@ -59,8 +59,7 @@ impl Compressor {
         let rise = temperature * ((outlet_pressure / pressure).powf(self.air.isentropic_exponent) - 1.0);
         // The square of (tip speed times Φ/Φ_m), by the parabola of the speed lines.
         let flow_speed_squared = tip_speed_squared - 2.0 * specific_heat * rise / self.peak_head_coefficient;
-        let flow_speed =
-            self.peak_flow_coefficient * signed_root(flow_speed_squared, self.head_smoothing);
+        let flow_speed = self.peak_flow_coefficient * signed_root(flow_speed_squared, self.head_smoothing);
         let area = 0.25 * PI * self.diameter * self.diameter;
         let mass_flow = pressure / (self.air.gas_constant * temperature) * area * flow_speed;
 

@@ -111,9 +111,8 @@ impl Cylinders {
         let piston_speed = 2.0 * self.stroke * engine_speed / 60.0;
         let load = self.mean_effective_pressure_offset + self.mean_effective_pressure_slope * intake_pressure;
         let motored = (0.464 + 0.0072 * piston_speed.powf(1.8)) * self.friction_boost_layout * 1e5;
-        let friction_pressure = self.friction_auxiliary_factor
-            * (motored + 0.0215 * load.max(0.0))
-            * (0.075 / self.bore).sqrt();
+        let friction_pressure =
+            self.friction_auxiliary_factor * (motored + 0.0215 * load.max(0.0)) * (0.075 / self.bore).sqrt();
         let pumping_pressure = exhaust_pressure - intake_pressure;
         let net = indicated - self.displacement * (pumping_pressure + friction_pressure);
         Work { indicated, friction_pressure, torque: net / (4.0 * PI) }

@@ -256,7 +256,8 @@ impl BoostPlant {
                 && start[i].to_bits() != default[i].to_bits()
         });
         if ignored != self.told.ignored && ignored.contains(&true) {
-            let names: Vec<_> = (0..States::COUNT).filter(|&i| ignored[i]).map(|i| States::NAMES[i]).collect();
+            let names: Vec<_> =
+                (0..States::COUNT).filter(|&i| ignored[i]).map(|i| States::NAMES[i]).collect();
             context.warn(format_args!(
                 "the start values of {} are ignored: they hold with initialization.mode = given only",
                 names.join(", ")

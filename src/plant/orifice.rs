@@ -19,7 +19,7 @@ pub struct Orifice {
     critical_ratio: f64,
     /// `Π_l`, above which the function is linear.
     linear_ratio: f64,
-    /// Ψ(Π_l)/(1 − Π_l).
+    /// `Ψ(Π_l)/(1 − Π_l)`.
     linear_slope: f64,
 }
 
@@ -58,6 +58,7 @@ impl Orifice {
     /// The flow in kg/s through an effective area (m²) from the first to the second side, each given by
     /// pressure (Pa) and temperature (K); negative when the second pressure is the higher one.
     #[must_use]
+    #[allow(clippy::float_cmp, reason = "an area of exactly 0 is a port that is shut")]
     pub fn mass_flow(&self, area: f64, first: (f64, f64), second: (f64, f64)) -> f64 {
         if area == 0.0 {
             0.0

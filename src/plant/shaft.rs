@@ -19,6 +19,7 @@ impl Shaft {
     #[must_use]
     pub fn acceleration(&self, speed: f64, turbine_power: f64, compressor_power: f64) -> f64 {
         let net_power = turbine_power - compressor_power * (speed / 100.0).clamp(0.0, 1.0);
-        net_power / (self.inertia * smooth_max(speed, 0.0, 100.0)) - self.bearing_damping * speed / self.inertia
+        net_power / (self.inertia * smooth_max(speed, 0.0, 100.0))
+            - self.bearing_damping * speed / self.inertia
     }
 }

@@ -57,6 +57,7 @@ pub struct ValveFlows {
 impl SolenoidValve {
     /// The duty in percent at nominal voltage that has the effect of `duty` at `voltage` (V).
     #[must_use]
+    #[allow(clippy::float_cmp, reason = "exactly 1 needs no power")]
     pub fn commanded_duty(&self, duty: f64, voltage: f64) -> f64 {
         let relative = voltage / self.nominal_voltage;
         let gain = if self.voltage_exponent == 1.0 { relative } else { relative.powf(self.voltage_exponent) };
@@ -94,8 +95,7 @@ impl SolenoidValve {
         let deviation = (chamber_pressure - pressure) / self.proportional_band;
         let opening = deviation / (1.0 + deviation * deviation).sqrt();
         let [k1, k2, k3] = self.leakage_coefficient;
-        let leakage_area =
-            self.leakage_area_scale * ((k1 * plunger_duty + k2) * plunger_duty + k3).max(0.0);
+        let leakage_area = self.leakage_area_scale * ((k1 * plunger_duty + k2) * plunger_duty + k3).max(0.0);
         ValveFlows {
             pressure,
             opening,

@@ -135,8 +135,11 @@ impl System {
     pub fn new(parameters: &Parameters) -> Self {
         let p = parameters;
         let air = Gas::new(p.air.gas_constant, p.air.specific_heat, p.air.heat_capacity_ratio);
-        let exhaust_gas =
-            Gas::new(p.exhaust_gas.gas_constant, p.exhaust_gas.specific_heat, p.exhaust_gas.heat_capacity_ratio);
+        let exhaust_gas = Gas::new(
+            p.exhaust_gas.gas_constant,
+            p.exhaust_gas.specific_heat,
+            p.exhaust_gas.heat_capacity_ratio,
+        );
         let air_orifice = Orifice::new(air, p.restrictions.linear_pressure_ratio);
         let exhaust_orifice = Orifice::new(exhaust_gas, p.restrictions.linear_pressure_ratio);
         Self {

@@ -50,9 +50,8 @@ impl Turbine {
         let mass_flow =
             self.flow_capacity * pressure / temperature.sqrt() * signed_root(drive, self.flow_smoothing);
 
-        let isentropic = self.gas.specific_heat
-            * temperature
-            * (1.0 - pressure_ratio.powf(self.gas.isentropic_exponent));
+        let isentropic =
+            self.gas.specific_heat * temperature * (1.0 - pressure_ratio.powf(self.gas.isentropic_exponent));
         // Enthalpy in J/kg; the width keeps the blade speed ratio finite without expansion.
         let enthalpy = smooth_max(isentropic, 0.0, 100.0);
         let speed_ratio = 0.5 * self.diameter * speed / (2.0 * enthalpy).sqrt();

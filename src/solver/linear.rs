@@ -6,18 +6,21 @@
 #[must_use]
 pub fn solve<const N: usize>(mut matrix: [[f64; N]; N], mut right_side: [f64; N]) -> Option<[f64; N]> {
     for column in 0..N {
-        let pivot = (column..N).max_by(|&a, &b| matrix[a][column].abs().total_cmp(&matrix[b][column].abs()))?;
+        let pivot =
+            (column..N).max_by(|&a, &b| matrix[a][column].abs().total_cmp(&matrix[b][column].abs()))?;
         if !(matrix[pivot][column].abs() > f64::MIN_POSITIVE && matrix[pivot][column].is_finite()) {
             return None;
         }
         matrix.swap(column, pivot);
         right_side.swap(column, pivot);
-        for row in column + 1..N {
-            let factor = matrix[row][column] / matrix[column][column];
-            for k in column..N {
-                matrix[row][k] -= factor * matrix[column][k];
+        let (pivoted, below) = matrix.split_at_mut(column + 1);
+        let pivot_row = &pivoted[column];
+        for (offset, row) in below.iter_mut().enumerate() {
+            let factor = row[column] / pivot_row[column];
+            for (element, above) in row.iter_mut().zip(pivot_row).skip(column) {
+                *element -= factor * above;
             }
-            right_side[row] -= factor * right_side[column];
+            right_side[column + 1 + offset] -= factor * right_side[column];
         }
     }
     for row in (0..N).rev() {

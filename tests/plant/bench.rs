@@ -1,0 +1,242 @@
+//! A plant on the bench: parameters set, initialized, stepped by a master; and the order in which the
+//! independent implementation that the numbers come from lists states, inputs and outputs.
+
+use boost_fmu::plant::BoostPlant;
+use boost_fmu::plant::variables::{InitializationMode, Inputs, Outputs, Parameters, States, Variables};
+use fmi2_export::{Context, Error, Experiment, InputSignal, Model, Step};
+
+#[derive(Clone)]
+pub struct Bench {
+    pub model: BoostPlant,
+    pub variables: Variables,
+    pub inputs: Inputs,
+    pub experiment: Experiment,
+    pub time: f64,
+    /// Warnings so far.
+    pub warnings: Vec<String>,
+}
+
+impl Bench {
+    /// A plant with changed parameters and start values, initialized at time 0.
+    pub fn new(inputs: Inputs, change: impl FnOnce(&mut Parameters, &mut States)) -> Self {
+        let mut bench = Self {
+            model: BoostPlant::default(),
+            variables: Variables::default(),
+            inputs,
+            experiment: Experiment::default(),
+            time: 0.0,
+            warnings: Vec::new(),
+        };
+        change(&mut bench.variables.parameters, &mut bench.variables.start);
+        BoostPlant::check_parameters(&bench.variables).expect("the parameters are consistent");
+        bench.initialize();
+        bench
+    }
+
+    /// A plant that starts running, with its tank frozen or not.
+    pub fn running(inputs: Inputs, frozen: bool) -> Self {
+        Self::new(inputs, |parameters, _| {
+            parameters.initialization.mode = InitializationMode::Running;
+            parameters.tank.frozen = frozen;
+        })
+    }
+
+    /// A plant that starts from states.
+    pub fn given(inputs: Inputs, states: States) -> Self {
+        Self::new(inputs, |parameters, start| {
+            parameters.initialization.mode = InitializationMode::Given;
+            *start = states;
+        })
+    }
+
+    pub fn initialize(&mut self) {
+        let warnings = &mut self.warnings;
+        let mut log = |_, message: std::fmt::Arguments<'_>| warnings.push(message.to_string());
+        let mut context = Context::new(self.experiment, &mut log);
+        self.model
+            .initialize(&mut self.variables, &self.inputs, &mut context)
+            .expect("initialization succeeds");
+    }
+
+    /// One communication step with constant inputs.
+    pub fn step(&mut self, size: f64) {
+        let signal = InputSignal::constant(self.inputs);
+        self.try_step(size, &signal).expect("the step succeeds");
+    }
+
+    pub fn try_step(&mut self, size: f64, inputs: &InputSignal<Inputs>) -> Result<(), Error> {
+        let warnings = &mut self.warnings;
+        let mut log = |_, message: std::fmt::Arguments<'_>| warnings.push(message.to_string());
+        let mut context = Context::new(self.experiment, &mut log);
+        let step = Step { start: self.time, size, inputs };
+        self.model.step(&mut self.variables, &step, &mut context)?;
+        self.time += size;
+        Ok(())
+    }
+
+    /// Communication steps of 12.5 ms.
+    pub fn run(&mut self, duration: f64) {
+        let begin = self.time;
+        let mut count = 0.0;
+        while count * 0.0125 < duration - 1e-9 {
+            count += 1.0;
+            let end = begin + count * 0.0125;
+            self.step(end - self.time);
+        }
+    }
+
+    /// The largest rate of change in 1/s of a state relative to its full scale, that of the tank excepted.
+    pub fn restlessness(&self) -> f64 {
+        reference_states(&self.variables.derivatives)
+            .iter()
+            .zip(FULL_SCALES)
+            .skip(1)
+            .map(|(rate, scale)| (rate / scale).abs())
+            .fold(0.0, f64::max)
+    }
+
+    pub fn is_finite(&self) -> bool {
+        let outputs = reference_outputs(&self.variables);
+        self.variables.states.to_array().iter().chain(&outputs).all(|x| x.is_finite())
+    }
+}
+
+/// What counts as 100 % of each state, in the reference's order.
+pub const FULL_SCALES: [f64; 16] =
+    [3.5e4, 1e5, 1e-2, 0.1, 0.2, 100.0, 1e5, 2e5, 2e5, 2e5, 2e5, 2e5, 1.5e5, 1e5, 2e4, 1e4];
+
+/// What counts as 100 % of each output, in the reference's order.
+pub const OUTPUT_FULL_SCALES: [f64; 20] = [
+    2e5, 100.0, 1e5, 3.5e4, 400.0, 0.2, 2e5, 1e5, 2e5, 1.5e5, 1200.0, 1200.0, 0.2, 0.2, 0.2, 1e5, 1200.0,
+    0.2, 0.2, 1.0,
+];
+
+/// States in the reference's order, which has no measured voltage.
+pub fn reference_states(states: &States) -> [f64; 16] {
+    [
+        states.tank.pressure,
+        states.actuator.chamber_pressure,
+        states.actuator.position,
+        states.actuator.velocity,
+        states.actuator.friction_force,
+        states.valve.plunger_duty,
+        states.air_filter.pressure,
+        states.lp_compressor.outlet_pressure,
+        states.hp_compressor.outlet_pressure,
+        states.intercooler.outlet_pressure,
+        states.intake_manifold.pressure,
+        states.exhaust_manifold.pressure,
+        states.interstage_exhaust.pressure,
+        states.exhaust.pressure,
+        states.hp_shaft.speed,
+        states.lp_shaft.speed,
+    ]
+}
+
+/// The inverse of [`reference_states`].
+pub fn states_of(reference: &[f64]) -> States {
+    let mut states = States::default();
+    let [
+        tank,
+        chamber,
+        position,
+        velocity,
+        friction,
+        plunger,
+        p_af,
+        p_1,
+        p_2,
+        p_ic,
+        p_im,
+        p_em,
+        p_it,
+        p_t,
+        w_hp,
+        w_lp,
+    ] = *<&[f64; 16]>::try_from(reference).expect("16 states");
+    states.tank.pressure = tank;
+    states.actuator.chamber_pressure = chamber;
+    states.actuator.position = position;
+    states.actuator.velocity = velocity;
+    states.actuator.friction_force = friction;
+    states.valve.plunger_duty = plunger;
+    states.air_filter.pressure = p_af;
+    states.lp_compressor.outlet_pressure = p_1;
+    states.hp_compressor.outlet_pressure = p_2;
+    states.intercooler.outlet_pressure = p_ic;
+    states.intake_manifold.pressure = p_im;
+    states.exhaust_manifold.pressure = p_em;
+    states.interstage_exhaust.pressure = p_it;
+    states.exhaust.pressure = p_t;
+    states.hp_shaft.speed = w_hp;
+    states.lp_shaft.speed = w_lp;
+    states
+}
+
+/// Inputs from the reference's order.
+pub fn inputs_of(reference: &[f64]) -> Inputs {
+    let [pwm, voltage, pump, speed, throttle, lp_wastegate, bypass, surge_valve, pressure, temperature] =
+        *<&[f64; 10]>::try_from(reference).expect("10 inputs");
+    Inputs {
+        hp_wastegate_pwm: pwm,
+        vacuum_pump: pump,
+        lp_wastegate,
+        hp_bypass: bypass,
+        surge_valve,
+        throttle,
+        supply_voltage: voltage,
+        engine_speed: speed,
+        ambient_pressure: pressure,
+        ambient_temperature: temperature,
+    }
+}
+
+/// Outputs and those locals that the reference lists among its outputs, in its order.
+pub fn reference_outputs(variables: &Variables) -> [f64; 20] {
+    let outputs: &Outputs = &variables.outputs;
+    let locals = &variables.locals;
+    [
+        outputs.boost_pressure,
+        100.0 * outputs.hp_wastegate_position,
+        outputs.actuator_pressure,
+        outputs.tank_pressure,
+        outputs.engine_torque,
+        outputs.air_mass_flow,
+        outputs.hp_turbo_speed,
+        outputs.lp_turbo_speed,
+        outputs.exhaust_manifold_pressure,
+        outputs.interstage_exhaust_pressure,
+        outputs.exhaust_temperature,
+        outputs.charge_temperature,
+        locals.hp_compressor.mass_flow,
+        locals.lp_compressor.mass_flow,
+        locals.hp_wastegate_port.mass_flow,
+        locals.valve.pressure,
+        locals.hp_compressor.outlet_temperature,
+        locals.lp_turbine.mass_flow,
+        locals.hp_turbine.mass_flow,
+        locals.cylinders.volumetric_efficiency,
+    ]
+}
+
+/// Numbers separated by a character; what is no number (a heading) is left out.
+pub fn numbers(line: &str, separator: char) -> Vec<f64> {
+    line.split(separator).filter_map(|word| word.trim().parse().ok()).collect()
+}
+
+/// Numbers that look random and are the same in every run (splitmix64).
+pub struct Random(pub u64);
+
+impl Random {
+    /// Between two bounds.
+    pub fn between(&mut self, least: f64, most: f64) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut bits = self.0;
+        bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        bits ^= bits >> 31;
+        #[allow(clippy::cast_precision_loss, reason = "53 bits are exact")]
+        let share = (bits >> 11) as f64 / (1_u64 << 53) as f64;
+        least + (most - least) * share
+    }
+}

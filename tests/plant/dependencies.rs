@@ -1,0 +1,241 @@
+//! What the modelDescription.xml says depends on what, against what does: every known is moved at random
+//! points, and what then changes is compared with the declaration.
+//!
+//! A dependency that is missing in the XML lets importers compute algebraic loops wrongly; one too many
+//! makes them see loops that are none.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use boost_fmu::plant::BoostPlant;
+use boost_fmu::plant::variables::{InitializationMode, States, Variables};
+use fmi2_export::description::{Causality, DataType, Initial, ValueReference};
+use fmi2_export::{Context, Experiment, Model, Variables as _};
+use quick_xml::Reader;
+use quick_xml::events::{BytesStart, Event};
+
+use crate::bench::Random;
+
+/// Unknowns and what each depends on.
+type Dependencies = BTreeMap<ValueReference, BTreeSet<ValueReference>>;
+
+/// The `ModelStructure`, by the name of the list.
+fn declared() -> BTreeMap<String, Dependencies> {
+    let mut structure: BTreeMap<String, Dependencies> = BTreeMap::new();
+    let mut list = String::new();
+    let mut reader = Reader::from_str(Variables::DESCRIPTION.xml);
+    loop {
+        match reader.read_event().expect("well-formed XML") {
+            Event::Start(element) => element.name().as_ref().clone_into(&mut list),
+            Event::Empty(element) if element.name().as_ref() == "Unknown" => {
+                let numbers = |name| -> Vec<ValueReference> {
+                    let text = attribute(&element, name);
+                    // An index counts from 1, a value reference from 0, in the same order.
+                    text.split_whitespace().map(|word| word.parse::<u32>().expect("an index") - 1).collect()
+                };
+                let unknown = numbers("index")[0];
+                structure
+                    .entry(list.clone())
+                    .or_default()
+                    .insert(unknown, numbers("dependencies").into_iter().collect());
+            }
+            Event::Eof => return structure,
+            _ => {}
+        }
+    }
+}
+
+fn attribute(element: &BytesStart<'_>, name: &str) -> String {
+    let attribute =
+        element.try_get_attribute(name).expect("well-formed XML").expect("the attribute is there");
+    attribute.value.into_owned()
+}
+
+fn name(reference: ValueReference) -> &'static str {
+    Variables::DESCRIPTION.variables[reference as usize].name
+}
+
+fn reference(wanted: &str) -> ValueReference {
+    let position = Variables::DESCRIPTION.variables.iter().position(|variable| variable.name == wanted);
+    u32::try_from(position.expect("the variable exists")).expect("few variables")
+}
+
+/// The Real variables that a condition holds for.
+fn reals(condition: impl Fn(ValueReference, Causality, Initial) -> bool) -> Vec<ValueReference> {
+    (0..)
+        .zip(Variables::DESCRIPTION.variables)
+        .filter(|(reference, variable)| {
+            variable.data_type == DataType::Real
+                && condition(*reference, variable.causality, variable.initial)
+        })
+        .map(|(reference, _)| reference)
+        .collect()
+}
+
+/// The values of the unknowns, after initialization from a point.
+fn unknowns_at(point: &Variables, unknowns: &[ValueReference]) -> Vec<f64> {
+    let mut variables = point.clone();
+    let mut log = |_: &'static str, _: std::fmt::Arguments<'_>| {};
+    let mut context = Context::new(Experiment::default(), &mut log);
+    let inputs = *point.inputs();
+    BoostPlant::default()
+        .initialize(&mut variables, &inputs, &mut context)
+        .expect("there are values everywhere");
+    unknowns.iter().map(|&unknown| variables.real(unknown)).collect()
+}
+
+/// A point in the interior of the ranges, where every parameter matters that can.
+fn random_point(random: &mut Random) -> Variables {
+    let mut variables = Variables::default();
+    let p = &mut variables.parameters;
+    p.initialization.mode = InitializationMode::Given;
+    p.pump.voltage_drop = 0.4;
+    p.valve.voltage_exponent = 1.2;
+    p.actuator.exhaust_area = 1e-4;
+    p.actuator.friction_exponent = 1.3;
+    for known in reals(|_, causality, _| causality == Causality::Parameter) {
+        let value = variables.real(known);
+        variables.set_real(known, value * random.between(0.98, 1.02));
+    }
+    for (name, least, most) in [
+        ("hp_wastegate_pwm", 10.0, 90.0),
+        ("vacuum_pump", 0.1, 0.9),
+        ("lp_wastegate", 0.1, 0.9),
+        ("hp_bypass", 0.1, 0.9),
+        ("surge_valve", 0.1, 0.9),
+        ("throttle", 0.1, 0.9),
+        ("supply_voltage", 9.0, 12.0),
+        ("engine_speed", 1000.0, 5000.0),
+        ("ambient_pressure", 8e4, 1.09e5),
+        ("ambient_temperature", 270.0, 310.0),
+        ("supply_sensor.voltage", 10.0, 14.0),
+        ("valve.plunger_duty", 5.0, 95.0),
+        ("tank.pressure", 3e4, 1e5),
+        ("actuator.chamber_pressure", 3e4, 1e5),
+        ("actuator.position", -1e-4, 1.01e-2),
+        ("actuator.velocity", -0.1, 0.1),
+        ("actuator.friction_force", -0.15, 0.15),
+        ("air_filter.pressure", 9e4, 1e5),
+        ("lp_compressor.outlet_pressure", 1e5, 1.5e5),
+        ("hp_compressor.outlet_pressure", 1e5, 2e5),
+        ("intercooler.outlet_pressure", 1e5, 2e5),
+        ("intake_manifold.pressure", 5e4, 2e5),
+        ("exhaust_manifold.pressure", 1.1e5, 3e5),
+        ("interstage_exhaust.pressure", 1.05e5, 2e5),
+        ("exhaust.pressure", 9e4, 1.2e5),
+        ("hp_shaft.speed", 3000.0, 2e4),
+        ("lp_shaft.speed", 2000.0, 1e4),
+    ] {
+        variables.set_real(reference(name), random.between(least, most));
+    }
+    variables
+}
+
+/// Adds to `observed` what changes by more than `threshold` (relative to the unknown's magnitude) when one
+/// of the knowns moves up or down by a small part of itself.
+fn observe(
+    observed: &mut Dependencies,
+    point: &Variables,
+    knowns: &[ValueReference],
+    step: f64,
+    threshold: f64,
+) {
+    let unknowns: Vec<_> = observed.keys().copied().collect();
+    let base = unknowns_at(point, &unknowns);
+    for &known in knowns {
+        for sign in [-1.0, 1.0] {
+            let mut moved = point.clone();
+            let value = point.real(known);
+            moved.set_real(known, value + sign * step * value.abs().max(1e-6));
+            let there = unknowns_at(&moved, &unknowns);
+            for ((unknown, here), there) in unknowns.iter().zip(&base).zip(there) {
+                if (there - here).abs() > threshold * here.abs().max(1e-3) {
+                    observed.get_mut(unknown).expect("a declared unknown").insert(known);
+                }
+            }
+        }
+    }
+}
+
+/// What the declaration lacks and what it has too much, in words.
+fn differences(declared: &Dependencies, observed: &Dependencies) -> (Vec<String>, Vec<String>) {
+    let pairs = |from: &Dependencies, without: &Dependencies| -> Vec<String> {
+        let reads = |(unknown, knowns): (&ValueReference, &BTreeSet<ValueReference>)| {
+            let missing: Vec<_> = knowns.difference(&without[unknown]).map(|&known| name(known)).collect();
+            (!missing.is_empty()).then(|| format!("{} on {}", name(*unknown), missing.join(", ")))
+        };
+        from.iter().filter_map(reads).collect()
+    };
+    (pairs(observed, declared), pairs(declared, observed))
+}
+
+#[test]
+fn outputs_and_derivatives_depend_on_what_is_declared_and_on_nothing_else() {
+    let structure = declared();
+    let mut declared = structure["Outputs"].clone();
+    declared.extend(structure["Derivatives"].clone());
+    assert_eq!(declared.len(), 14 + States::COUNT);
+    let knowns: Vec<_> = reals(|reference, causality, _| {
+        causality == Causality::Input || States::NAMES.contains(&name(reference))
+    });
+    let mut observed: Dependencies = declared.keys().map(|&unknown| (unknown, BTreeSet::new())).collect();
+    let mut random = Random(7);
+    for _ in 0..40 {
+        // Without a solver in between, what does not depend does not change in a single bit.
+        observe(&mut observed, &random_point(&mut random), &knowns, 1e-4, 0.0);
+    }
+    let (lacking, too_much) = differences(&declared, &observed);
+    assert!(lacking.is_empty(), "undeclared: {lacking:#?}");
+    assert!(too_much.is_empty(), "declared but not so: {too_much:#?}");
+}
+
+#[test]
+fn what_the_controller_reads_depends_on_no_input() {
+    for output in ["boost_pressure", "tank_pressure", "supply_voltage_measured"] {
+        let dependencies = &declared()["Outputs"][&reference(output)];
+        let states: Vec<_> = dependencies.iter().map(|&known| name(known)).collect();
+        assert!(states.len() == 1 && States::NAMES.contains(&states[0]), "{output} depends on {states:?}");
+    }
+}
+
+#[test]
+fn initialization_depends_on_what_is_declared() {
+    let knowns: Vec<_> =
+        reals(|_, causality, initial| causality == Causality::Input || initial == Initial::Exact);
+    let real_knowns: BTreeSet<_> = knowns.iter().copied().collect();
+    let mut declared = declared()["InitialUnknowns"].clone();
+    for dependencies in declared.values_mut() {
+        // The mode and other parameters that are no numbers cannot be moved a little.
+        dependencies.retain(|known| real_knowns.contains(known));
+    }
+    let mut observed: Dependencies = declared.keys().map(|&unknown| (unknown, BTreeSet::new())).collect();
+    let mut random = Random(11);
+    for _ in 0..30 {
+        let mut point = random_point(&mut random);
+        observe(&mut observed, &point, &knowns, 1e-4, 0.0);
+        point.parameters.initialization.mode = InitializationMode::Running;
+        observe(&mut observed, &point, &knowns, 1e-4, 0.0);
+    }
+    // The steady state is solved for until rounding decides, 1e-13 or so: what moves by less than 1e-11 is
+    // no dependence. A settled derivative is what rounding leaves of 0, so only the others tell.
+    let states_and_outputs = observed.keys().filter(|&&unknown| !name(unknown).starts_with("der("));
+    let mut solved: Dependencies = states_and_outputs.map(|&unknown| (unknown, BTreeSet::new())).collect();
+    // In the midst of the stroke, at either stop, and where the tank limits the vacuum in the chamber.
+    for (duty, tank_pressure) in [(45.0, 3e4), (40.0, 3.2e4), (15.0, 3.1e4), (90.0, 3e4), (90.0, 7.5e4)] {
+        let mut point = random_point(&mut random);
+        point.parameters.initialization.mode = InitializationMode::Settled;
+        point.set_real(reference("hp_wastegate_pwm"), duty);
+        point.start.tank.pressure = tank_pressure;
+        observe(&mut solved, &point, &knowns, 1e-2, 1e-11);
+    }
+    for (unknown, knowns) in solved {
+        observed.get_mut(&unknown).expect("a declared unknown").extend(knowns);
+    }
+    let (lacking, _) = differences(&declared, &observed);
+    assert!(lacking.is_empty(), "undeclared: {lacking:#?}");
+    // The derivatives of a settled start are declared as functions of everything that the start is solved
+    // from: where there is no steady state they are no zeros.
+    declared.retain(|&unknown, _| !name(unknown).starts_with("der("));
+    observed.retain(|&unknown, _| !name(unknown).starts_with("der("));
+    let (_, too_much) = differences(&declared, &observed);
+    assert!(too_much.is_empty(), "declared but not so: {too_much:#?}");
+}

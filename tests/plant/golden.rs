@@ -1,0 +1,56 @@
+//! Right-hand side, outputs and a short trajectory against an independent implementation.
+
+use boost_fmu::plant::variables::Inputs;
+
+use crate::bench::{Bench, inputs_of, numbers, reference_outputs, reference_states, states_of};
+
+/// The reference prints 13 digits; 1e-9 leaves room for another order of the operations (differences of
+/// nearly equal flows cost up to three digits), while no wrong term or constant stays below it.
+const PRECISION: f64 = 1e-9;
+
+/// The numbers of a row of the data, by case and quantity.
+fn golden(case: &str, quantity: &str) -> Vec<f64> {
+    let heading = format!("{case} {quantity} ");
+    let mut rows = include_str!("../data/golden.txt").lines();
+    let row = rows.find_map(|line| line.strip_prefix(&heading)).expect("the case exists");
+    numbers(&row.split_whitespace().collect::<Vec<_>>().join(" "), ' ')
+}
+
+fn assert_close(what: &str, found: &[f64], expected: &[f64], absolute: impl Fn(usize) -> f64) {
+    assert_eq!(found.len(), expected.len(), "{what}");
+    for (i, (found, expected)) in found.iter().zip(expected).enumerate() {
+        let tolerance = PRECISION * expected.abs() + absolute(i);
+        assert!((found - expected).abs() <= tolerance, "{what}[{i}] is {found:e} instead of {expected:e}");
+    }
+}
+
+#[test]
+fn derivatives_and_outputs_are_the_reference_s() {
+    for case in ["G1", "G2", "G3"] {
+        let bench = Bench::given(inputs_of(&golden(case, "u")), states_of(&golden(case, "x")));
+        let exactly = |_| 0.0;
+        assert_close(
+            &format!("{case} dx"),
+            &reference_states(&bench.variables.derivatives),
+            &golden(case, "dx"),
+            exactly,
+        );
+        assert_close(&format!("{case} y"), &reference_outputs(&bench.variables), &golden(case, "y"), exactly);
+    }
+}
+
+#[test]
+fn the_trajectory_is_the_reference_s() {
+    let phase = |pwm, voltage| Inputs { hp_wastegate_pwm: pwm, supply_voltage: voltage, ..Inputs::default() };
+    let mut bench = Bench::running(phase(20.0, 12.0), false);
+    for (case, inputs) in [("T1", phase(20.0, 12.0)), ("T2", phase(50.0, 11.1))] {
+        bench.inputs = inputs;
+        bench.run(2.0);
+        // The rod is at rest: its speed is rounding, 1e-16 m/s.
+        let resting_rod = |i| if i == 3 { 1e-12 } else { 0.0 };
+        let states = reference_states(&bench.variables.states);
+        assert_close(&format!("{case} x"), &states, &golden(case, "x"), resting_rod);
+        let outputs = reference_outputs(&bench.variables);
+        assert_close(&format!("{case} y"), &outputs, &golden(case, "y"), |_| 0.0);
+    }
+}

@@ -1,0 +1,11 @@
+//! The plant, called as a model: its equations against numbers of an independent implementation, its
+//! start, its integration, what it refuses, and the dependencies that it declares.
+
+mod bench;
+mod dependencies;
+mod golden;
+mod latch;
+mod refusals;
+mod start;
+mod steady_states;
+mod trace;

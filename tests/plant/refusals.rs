@@ -1,0 +1,61 @@
+//! What the plant refuses, and how it says so.
+
+use boost_fmu::plant::BoostPlant;
+use boost_fmu::plant::variables::{Inputs, Parameters, Variables};
+use fmi2_export::{InputSignal, Model};
+
+use crate::bench::Bench;
+
+/// Why parameters are refused.
+fn refusal(change: impl FnOnce(&mut Parameters)) -> String {
+    let mut variables = Variables::default();
+    change(&mut variables.parameters);
+    BoostPlant::check_parameters(&variables).err().map_or(String::new(), |error| error.to_string())
+}
+
+#[test]
+fn the_defaults_are_consistent() {
+    assert_eq!(refusal(|_| {}), "");
+}
+
+#[test]
+fn friction_that_is_too_stiff_for_the_step_is_refused() {
+    // The default sits on the limit; rounding must not push it over.
+    assert_eq!(refusal(|p| (p.actuator.coulomb_friction, p.actuator.friction_stiffness) = (0.3, 600.0)), "");
+    let message = refusal(|p| p.actuator.friction_stiffness = 401.0);
+    assert!(message.contains("actuator.friction_stiffness = 401.0"), "{message}");
+    assert!(message.contains("actuator.coulomb_friction = 0.2"), "{message}");
+}
+
+#[test]
+fn a_chamber_that_the_membrane_fills_is_refused() {
+    let message = refusal(|p| p.actuator.chamber_volume = 15e-6);
+    assert!(message.contains("actuator.chamber_volume") && message.contains("actuator.stroke"), "{message}");
+}
+
+#[test]
+fn a_gas_without_heat_capacity_at_constant_volume_is_refused() {
+    let message = refusal(|p| p.exhaust_gas.specific_heat = 500.0);
+    assert_eq!(message, "", "500 J/(kg K) is little but consistent with 290");
+    let message = refusal(|p| p.air.gas_constant = 1005.0);
+    assert!(
+        message.contains("air.gas_constant = 1005.0") && message.contains("air.specific_heat"),
+        "{message}"
+    );
+}
+
+#[test]
+fn a_diverging_integration_names_the_state_and_the_time() {
+    // The smallest volume makes the intake manifold thirty times as fast as the step resolves.
+    let mut bench = Bench::new(Inputs::default(), |p, _| p.intake_manifold.volume = 1e-4);
+    bench.inputs.engine_speed = 8000.0;
+    bench.inputs.hp_wastegate_pwm = 100.0;
+    let signal = InputSignal::constant(bench.inputs);
+    let error = (0..4000).find_map(|_| bench.try_step(0.0125, &signal).err());
+    if let Some(error) = error {
+        let message = error.to_string();
+        assert!(message.contains(" s: the integration diverges"), "{message}");
+    } else {
+        assert!(bench.is_finite());
+    }
+}

@@ -1,0 +1,150 @@
+//! The start of an experiment, in its modes and in places where no engine would be started.
+
+use boost_fmu::plant::variables::{InitializationMode, Inputs, States};
+
+use crate::bench::{Bench, Random};
+
+/// Inputs at the edges of what they may be, and in between.
+fn unusual_inputs() -> Vec<(&'static str, Inputs)> {
+    let usual = Inputs::default();
+    vec![
+        ("engine at rest", Inputs { engine_speed: 0.0, ..usual }),
+        ("throttle shut", Inputs { throttle: 0.0, ..usual }),
+        ("engine at rest, throttle shut", Inputs { engine_speed: 0.0, throttle: 0.0, ..usual }),
+        ("idle", Inputs { engine_speed: 700.0, throttle: 0.02, ..usual }),
+        ("everything open", Inputs { lp_wastegate: 1.0, hp_bypass: 1.0, surge_valve: 1.0, ..usual }),
+        ("overspeed", Inputs { engine_speed: 8000.0, ..usual }),
+        ("overspeed, wastegate open", Inputs { engine_speed: 8000.0, hp_wastegate_pwm: 100.0, ..usual }),
+        ("no supply", Inputs { supply_voltage: 0.0, ..usual }),
+        ("high supply, pump on", Inputs { supply_voltage: 32.0, vacuum_pump: 1.0, ..usual }),
+        ("mountain, cold", Inputs { ambient_pressure: 5e4, ambient_temperature: 230.0, ..usual }),
+        ("mine, hot", Inputs { ambient_pressure: 1.1e5, ambient_temperature: 330.0, ..usual }),
+    ]
+}
+
+#[test]
+fn every_start_is_finite_and_the_next_20_s_are() {
+    for (name, inputs) in unusual_inputs() {
+        let mut bench = Bench::new(inputs, |_, _| {});
+        assert!(bench.is_finite(), "{name}: at the start");
+        assert!(bench.restlessness() < 1.0, "{name}: {} 1/s", bench.restlessness());
+        bench.run(20.0);
+        assert!(bench.is_finite(), "{name}: after 20 s");
+    }
+}
+
+#[test]
+fn what_is_no_steady_state_is_told_once() {
+    let inputs = Inputs { engine_speed: 0.0, throttle: 0.0, ..Inputs::default() };
+    let mut bench = Bench::new(inputs, |_, _| {});
+    bench.initialize();
+    assert_eq!(bench.warnings.len(), 1, "{:?}", bench.warnings);
+    let warning = &bench.warnings[0];
+    assert!(warning.contains("engine_speed: 0.0") && warning.contains("throttle: 0.0"), "{warning}");
+}
+
+#[test]
+fn random_starts_are_steady() {
+    let mut random = Random(1);
+    for _ in 0..300 {
+        let inputs = Inputs {
+            hp_wastegate_pwm: random.between(0.0, 100.0),
+            vacuum_pump: random.between(0.0, 1.0).round(),
+            lp_wastegate: random.between(0.0, 1.0),
+            hp_bypass: random.between(-1.0, 1.0).max(0.0),
+            surge_valve: random.between(-1.0, 1.0).max(0.0),
+            throttle: random.between(0.0, 1.0),
+            supply_voltage: random.between(6.0, 16.0),
+            engine_speed: random.between(600.0, 8000.0),
+            ambient_pressure: random.between(5e4, 1.1e5),
+            ambient_temperature: random.between(230.0, 330.0),
+        };
+        let exhaust_area = random.between(0.0, 2e-4);
+        let bench = Bench::new(inputs, |parameters, start| {
+            parameters.tank.frozen = true;
+            parameters.actuator.exhaust_area = exhaust_area;
+            start.tank.pressure = random.between(2e4, 5e4);
+        });
+        assert!(bench.is_finite(), "{inputs:?}");
+        assert_eq!(bench.warnings, Vec::<String>::new());
+        // Rounding at the stop, as in the table of steady states.
+        let restlessness = bench.restlessness();
+        assert!(restlessness < 1e-10, "{inputs:?}: {restlessness:e} 1/s");
+    }
+}
+
+#[test]
+fn a_running_start_follows_ambient_and_the_tank() {
+    let inputs =
+        Inputs { ambient_pressure: 9e4, supply_voltage: 13.0, vacuum_pump: 1.0, ..Inputs::default() };
+    let bench = Bench::new(inputs, |parameters, start| {
+        parameters.initialization.mode = InitializationMode::Running;
+        parameters.pump.voltage_drop = 0.4;
+        start.tank.pressure = 31_000.0;
+    });
+    let states = &bench.variables.states;
+    let near =
+        |value: f64, expected: f64| assert!((value - expected).abs() < 1e-9, "{value} is not {expected}");
+    near(states.tank.pressure, 31_000.0);
+    near(states.actuator.chamber_pressure, 9e4);
+    near(states.air_filter.pressure, 89_800.0);
+    near(states.hp_compressor.outlet_pressure, 90_500.0);
+    near(states.intake_manifold.pressure, 88_200.0);
+    near(states.exhaust_manifold.pressure, 1e5);
+    near(states.supply_sensor.voltage, 12.6);
+    near(states.hp_shaft.speed, 6000.0);
+    assert!(bench.warnings.is_empty(), "{:?}", bench.warnings);
+}
+
+#[test]
+fn the_default_start_values_are_the_running_start() {
+    let bench = Bench::running(Inputs::default(), false);
+    for (i, (running, start)) in
+        bench.variables.states.to_array().into_iter().zip(States::default().to_array()).enumerate()
+    {
+        // Only the factor 0.98 may round.
+        assert!((running - start).abs() <= 1e-15 * start.abs(), "{}: {running}, {start}", States::NAMES[i]);
+    }
+}
+
+#[test]
+fn start_values_hold_in_mode_given_and_are_told_of_otherwise() {
+    let change = |start: &mut States| {
+        start.hp_shaft.speed = 9000.0;
+        start.actuator.position = 0.004;
+        start.tank.pressure = 33_000.0;
+    };
+    let given = Bench::new(Inputs::default(), |parameters, start| {
+        parameters.initialization.mode = InitializationMode::Given;
+        change(start);
+    });
+    assert!(given.variables.states == given.variables.start);
+    assert!(given.warnings.is_empty(), "{:?}", given.warnings);
+
+    let mut settled = Bench::new(Inputs::default(), |_, start| change(start));
+    settled.initialize();
+    assert_eq!(settled.warnings.len(), 1, "{:?}", settled.warnings);
+    let warning = &settled.warnings[0];
+    assert!(warning.contains("hp_shaft.speed") && warning.contains("actuator.position"), "{warning}");
+    assert!(!warning.contains("tank.pressure"), "{warning}");
+    assert!((settled.variables.states.tank.pressure - 33_000.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_pump_that_is_left_on_does_not_empty_the_tank_beyond_nothing() {
+    let mut bench = Bench::new(Inputs { vacuum_pump: 1.0, ..Inputs::default() }, |_, _| {});
+    bench.run(120.0);
+    let pressure = bench.variables.outputs.tank_pressure;
+    assert!((0.0..1000.0).contains(&pressure), "{pressure} Pa");
+}
+
+#[test]
+fn a_frozen_tank_stays_and_a_thawed_one_fills() {
+    let mut bench = Bench::new(Inputs::default(), |parameters, _| parameters.tank.frozen = true);
+    let pressure = bench.variables.outputs.tank_pressure;
+    bench.run(1.0);
+    assert!((bench.variables.outputs.tank_pressure - pressure).abs() < f64::EPSILON);
+    bench.variables.parameters.tank.frozen = false;
+    bench.run(1.0);
+    assert!(bench.variables.outputs.tank_pressure > pressure + 10.0);
+}
