@@ -1,0 +1,241 @@
+//! The part of the typed interface that the runtime sees: access by value reference, and the tables that
+//! say what each value reference is.
+
+use std::fmt::Write as _;
+
+use super::super::resolve::{DataType, Role, Variable};
+use super::{ALLOW, Generator};
+
+impl Generator<'_, '_> {
+    pub(super) fn inputs_impl(&self) -> String {
+        let (mut bounds, mut getters, mut setters) = (String::new(), String::new(), String::new());
+        for (place, position) in self.real_inputs().enumerate() {
+            let variable = &self.model.variables[position];
+            let (min, max) = self.bounds(variable);
+            let path = &variable.path;
+            let _ = writeln!(bounds, "        ::fmi2_export::RealInput {{ min: {min}, max: {max} }},");
+            let _ = writeln!(getters, "            {place} => self.{path},");
+            let _ = writeln!(setters, "            {place} => self.{path} = value,");
+        }
+        format!(
+            "
+{ALLOW}impl ::fmi2_export::Inputs for Inputs {{
+    const REALS: &'static [::fmi2_export::RealInput] = &[
+{bounds}    ];
+
+    fn real(&self, position: usize) -> f64 {{
+        match position {{
+{getters}            _ => 0.0,
+        }}
+    }}
+
+    fn set_real(&mut self, position: usize, value: f64) {{
+        let _ = value;
+        match position {{
+{setters}            _ => {{}}
+        }}
+    }}
+}}
+"
+        )
+    }
+
+    pub(super) fn variables_impl(&self) -> String {
+        let accessors: Vec<_> = [
+            ("real", "f64", "f64", "0.0"),
+            ("integer", "i32", "i32", "0"),
+            ("boolean", "bool", "bool", "false"),
+            ("string", "&str", "&str", "\"\""),
+        ]
+        .into_iter()
+        .map(|(name, value_type, argument_type, default)| {
+            let (getters, setters) = self.accessors(name);
+            format!(
+                "
+    fn {name}(&self, reference: ::fmi2_export::description::ValueReference) -> {value_type} {{
+        match reference {{
+{getters}            _ => {default},
+        }}
+    }}
+
+    fn set_{name}(&mut self, reference: ::fmi2_export::description::ValueReference, value: {argument_type}) {{
+        let _ = value;
+        match reference {{
+{setters}            _ => {{}}
+        }}
+    }}
+"
+            )
+        })
+        .collect();
+        let mut finite = String::new();
+        for (position, variable) in self.model.variables.iter().enumerate() {
+            let real_output = variable.role == Role::Output && variable.data_type == DataType::Real;
+            if variable.role == Role::State || real_output {
+                let _ = writeln!(
+                    finite,
+                    "        if !self.{}.is_finite() {{\n            return Some({position});\n        }}",
+                    place(variable)
+                );
+            }
+        }
+        format!(
+            "
+{ALLOW}impl ::fmi2_export::Variables for Variables {{
+    type Inputs = Inputs;
+    const DESCRIPTION: &'static ::fmi2_export::description::ModelDescription = &DESCRIPTION;
+
+    fn inputs(&self) -> &Inputs {{
+        &self.inputs
+    }}
+{accessors}
+    fn first_non_finite(&self) -> Option<::fmi2_export::description::ValueReference> {{
+{finite}        None
+    }}
+}}
+",
+            accessors = accessors.concat(),
+        )
+    }
+
+    /// The arms of the getter and the setter of a type.
+    fn accessors(&self, accessor: &str) -> (String, String) {
+        let (mut getters, mut setters) = (String::new(), String::new());
+        for (position, variable) in self.model.variables.iter().enumerate().skip(1) {
+            let of_type = match variable.data_type {
+                DataType::Real => "real",
+                DataType::Integer | DataType::Enumeration(_) => "integer",
+                DataType::Boolean => "boolean",
+                DataType::String => "string",
+            };
+            if of_type != accessor {
+                continue;
+            }
+            let from = place(variable);
+            let to = match variable.role {
+                Role::State => Some(format!("start.{}", variable.path)),
+                Role::Parameter | Role::Input => Some(from.clone()),
+                _ => None,
+            };
+            let (get, set) = match variable.data_type {
+                DataType::Enumeration(enumeration) => {
+                    let name = &self.model.model.enumerations[enumeration].name;
+                    let item = format!("if let Some(item) = {name}::from_value(value)");
+                    let set = to.map(|to| format!("{{\n                {item} {{\n                    self.{to} = item;\n                }}\n            }}"));
+                    (format!("self.{from} as i32"), set)
+                }
+                DataType::String => {
+                    (format!("&self.{from}"), to.map(|to| format!("value.clone_into(&mut self.{to}),")))
+                }
+                _ => (format!("self.{from}"), to.map(|to| format!("self.{to} = value,"))),
+            };
+            let _ = writeln!(getters, "            {position} => {get},");
+            if let Some(set) = set {
+                let _ = writeln!(setters, "            {position} => {set}");
+            }
+        }
+        (getters, setters)
+    }
+
+    /// The tables for the runtime.
+    pub(super) fn description(&self, guid: &str) -> String {
+        let model = self.model.model;
+        let categories: Vec<_> =
+            model.log_categories.iter().map(|category| format!("        {:?},\n", category.name)).collect();
+        let mut variables = String::new();
+        let mut real_inputs = self.real_inputs().zip(0..).peekable();
+        for (position, variable) in self.model.variables.iter().enumerate() {
+            let place: Option<(usize, i32)> = real_inputs.next_if(|&(input, _)| input == position);
+            let (min, max) = self.bounds(variable);
+            let _ = writeln!(
+                variables,
+                "        VariableDescription {{
+            name: {:?},
+            data_type: DataType::{},
+            causality: Causality::{},
+            variability: Variability::{:?},
+            initial: Initial::{},
+            min: {min},
+            max: {max},
+            real_input: {:?},
+        }},",
+                variable.name,
+                match variable.data_type {
+                    DataType::Real => "Real",
+                    DataType::Integer => "Integer",
+                    DataType::Boolean => "Boolean",
+                    DataType::String => "String",
+                    DataType::Enumeration(_) => "Enumeration",
+                },
+                variable
+                    .role
+                    .causality()
+                    .map_or("Independent".to_owned(), |causality| format!("{causality:?}")),
+                variable.variability,
+                variable.initial.map_or("None".to_owned(), |initial| format!("{initial:?}")),
+                place.map(|(_, place)| place),
+            );
+        }
+        format!(
+            "
+{ALLOW}static DESCRIPTION: ::fmi2_export::description::ModelDescription = {{
+    use ::fmi2_export::description::{{
+        Capabilities, Causality, DataType, Initial, ModelDescription, VariableDescription, Variability,
+    }};
+    static VARIABLES: [VariableDescription; {}] = [
+{variables}    ];
+    static LOG_CATEGORIES: [&str; {}] = [
+{categories}    ];
+    ModelDescription {{
+        model_identifier: {:?},
+        guid: {guid:?},
+        xml: include_str!(\"modelDescription.xml\"),
+        variables: &VARIABLES,
+        log_categories: &LOG_CATEGORIES,
+        capabilities: Capabilities {{ interpolate_inputs: {}, get_and_set_state: {} }},
+    }}
+}};
+",
+            self.model.variables.len(),
+            model.log_categories.len(),
+            model.model_identifier,
+            model.capabilities.interpolate_inputs,
+            model.capabilities.get_and_set_state,
+            categories = categories.concat(),
+        )
+    }
+
+    fn real_inputs(&self) -> impl Iterator<Item = usize> {
+        self.model
+            .of_role(Role::Input)
+            .filter(|&position| self.model.variables[position].data_type == DataType::Real)
+    }
+
+    /// The bounds of a variable, as Rust's text.
+    fn bounds(&self, variable: &Variable) -> (String, String) {
+        let text = |bound: Option<f64>, open: &str| match bound {
+            Some(bound) => format!("{bound:?}"),
+            None => open.to_owned(),
+        };
+        match variable.data_type {
+            DataType::Enumeration(enumeration) => {
+                let items = self.model.model.enumerations[enumeration].items.len();
+                ("1.0".to_owned(), format!("{items}.0"))
+            }
+            _ => (text(variable.min, "f64::NEG_INFINITY"), text(variable.max, "f64::INFINITY")),
+        }
+    }
+}
+
+/// Where a variable is in `Variables`.
+fn place(variable: &Variable) -> String {
+    let group = match variable.role {
+        Role::Parameter => "parameters",
+        Role::Input => "inputs",
+        Role::State => "states",
+        Role::Derivative => "derivatives",
+        Role::Output => "outputs",
+        Role::CalculatedParameter | Role::Local | Role::Independent => "locals",
+    };
+    format!("{group}.{}", variable.path)
+}
