@@ -166,7 +166,6 @@ impl<M: Model> Instance<M> {
         let mut status = Status::Ok;
         match memory.phase {
             Phase::InitializationMode => {
-                M::check_parameters(&memory.variables)?;
                 let (logger, said) = (&self.logger, &mut memory.said);
                 let mut log = |category, message: std::fmt::Arguments<'_>| {
                     if category == WARNING {

@@ -79,7 +79,8 @@ pub trait Model: Clone + Default {
 
     /// Computes the values at the start time (states, derivatives, locals, outputs) from the parameters,
     /// the inputs and the start values. In initialization mode it is called anew whenever a value is
-    /// asked for after another was set, so it must forget what an earlier call left behind.
+    /// asked for after another was set, so it must forget what an earlier call left behind; and importers
+    /// set one parameter after the other, so it may meet parameters that contradict each other for now.
     ///
     /// # Errors
     /// When there are no such values.

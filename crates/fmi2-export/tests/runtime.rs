@@ -376,6 +376,7 @@ fn contradictory_parameters_are_refused_until_they_are_put_right() {
     assert_eq!(importer.set(OFFSET, 9.0), Status::Ok);
     assert_eq!(importer.set(GAIN, 9.0), Status::Ok);
     assert_eq!(importer.enter(), Status::Ok);
+    assert_eq!(importer.get(INTEGRAL), Ok(9.0), "values may be got before all parameters are set");
     assert_eq!(importer.exit(), Status::Error);
     assert_eq!(importer.set(GAIN, 1.0), Status::Ok);
     assert_eq!(importer.exit(), Status::Ok);
