@@ -213,14 +213,12 @@ impl Variable {
     fn take_type(&mut self, name: &str, attributes: &Attributes, type_units: &[(String, String)]) {
         name.clone_into(&mut self.data_type);
         self.start = attributes.text("start");
-        self.unit = attributes.get("unit").map(str::to_owned).unwrap_or_else(|| {
-            let declared = attributes.get("declaredType");
-            type_units
-                .iter()
-                .find(|(name, _)| Some(name.as_str()) == declared)
-                .map(|(_, unit)| unit.clone())
-                .unwrap_or_default()
-        });
+        let declared = attributes.get("declaredType");
+        let unit_of_type = || {
+            let declaration = type_units.iter().find(|(name, _)| Some(name.as_str()) == declared);
+            declaration.map(|(_, unit)| unit.as_str())
+        };
+        attributes.get("unit").or_else(unit_of_type).unwrap_or_default().clone_into(&mut self.unit);
         if let (min, max) = (attributes.get("min"), attributes.get("max"))
             && (min.is_some() || max.is_some())
         {

@@ -114,36 +114,32 @@ fn settle_rod(system: &System, inputs: &Inputs, mut states: States) -> States {
     states
 }
 
+/// The places of the unknowns among the states or their derivatives.
+fn places(states: &mut States) -> [&mut f64; UNKNOWNS] {
+    [
+        &mut states.air_filter.pressure,
+        &mut states.lp_compressor.outlet_pressure,
+        &mut states.hp_compressor.outlet_pressure,
+        &mut states.intercooler.outlet_pressure,
+        &mut states.intake_manifold.pressure,
+        &mut states.exhaust_manifold.pressure,
+        &mut states.interstage_exhaust.pressure,
+        &mut states.exhaust.pressure,
+        &mut states.hp_shaft.speed,
+        &mut states.lp_shaft.speed,
+    ]
+}
+
 /// The unknowns among the states or their derivatives.
 fn unknowns_of(states: &States) -> [f64; UNKNOWNS] {
-    [
-        states.air_filter.pressure,
-        states.lp_compressor.outlet_pressure,
-        states.hp_compressor.outlet_pressure,
-        states.intercooler.outlet_pressure,
-        states.intake_manifold.pressure,
-        states.exhaust_manifold.pressure,
-        states.interstage_exhaust.pressure,
-        states.exhaust.pressure,
-        states.hp_shaft.speed,
-        states.lp_shaft.speed,
-    ]
+    places(&mut states.clone()).map(|unknown| *unknown)
 }
 
 /// The states with other values of the unknowns.
 fn with_unknowns(mut states: States, unknowns: &[f64; UNKNOWNS]) -> States {
-    [
-        states.air_filter.pressure,
-        states.lp_compressor.outlet_pressure,
-        states.hp_compressor.outlet_pressure,
-        states.intercooler.outlet_pressure,
-        states.intake_manifold.pressure,
-        states.exhaust_manifold.pressure,
-        states.interstage_exhaust.pressure,
-        states.exhaust.pressure,
-        states.hp_shaft.speed,
-        states.lp_shaft.speed,
-    ] = *unknowns;
+    for (place, &unknown) in places(&mut states).into_iter().zip(unknowns) {
+        *place = unknown;
+    }
     states
 }
 

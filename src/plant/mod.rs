@@ -63,26 +63,11 @@ const STIFFEST_FRICTION: f64 = 2000.0 * (1.0 + 1e-9);
 pub struct BoostPlant {
     system: System,
     latch: DutyLatch,
-    /// What the user has been told; initialization is repeated whenever the importer sets a value.
-    told: Told,
-}
-
-/// Warnings that were given.
-#[derive(Clone, Debug, Default)]
-struct Told {
-    /// The ignored start values.
-    ignored: [bool; States::COUNT],
-    /// The inputs for which there is no steady state.
-    unsettled: Option<Inputs>,
 }
 
 impl Default for BoostPlant {
     fn default() -> Self {
-        Self {
-            system: System::new(&Parameters::default()),
-            latch: DutyLatch::default(),
-            told: Told::default(),
-        }
+        Self { system: System::new(&Parameters::default()), latch: DutyLatch::default() }
     }
 }
 
@@ -130,13 +115,13 @@ impl Model for BoostPlant {
         variables.states = match variables.parameters.initialization.mode {
             InitializationMode::Settled => {
                 let settled = settled(&self.system, inputs, tank_pressure);
-                self.warn_of_unsettled_start(&settled, inputs, context);
+                warn_of_unsettled_start(&settled, inputs, context);
                 settled.states
             }
             InitializationMode::Running => running(&self.system, inputs, tank_pressure),
             InitializationMode::Given => variables.start,
         };
-        self.warn_of_ignored_starts(variables, context);
+        warn_of_ignored_starts(variables, context);
         self.refresh(variables, inputs);
         Ok(())
     }
@@ -223,46 +208,41 @@ impl BoostPlant {
         }
         Ok(())
     }
+}
 
-    /// Tells of inputs for which the experiment does not start at rest, once for each such inputs.
-    fn warn_of_unsettled_start(&mut self, settled: &Settled, inputs: &Inputs, context: &mut Context<'_>) {
-        let Some(shortcoming) = &settled.shortcoming else { return };
-        if self.told.unsettled.as_ref() == Some(inputs) {
-            return;
-        }
-        self.told.unsettled = Some(*inputs);
-        let reason = match shortcoming.failure {
-            Failure::NotIsolated => "has no isolated steady state",
-            Failure::NotConverged => "has no steady state that was found",
-        };
-        let instead = if shortcoming.followed > 0.0 {
-            format!("what a running engine has come to after {} s", shortcoming.followed)
-        } else {
-            "a running engine, whose transient diverges".to_owned()
-        };
-        context.warn(format_args!(
-            "initialization.mode = settled: the plant {reason} for {inputs:?}; the experiment starts from \
-             {instead}"
-        ));
+/// Tells of inputs for which the experiment does not start at rest.
+fn warn_of_unsettled_start(settled: &Settled, inputs: &Inputs, context: &mut Context<'_>) {
+    let Some(shortcoming) = &settled.shortcoming else { return };
+    let reason = match shortcoming.failure {
+        Failure::NotIsolated => "has no isolated steady state",
+        Failure::NotConverged => "has no steady state that was found",
+    };
+    let instead = if shortcoming.followed > 0.0 {
+        format!("what a running engine has come to after {} s", shortcoming.followed)
+    } else {
+        "a running engine, whose transient diverges".to_owned()
+    };
+    context.warn(format_args!(
+        "initialization.mode = settled: the plant {reason} for {inputs:?}; the experiment starts from \
+         {instead}"
+    ));
+}
+
+/// Tells of start values that the mode of initialization does not use.
+fn warn_of_ignored_starts(variables: &Variables, context: &mut Context<'_>) {
+    if variables.parameters.initialization.mode == InitializationMode::Given {
+        return;
     }
-
-    /// Tells of start values that the mode of initialization does not use, once for each set of them.
-    fn warn_of_ignored_starts(&mut self, variables: &Variables, context: &mut Context<'_>) {
-        let mode = variables.parameters.initialization.mode;
-        let (start, default) = (variables.start.to_array(), States::default().to_array());
-        let ignored: [bool; States::COUNT] = std::array::from_fn(|i| {
-            mode != InitializationMode::Given
-                && States::NAMES[i] != "tank.pressure"
-                && start[i].to_bits() != default[i].to_bits()
-        });
-        if ignored != self.told.ignored && ignored.contains(&true) {
-            let names: Vec<_> =
-                (0..States::COUNT).filter(|&i| ignored[i]).map(|i| States::NAMES[i]).collect();
-            context.warn(format_args!(
-                "the start values of {} are ignored: they hold with initialization.mode = given only",
-                names.join(", ")
-            ));
-        }
-        self.told.ignored = ignored;
+    let (start, default) = (variables.start.to_array(), States::default().to_array());
+    let ignored: Vec<_> = (0..States::COUNT)
+        .filter(|&i| start[i].to_bits() != default[i].to_bits())
+        .map(|i| States::NAMES[i])
+        .filter(|&name| name != "tank.pressure")
+        .collect();
+    if !ignored.is_empty() {
+        context.warn(format_args!(
+            "the start values of {} are ignored: they hold with initialization.mode = given only",
+            ignored.join(", ")
+        ));
     }
 }

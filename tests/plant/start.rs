@@ -34,10 +34,9 @@ fn every_start_is_finite_and_the_next_20_s_are() {
 }
 
 #[test]
-fn what_is_no_steady_state_is_told_once() {
+fn what_is_no_steady_state_is_told() {
     let inputs = Inputs { engine_speed: 0.0, throttle: 0.0, ..Inputs::default() };
-    let mut bench = Bench::new(inputs, |_, _| {});
-    bench.initialize();
+    let bench = Bench::new(inputs, |_, _| {});
     assert_eq!(bench.warnings.len(), 1, "{:?}", bench.warnings);
     let warning = &bench.warnings[0];
     assert!(warning.contains("engine_speed: 0.0") && warning.contains("throttle: 0.0"), "{warning}");
@@ -121,8 +120,7 @@ fn start_values_hold_in_mode_given_and_are_told_of_otherwise() {
     assert!(given.variables.states == given.variables.start);
     assert!(given.warnings.is_empty(), "{:?}", given.warnings);
 
-    let mut settled = Bench::new(Inputs::default(), |_, start| change(start));
-    settled.initialize();
+    let settled = Bench::new(Inputs::default(), |_, start| change(start));
     assert_eq!(settled.warnings.len(), 1, "{:?}", settled.warnings);
     let warning = &settled.warnings[0];
     assert!(warning.contains("hp_shaft.speed") && warning.contains("actuator.position"), "{warning}");
