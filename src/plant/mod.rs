@@ -214,8 +214,8 @@ impl BoostPlant {
 fn warn_of_unsettled_start(settled: &Settled, inputs: &Inputs, context: &mut Context<'_>) {
     let Some(shortcoming) = &settled.shortcoming else { return };
     let reason = match shortcoming.failure {
-        Failure::NotIsolated => "has no isolated steady state",
-        Failure::NotConverged => "has no steady state that was found",
+        Failure::NotIsolated => "there is no isolated steady state",
+        Failure::NotConverged => "no steady state was found",
     };
     let instead = if shortcoming.followed > 0.0 {
         format!("what a running engine has come to after {} s", shortcoming.followed)
@@ -223,8 +223,9 @@ fn warn_of_unsettled_start(settled: &Settled, inputs: &Inputs, context: &mut Con
         "a running engine, whose transient diverges".to_owned()
     };
     context.warn(format_args!(
-        "initialization.mode = settled: the plant {reason} for {inputs:?}; the experiment starts from \
-         {instead}"
+        "initialization.mode = settled: {reason} with engine_speed = {} rpm, throttle = {} and the other \
+         inputs as they are; the experiment starts from {instead}",
+        inputs.engine_speed, inputs.throttle
     ));
 }
 

@@ -39,7 +39,7 @@ fn what_is_no_steady_state_is_told() {
     let bench = Bench::new(inputs, |_, _| {});
     assert_eq!(bench.warnings.len(), 1, "{:?}", bench.warnings);
     let warning = &bench.warnings[0];
-    assert!(warning.contains("engine_speed: 0.0") && warning.contains("throttle: 0.0"), "{warning}");
+    assert!(warning.contains("engine_speed = 0 rpm") && warning.contains("throttle = 0 "), "{warning}");
 }
 
 #[test]
