@@ -6,7 +6,8 @@ use boost_fmu::controller::variables::{Inputs, Variables};
 use fmi2_export::description::{Causality, DataType};
 use fmi2_export::{Inputs as _, Model as _, Variables as _};
 
-use crate::bench::{Bench, Random};
+use crate::bench::Bench;
+use crate::random::Random;
 
 /// A bound or something between, small values as likely as large ones.
 fn value_within(random: &mut Random, least: f64, most: f64) -> f64 {

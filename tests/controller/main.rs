@@ -7,6 +7,8 @@ mod bench;
 mod extremes;
 mod initialization;
 mod law;
+#[path = "../support/random.rs"]
+mod random;
 mod refusals;
 mod sampling;
 mod stages;

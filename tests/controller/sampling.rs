@@ -6,7 +6,8 @@ use boost_fmu::controller::BoostController;
 use boost_fmu::controller::variables::{ControlMode, Inputs, Locals, Outputs, Parameters, Variables};
 use fmi2_export::{Variables as _, c_api, c_types};
 
-use crate::bench::{Bench, Random};
+use crate::bench::Bench;
+use crate::random::Random;
 
 const SAMPLE_TIME: f64 = 0.0125;
 

@@ -3,7 +3,8 @@
 
 use boost_fmu::controller::variables::{ControlMode, FeedbackStructure, Inputs, Parameters};
 
-use crate::bench::{Bench, Random};
+use crate::bench::Bench;
+use crate::random::Random;
 
 /// The controller in mode boost, as a list of numbers and one function.
 #[derive(Default)]

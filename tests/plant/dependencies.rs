@@ -13,7 +13,7 @@ use fmi2_export::{Context, Experiment, Model, Variables as _};
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
-use crate::bench::Random;
+use crate::random::Random;
 
 /// Unknowns and what each depends on.
 type Dependencies = BTreeMap<ValueReference, BTreeSet<ValueReference>>;

@@ -5,6 +5,8 @@ mod bench;
 mod dependencies;
 mod golden;
 mod latch;
+#[path = "../support/random.rs"]
+mod random;
 mod refusals;
 mod start;
 mod steady_states;

@@ -2,7 +2,8 @@
 
 use boost_fmu::plant::variables::{InitializationMode, Inputs, States};
 
-use crate::bench::{Bench, Random};
+use crate::bench::Bench;
+use crate::random::Random;
 
 /// Inputs at the edges of what they may be, and in between.
 fn unusual_inputs() -> Vec<(&'static str, Inputs)> {
