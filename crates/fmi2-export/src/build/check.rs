@@ -304,7 +304,19 @@ fn bounds(json: &json::Variable, data_type: DataType) -> Result<(), String> {
                 return Err(format!("display unit '{display_unit}' without a unit"));
             }
             (None, None) => return Err("a Real needs a unit ('1' when it has no dimension)".to_owned()),
-            _ => {}
+            (Some(json::Units::Each(units)), display_unit) => {
+                let elements: usize = json.dimensions.iter().product();
+                if json.dimensions.is_empty() || units.len() != elements {
+                    return Err(format!(
+                        "{} units are listed; an array of as many elements has one for each",
+                        units.len()
+                    ));
+                }
+                if display_unit.is_some() {
+                    return Err("a display unit needs one unit, not a list".to_owned());
+                }
+            }
+            (Some(json::Units::All(_)), _) => {}
         }
         if json.nominal.is_some_and(|nominal| nominal <= 0.0) {
             return Err("nominal is not greater than 0".to_owned());

@@ -84,7 +84,7 @@ pub(super) struct Variable {
     pub(super) initial: Option<Initial>,
     #[serde(rename = "type", default = "real")]
     pub(super) data_type: String,
-    pub(super) unit: Option<String>,
+    pub(super) unit: Option<Units>,
     pub(super) display_unit: Option<String>,
     pub(super) min: Option<f64>,
     pub(super) max: Option<f64>,
@@ -95,6 +95,24 @@ pub(super) struct Variable {
     pub(super) derivative: Option<Derivative>,
     pub(super) reads: Option<Vec<String>>,
     pub(super) initial_reads: Option<Vec<String>>,
+}
+
+/// The unit of a variable, or of each element of an array.
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+pub(super) enum Units {
+    All(String),
+    Each(Vec<String>),
+}
+
+impl Units {
+    /// The unit of the element with this number, counted from 0.
+    pub(super) fn of(&self, element: usize) -> &str {
+        match self {
+            Self::All(unit) => unit,
+            Self::Each(units) => &units[element],
+        }
+    }
 }
 
 fn real() -> String {

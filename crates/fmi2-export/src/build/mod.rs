@@ -48,7 +48,7 @@
 //! components share; such a component has a `"type"`, its own `"start"` values, and `"connections"`, by
 //! which a `"{placeholder}"` in the type's `reads` stands for a variable of another component.
 //! `enumerations` declare types whose items have the values 1, 2, …. A variable with `"dimensions"` is
-//! an array. The value reference 0 is `time`; the others follow in the order of declaration, each
+//! an array; its `"unit"` may be a list, with one for each element. The value reference 0 is `time`; the others follow in the order of declaration, each
 //! derivative `der(x)` directly after its state.
 //!
 //! `reads` names what the equation of a calculated variable reads *directly*; in a component a bare name

@@ -293,7 +293,7 @@ impl<'a> Flattening<'a> {
                 variability: checked.variability,
                 initial: checked.initial,
                 data_type: checked.data_type,
-                unit: json.unit.clone(),
+                unit: json.unit.as_ref().map(|unit| unit.of(number).to_owned()),
                 display_unit: json.display_unit.clone(),
                 min: json.min,
                 max: json.max,
@@ -327,7 +327,7 @@ impl<'a> Flattening<'a> {
                     unit: derivative
                         .unit
                         .clone()
-                        .or_else(|| json.unit.as_ref().map(|unit| format!("{unit}/s"))),
+                        .or_else(|| json.unit.as_ref().map(|unit| format!("{}/s", unit.of(number)))),
                     display_unit: None,
                     min: None,
                     max: None,

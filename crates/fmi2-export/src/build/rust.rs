@@ -248,9 +248,10 @@ impl Generator<'_, '_> {
     }
 
     fn field(&self, field: &Field<'_>) -> String {
-        let unit = match field.json.unit.as_deref() {
-            None | Some("1") => String::new(),
-            Some(unit) => format!(" (`{unit}`)"),
+        let unit = match &field.json.unit {
+            Some(json::Units::All(unit)) if unit != "1" => format!(" (`{unit}`)"),
+            Some(json::Units::Each(units)) => format!(" (`{}`)", units.join("`, `")),
+            _ => String::new(),
         };
         let description = markdown(&field.json.description);
         let mut data_type = match field.data_type {

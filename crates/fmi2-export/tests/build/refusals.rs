@@ -68,7 +68,7 @@ fn assert_refused(place: &str, fields: &Value, message: &str) {
 
 #[test]
 fn wrong_units_are_refused() {
-    use at::{ENABLED, INFLOW, MASS, RESERVE};
+    use at::{ENABLED, INFLOW, MASS, RESERVE, TABLE};
     assert_refused(
         INFLOW,
         &json!({"unit": "kg/h"}),
@@ -99,6 +99,21 @@ fn wrong_units_are_refused() {
         RESERVE,
         &json!({"derivative": {"reads": []}}),
         "variable 'der(settings.reserve)': unit 'm/s/s' is not defined in units.json",
+    );
+    assert_refused(
+        TABLE,
+        &json!({"unit": ["1", "m", "1"]}),
+        "variable 'settings.table': 3 units are listed; an array of as many elements has one for each",
+    );
+    assert_refused(
+        TABLE,
+        &json!({"unit": ["1", "m", "m2", "m3"]}),
+        "variable 'settings.table[2,2]': unit 'm3' is not defined in units.json",
+    );
+    assert_refused(
+        INFLOW,
+        &json!({"unit": ["kg/s"]}),
+        "variable 'inflow': 1 units are listed; an array of as many elements has one for each",
     );
 }
 
