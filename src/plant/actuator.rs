@@ -183,26 +183,11 @@ impl Actuator {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plant::system::System;
+    use crate::plant::variables::Parameters;
 
     fn actuator() -> Actuator {
-        Actuator {
-            membrane_area: 1.5e-3,
-            chamber_volume: 45e-6,
-            mass: 0.1,
-            damping: 30.0,
-            spring_preload: 19.0,
-            spring_stiffness: 3530.0,
-            spring_hardening: 2e15,
-            stroke: 0.01,
-            stop_stiffness: 2e5,
-            stop_damping: 200.0,
-            stop_damping_depth: 5e-5,
-            coulomb_friction: 0.2,
-            friction_stiffness: 400.0,
-            friction_exponent: 1.0,
-            exhaust_area: 0.0,
-            air: Gas::new(287.0, 1005.0, 1.4),
-        }
+        System::new(&Parameters::default()).actuator
     }
 
     #[test]

@@ -24,14 +24,11 @@ const SCALES: [f64; UNKNOWNS] = [1e5, 2e5, 2e5, 2e5, 2e5, 2e5, 1.5e5, 1e5, 2e4, 
 #[must_use]
 pub fn running(system: &System, inputs: &Inputs, tank_pressure: f64) -> States {
     let ambient_pressure = inputs.ambient_pressure;
+    // The speeds of the shafts and the rest of the actuator are those of the declared start values.
     let mut states = States::default();
     states.supply_sensor.voltage = system.command(inputs).0;
-    states.valve.plunger_duty = 0.0;
     states.tank.pressure = tank_pressure;
     states.actuator.chamber_pressure = ambient_pressure;
-    states.actuator.position = 0.0;
-    states.actuator.velocity = 0.0;
-    states.actuator.friction_force = 0.0;
     states.air_filter.pressure = ambient_pressure - 200.0;
     states.lp_compressor.outlet_pressure = ambient_pressure;
     states.hp_compressor.outlet_pressure = ambient_pressure + 500.0;
@@ -40,8 +37,6 @@ pub fn running(system: &System, inputs: &Inputs, tank_pressure: f64) -> States {
     states.exhaust_manifold.pressure = ambient_pressure + 1e4;
     states.interstage_exhaust.pressure = ambient_pressure + 4e3;
     states.exhaust.pressure = ambient_pressure + 800.0;
-    states.hp_shaft.speed = 6000.0;
-    states.lp_shaft.speed = 2500.0;
     states
 }
 
