@@ -22,7 +22,7 @@ pub fn run(names: &[String], out: Option<PathBuf>) -> Result<()> {
         .exec()
         .context("cargo finds no workspace here; run this in the folder of the repository")?;
     let models = choose(&metadata, names)?;
-    let build = compile(&metadata, models.values().copied())?;
+    let build = compile(&metadata, models.values().copied(), platform)?;
 
     let out = out.unwrap_or_else(|| metadata.target_directory.join("fmu").into());
     fs::create_dir_all(&out).with_context(|| format!("cannot create the folder {}", out.display()))?;
@@ -93,8 +93,12 @@ impl Build {
     }
 }
 
-/// Compiles packages; cargo's progress shows on stderr.
-fn compile<'a>(metadata: &Metadata, packages: impl Iterator<Item = &'a Package>) -> Result<Build> {
+/// Compiles packages for this platform; cargo's progress shows on stderr.
+fn compile<'a>(
+    metadata: &Metadata,
+    packages: impl Iterator<Item = &'a Package>,
+    platform: Platform,
+) -> Result<Build> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(cargo);
     command
@@ -115,10 +119,8 @@ fn compile<'a>(metadata: &Metadata, packages: impl Iterator<Item = &'a Package>)
             Message::CompilerArtifact(artifact)
                 if artifact.target.crate_types.contains(&CrateType::CDyLib) =>
             {
-                let suffixes = ["so", "dylib", "dll"];
-                let is_library = |file: &Path| {
-                    file.extension().is_some_and(|suffix| suffixes.iter().any(|&library| suffix == library))
-                };
+                let is_library =
+                    |file: &Path| file.extension().is_some_and(|suffix| suffix == platform.library_suffix());
                 if let Some(file) = artifact.filenames.iter().find(|file| is_library(file.as_std_path())) {
                     build.libraries.insert(artifact.target.name, file.clone().into());
                 }
