@@ -30,8 +30,8 @@ impl Port {
     }
 
     /// The same for the flap of the high-pressure wastegate, whose area grows with the square of the
-    /// opening. With a linear law the boost pressure would react four times as strongly to the first
-    /// opening, and the paper's control loop would not be stable.
+    /// opening. With a linear law the boost pressure would react far more strongly to the first opening
+    /// than to the rest, and the control loop relies on a gain that varies less.
     #[must_use]
     pub fn flap_flow(&self, opening: f64, first: (f64, f64), second: (f64, f64)) -> PortFlow {
         self.flow(opening * opening, first, second)

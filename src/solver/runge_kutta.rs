@@ -1,13 +1,12 @@
 //! The classical Runge-Kutta method of fourth order with a fixed step.
 //!
-//! Why a fixed step: the plant's fastest modes (the volumes around the throttle, about 1600 1/s) are
-//! always excited, so an adaptive step would stay near the stability limit anyway; a fixed one never
-//! tries states far off the solution, costs the same in each communication step, and makes results
-//! independent of how the master cuts time into steps, as far as these are multiples of it. 1/2400 s is
-//! the 30th part of a controller sample at 80 Hz and the 8th of a PWM period at 300 Hz.
+//! Why a fixed step: it never tries states far off the solution, costs the same in each communication
+//! step, and makes results independent of how the master cuts time into steps, as far as these are
+//! multiples of it. 1/2400 s is the 30th part of a controller sample at 80 Hz and the 8th of a PWM period
+//! at 300 Hz. The fastest modes of the plant, the volumes around the throttle at about 1600 1/s, leave it
+//! a quarter of the method's limit of stability.
 
-/// The longest substep in seconds. Against tight-tolerance integration the states of the plant then
-/// deviate by less than 0.003 % of full scale; the stability limit is four times as long.
+/// The longest substep in seconds.
 pub const LONGEST_STEP: f64 = 1.0 / 2400.0;
 
 /// How many equal substeps, none longer than [`LONGEST_STEP`], an interval of `duration` seconds takes.

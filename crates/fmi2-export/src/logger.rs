@@ -99,7 +99,7 @@ fn printable(message: &str) -> CString {
 }
 
 /// The messages that initialization has already given. It runs anew after every set in initialization
-/// mode; what it has to say, it says once.
+/// mode; what it has to say, it says once. Shared, so that saving a state copies no texts.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Said(Arc<Vec<String>>);
 
