@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from c_interface import Caller, Library, library_path
 from master import Fmu, Instance
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -72,3 +73,23 @@ def plant(make: Callable[[Fmu], Instance], plant_fmu: Fmu) -> Make:
 def controller(make: Callable[[Fmu], Instance], controller_fmu: Fmu) -> Make:
     """Makes an instance of the controller."""
     return lambda: make(controller_fmu)
+
+
+@pytest.fixture(scope="session")
+def libraries(fmus: dict[str, Fmu]) -> dict[str, Library]:
+    """The loaded libraries of both FMUs, by name."""
+    return {name: Library(library_path(fmu)) for name, fmu in fmus.items()}
+
+
+@pytest.fixture
+def call(fmus: dict[str, Fmu], libraries: dict[str, Library]) -> Iterator[Callable[..., Caller]]:
+    """Makes instances, by the FMU's name, that are called function by function; frees them in the end."""
+    made: list[Caller] = []
+
+    def make(name: str, **arguments) -> Caller:
+        made.append(Caller(libraries[name], fmus[name].description.guid, **arguments))
+        return made[-1]
+
+    yield make
+    for caller in made:
+        caller.free()
