@@ -8,3 +8,7 @@
 pub mod controller;
 pub mod plant;
 pub mod solver;
+
+/// The longest communication step of either model in seconds: a day. What a longer one asks for takes
+/// minutes to compute, and is most likely a mistake.
+const LONGEST_STEP: f64 = 86_400.0;

@@ -22,6 +22,8 @@ pub struct SampleClock {
     rounding: f64,
 }
 
+fmi2_export::persistent!(SampleClock { executed, rounding });
+
 impl SampleClock {
     /// A communication step begins (s) and will end (s).
     pub fn begin_step(&mut self, start: f64, end: f64) {

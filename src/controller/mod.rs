@@ -39,6 +39,7 @@ pub mod variables {
 
 use fmi2_export::{Context, Error, InputsOf, Model, Step};
 
+use crate::LONGEST_STEP;
 use clock::SampleClock;
 use compensator::{Compensator, Limits};
 use feedback::{Pid, Tuning};
@@ -65,6 +66,8 @@ pub struct BoostController {
     boost: Option<BoostLoop>,
 }
 
+fmi2_export::persistent!(BoostController { clock, relay, stage, boost });
+
 /// The memory of mode boost.
 #[derive(Clone, Copy, Debug, Default)]
 struct BoostLoop {
@@ -72,6 +75,8 @@ struct BoostLoop {
     reference_model: ReferenceModel,
     low_pressure: LowPressureLoop,
 }
+
+fmi2_export::persistent!(BoostLoop { pid, reference_model, low_pressure });
 
 /// A duty at nominal voltage and what it is made of (%).
 #[derive(Clone, Copy, Debug)]
@@ -111,6 +116,7 @@ struct Valves {
 
 impl Model for BoostController {
     type Variables = Variables;
+    const LONGEST_STEP: f64 = LONGEST_STEP;
 
     fn check_parameters(variables: &Variables) -> Result<(), Error> {
         let parameters = &variables.parameters;

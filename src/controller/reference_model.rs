@@ -18,6 +18,8 @@ pub struct ReferenceModel {
     delayed: Option<f64>,
 }
 
+fmi2_export::persistent!(ReferenceModel { pressure, delayed });
+
 /// The reference model at one sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Linearized {

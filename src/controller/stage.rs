@@ -16,6 +16,8 @@ pub struct StageStrategy {
     pub bypassed: bool,
 }
 
+fmi2_export::persistent!(StageStrategy { bypassed });
+
 impl StageStrategy {
     /// Whether the high-pressure stage is passed by at an engine speed (rpm): from the limit on, until the
     /// speed has fallen below it by the hysteresis.
@@ -48,6 +50,8 @@ pub struct LowPressureLoop {
     /// The integral term of the opening; none before the first sample.
     integral: Option<f64>,
 }
+
+fmi2_export::persistent!(LowPressureLoop { integral });
 
 impl LowPressureLoop {
     /// The opening of the wastegate for a boost pressure above its reference by an error (Pa). It begins

@@ -10,6 +10,8 @@ pub struct TankRelay {
     on: bool,
 }
 
+fmi2_export::persistent!(TankRelay { on });
+
 impl TankRelay {
     /// Whether the pump is on at a tank pressure (Pa): on above the one limit until below the other.
     pub fn sample(&mut self, parameters: &Parameters, tank_pressure: f64) -> bool {

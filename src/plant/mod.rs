@@ -51,6 +51,7 @@ use self::initialization::{Settled, running, settled};
 use self::quantities::quantities;
 use self::system::System;
 use self::variables::{InitializationMode, Inputs, Parameters, States, Variables};
+use crate::LONGEST_STEP;
 use crate::solver::runge_kutta;
 use crate::solver::steady_state::Failure;
 
@@ -65,6 +66,8 @@ pub struct BoostPlant {
     latch: DutyLatch,
 }
 
+fmi2_export::persistent!(BoostPlant { latch; derived system });
+
 impl Default for BoostPlant {
     fn default() -> Self {
         Self { system: System::new(&Parameters::default()), latch: DutyLatch::default() }
@@ -73,6 +76,7 @@ impl Default for BoostPlant {
 
 impl Model for BoostPlant {
     type Variables = Variables;
+    const LONGEST_STEP: f64 = LONGEST_STEP;
 
     fn check_parameters(variables: &Variables) -> Result<(), Error> {
         let p = &variables.parameters;
@@ -159,6 +163,10 @@ impl Model for BoostPlant {
         variables.derivatives = evaluation.derivatives;
         (variables.outputs, variables.locals) =
             quantities(&self.system, &inputs, &variables.states, &evaluation);
+    }
+
+    fn restored(&mut self, variables: &Variables) {
+        self.system = System::new(&variables.parameters);
     }
 }
 

@@ -4,7 +4,8 @@
 //! All `unsafe` of the crate is here (and in the call of the logger). What these functions rely on is what
 //! the standard demands of an importer: a component comes from `fmi2Instantiate` and is used by one
 //! thread at a time until `fmi2FreeInstance`; arrays have as many elements as their counts say; strings
-//! end in NUL. What can be checked is checked: null pointers, UTF-8, every number.
+//! end in NUL. What can be checked is checked: null pointers, components and states of another FMU, UTF-8,
+//! every number.
 //!
 //! [`export_fmi2!`]: crate::export_fmi2
 
@@ -14,6 +15,7 @@ use std::ffi::{CStr, c_char, c_int};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::ptr;
 use std::slice;
+use std::sync::PoisonError;
 
 use crate::c_types::{
     Boolean, Byte, CO_SIMULATION, CallbackFunctions, Component, ComponentEnvironment, FALSE, FmuState,
@@ -23,6 +25,8 @@ use crate::calling_sequence::Function;
 use crate::instance::{Answer, Instance, Memory};
 use crate::logger::Logger;
 use crate::model::{Error, Experiment, Model, Variables};
+use crate::saved_states;
+use crate::serialized_state::checksum;
 
 /// `fmi2GetVersion`.
 pub const VERSION: &CStr = c"2.0";
@@ -36,18 +40,43 @@ pub fn silence_panics() {
     ONCE.call_once(|| std::panic::set_hook(Box::new(|_| {})));
 }
 
+/// What a component points to. Both FMUs of a coupled system live in one process; the first word, in the
+/// same place in each, tells one FMU's components from another's.
+#[repr(C)]
+struct Slave<M: Model> {
+    fmu: u64,
+    instance: Instance<M>,
+}
+
+impl<M: Model> Slave<M> {
+    /// The first word of this FMU's components.
+    const FMU: u64 = checksum(M::Variables::DESCRIPTION.guid.as_bytes());
+
+    /// The slave behind a component, unless that is null or another FMU's.
+    ///
+    /// # Safety
+    /// `component` is null or came from `instantiate` of this or another FMU made by this crate, is not
+    /// freed, and is used by no other thread meanwhile.
+    unsafe fn of<'a>(component: Component) -> Option<&'a mut Self> {
+        // SAFETY: by the caller's word, a component that is not null begins with this word.
+        let fmu = unsafe { component.cast::<u64>().as_ref() }?;
+        // SAFETY: a component that begins with this FMU's word is one of `M`, alive and not shared.
+        (*fmu == Self::FMU).then(|| unsafe { &mut *component.cast::<Self>() })
+    }
+}
+
 /// Runs the body of a function on the instance behind a component.
 ///
 /// # Safety
-/// `component` is null or an instance of `M`, used by no other thread meanwhile.
+/// As for [`Slave::of`].
 unsafe fn call<M: Model>(
     component: Component,
     function: Function,
     body: impl FnOnce(&mut Instance<M>) -> Answer,
 ) -> Status {
-    // SAFETY: by the caller's word, the pointer is null or came from `instantiate::<M>`.
-    match unsafe { component.cast::<Instance<M>>().as_mut() } {
-        Some(instance) => instance.call(function, body),
+    // SAFETY: by the caller's word.
+    match unsafe { Slave::<M>::of(component) } {
+        Some(slave) => slave.instance.call(function, body),
         None => Status::Error,
     }
 }
@@ -137,22 +166,31 @@ pub unsafe fn instantiate<M: Model>(
         }
         Ok(())
     };
-    if let Err(error) = check() {
-        logger.error(format_args!("fmi2Instantiate: {error}"));
-        return ptr::null_mut();
+    match check().and_then(|()| Instance::<M>::memory_of_a_fresh_one()) {
+        Ok(memory) => {
+            let instance = Instance::new(logger, memory);
+            Box::into_raw(Box::new(Slave { fmu: Slave::<M>::FMU, instance })).cast()
+        }
+        Err(error) => {
+            logger.error(format_args!("fmi2Instantiate: {error}"));
+            ptr::null_mut()
+        }
     }
-    catch_unwind(AssertUnwindSafe(|| Box::into_raw(Box::new(Instance::<M>::new(logger))).cast()))
-        .unwrap_or(ptr::null_mut())
 }
 
-/// `fmi2FreeInstance`.
+/// `fmi2FreeInstance`; the states that were not freed are freed too.
 pub unsafe fn free_instance<M: Model>(component: Component) {
-    if !component.is_null() {
-        // SAFETY: the pointer came from `instantiate::<M>` and, by the standard, is used no more.
-        let instance = unsafe { Box::from_raw(component.cast::<Instance<M>>()) };
-        // A panic while a model is dropped must not reach the importer; there is nobody left to tell.
-        let _ = catch_unwind(AssertUnwindSafe(|| drop(instance)));
-    }
+    // SAFETY: the component is the importer's (see the module).
+    let Some(slave) = (unsafe { Slave::<M>::of(component) }) else { return };
+    // So that a component which is used after all is no longer one, as long as its memory lies idle.
+    slave.fmu = 0;
+    // SAFETY: the pointer came from `instantiate::<M>` and, by the standard, is used no more.
+    let slave = unsafe { Box::from_raw(ptr::from_mut(slave)) };
+    // A panic while a model is dropped must not reach the importer; there is nobody left to tell.
+    let _ = catch_unwind(AssertUnwindSafe(|| {
+        saved_states::free_all_of(component.addr());
+        drop(slave);
+    }));
 }
 
 /// `fmi2SetDebugLogging`.
@@ -294,30 +332,58 @@ pub unsafe fn set_string<M: Model>(
     }
 }
 
+/// An argument that a result is written to.
+///
+/// # Safety
+/// Unless null, `argument` may be read and written during the call.
+unsafe fn reference<'a, T>(name: &str, argument: *mut T) -> Result<&'a mut T, Error> {
+    // SAFETY: by the caller's word.
+    unsafe { argument.as_mut() }.ok_or_else(|| Error::new(format!("the argument {name} is NULL")))
+}
+
+/// Reads from the state with a handle.
+fn with_state<M: Model, T>(
+    state: FmuState,
+    body: impl FnOnce(&Memory<M>) -> Result<T, Error>,
+) -> Result<T, Error> {
+    if state.is_null() {
+        return Err(Error::new("the argument FMUstate is NULL"));
+    }
+    let state = saved_states::find::<Memory<M>>(state.addr())?;
+    body(&state.read().unwrap_or_else(PoisonError::into_inner))
+}
+
+/// Keeps a memory behind a handle: a new one for a null handle.
+fn store<M: Model>(component: Component, state: &mut FmuState, memory: Memory<M>) -> Answer {
+    if state.is_null() {
+        *state = ptr::without_provenance_mut(saved_states::keep(component.addr(), memory));
+    } else {
+        let there = saved_states::find::<Memory<M>>(state.addr())?;
+        *there.write().unwrap_or_else(PoisonError::into_inner) = memory;
+    }
+    Ok(Status::Ok)
+}
+
 /// `fmi2GetFMUstate`: into a new state where `*state` is null, otherwise over the one that is there.
 pub unsafe fn get_fmu_state<M: Model>(component: Component, state: *mut FmuState) -> Status {
     // SAFETY: the component and the state are the importer's (see the module).
     unsafe {
         call::<M>(component, Function::GetFMUstate, |instance| {
-            let state = state.as_mut().ok_or_else(|| Error::new("the argument FMUstate is NULL"))?;
-            let memory = instance.save()?;
-            match state.cast::<Memory<M>>().as_mut() {
-                Some(there) => *there = memory,
-                None => *state = Box::into_raw(Box::new(memory)).cast(),
-            }
-            Ok(Status::Ok)
+            let state = reference("FMUstate", state)?;
+            store(component, state, instance.memory()?.clone())
         })
     }
 }
 
 /// `fmi2SetFMUstate`.
 pub unsafe fn set_fmu_state<M: Model>(component: Component, state: FmuState) -> Status {
-    // SAFETY: the component and the state are the importer's (see the module).
+    // SAFETY: the component is the importer's (see the module).
     unsafe {
         call::<M>(component, Function::SetFMUstate, |instance| {
-            let memory = state.cast::<Memory<M>>().as_ref();
-            instance.restore(memory.ok_or_else(|| Error::new("the argument FMUstate is NULL"))?);
-            Ok(Status::Ok)
+            with_state(state, |memory| {
+                instance.restore(memory);
+                Ok(Status::Ok)
+            })
         })
     }
 }
@@ -330,10 +396,68 @@ pub unsafe fn free_fmu_state<M: Model>(component: Component, state: *mut FmuStat
             if let Some(state) = state.as_mut()
                 && !state.is_null()
             {
-                drop(Box::from_raw(state.cast::<Memory<M>>()));
+                saved_states::free::<Memory<M>>(state.addr())?;
                 *state = ptr::null_mut();
             }
             Ok(Status::Ok)
+        })
+    }
+}
+
+/// `fmi2SerializedFMUstateSize`.
+pub unsafe fn serialized_fmu_state_size<M: Model>(
+    component: Component,
+    state: FmuState,
+    size: *mut usize,
+) -> Status {
+    // SAFETY: the component and the size are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::SerializedFMUstateSize, |_| {
+            let size = reference("size", size)?;
+            *size = with_state(state, Instance::<M>::serialize)?.len();
+            Ok(Status::Ok)
+        })
+    }
+}
+
+/// `fmi2SerializeFMUstate`: into as many bytes as `fmi2SerializedFMUstateSize` says.
+pub unsafe fn serialize_fmu_state<M: Model>(
+    component: Component,
+    state: FmuState,
+    serialized_state: *mut Byte,
+    size: usize,
+) -> Status {
+    // SAFETY: the component and the array are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::SerializeFMUstate, |_| {
+            let bytes = with_state(state, Instance::<M>::serialize)?;
+            if size != bytes.len() {
+                return Err(Error::new(format!("size is {size}, the state has {} bytes", bytes.len())));
+            }
+            elements_mut("serializedState", serialized_state.cast::<u8>(), size)?.copy_from_slice(&bytes);
+            Ok(Status::Ok)
+        })
+    }
+}
+
+/// `fmi2DeSerializeFMUstate`: over the state that is there, otherwise into a new one. The standard does not
+/// ask for `*state` to be null before.
+pub unsafe fn deserialize_fmu_state<M: Model>(
+    component: Component,
+    serialized_state: *const Byte,
+    size: usize,
+    state: *mut FmuState,
+) -> Status {
+    // SAFETY: the component, the array and the state are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::DeSerializeFMUstate, |_| {
+            let bytes = elements("serializedState", serialized_state.cast::<u8>(), size)?;
+            let state = reference("FMUstate", state)?;
+            let memory = Instance::<M>::deserialize(bytes)?;
+            if saved_states::find::<Memory<M>>(state.addr()).is_err() {
+                *state = ptr::null_mut();
+            }
+            store(component, state, memory)
         })
     }
 }
@@ -354,9 +478,6 @@ macro_rules! not_supported {
 }
 
 not_supported! {
-    serialized_fmu_state_size(FmuState, *mut usize): SerializedFMUstateSize, "canSerializeFMUstate is false";
-    serialize_fmu_state(FmuState, *mut Byte, usize): SerializeFMUstate, "canSerializeFMUstate is false";
-    deserialize_fmu_state(*const Byte, usize, *mut FmuState): DeSerializeFMUstate, "canSerializeFMUstate is false";
     get_directional_derivative(
         *const ValueReference, usize, *const ValueReference, usize, *const f64, *mut f64
     ): GetDirectionalDerivative, "providesDirectionalDerivative is false";
@@ -415,7 +536,7 @@ unsafe fn status<M: Model, T>(
     // SAFETY: by the caller's word.
     unsafe {
         call::<M>(component, function, |instance| {
-            let value = value.as_mut().ok_or_else(|| Error::new("the argument value is NULL"))?;
+            let value = reference("value", value)?;
             match answer(instance) {
                 Some(known) => {
                     *value = known;

@@ -6,6 +6,9 @@
 
 use std::fmt;
 
+use crate::model;
+use crate::persistence::{Archive, Persistent};
+
 /// The states of a co-simulation slave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
@@ -30,6 +33,16 @@ impl fmt::Display for Phase {
             Self::Terminated => "terminated",
             Self::Error => "error",
         })
+    }
+}
+
+impl Persistent for Phase {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), model::Error> {
+        let mut number = *self as u8;
+        number.persist(archive)?;
+        let known = ANY.iter().find(|&&phase| phase as u8 == number);
+        *self = *known.ok_or_else(|| model::Error::new(format!("{number} is no state of a slave")))?;
+        Ok(())
     }
 }
 

@@ -31,6 +31,8 @@ pub struct Capabilities {
     pub interpolate_inputs: bool,
     /// `canGetAndSetFMUstate`.
     pub get_and_set_state: bool,
+    /// `canSerializeFMUstate`.
+    pub serialize_state: bool,
 }
 
 /// One variable's attributes (FMI 2.0.5, section 2.2.7).

@@ -1,7 +1,8 @@
 //! The inputs during a communication step: values, with the derivatives that
 //! `fmi2SetRealInputDerivatives` gave (FMI 2.0.5, section 4.2.1), kept within min and max.
 
-use crate::model::Inputs;
+use crate::model::{Error, Inputs};
+use crate::persistence::{Archive, Persistent};
 
 /// The highest order of an input derivative that is taken.
 pub const MAX_ORDER: usize = 8;
@@ -103,6 +104,18 @@ impl<I: Inputs> InputSignal<I> {
             .rev()
             .find(|&order| self.derivatives.iter().any(|derivatives| derivatives[order] != 0.0))
             .map_or(0, |order| order + 1);
+    }
+}
+
+/// What was set; the rest follows from it.
+impl<I: Inputs> Persistent for InputSignal<I> {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        let Self { set, derivatives, bounded: _, order: _ } = self;
+        set.persist(archive)?;
+        derivatives.persist(archive)?;
+        self.bounded = Self::constant(self.set.clone()).bounded;
+        self.find_order();
+        Ok(())
     }
 }
 

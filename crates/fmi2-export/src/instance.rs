@@ -16,6 +16,8 @@ use crate::description::{
 use crate::inputs::{InputSignal, MAX_ORDER};
 use crate::logger::{Logger, Said, WARNING};
 use crate::model::{Context, Error, Experiment, InputsOf, Model, Step, Variables};
+use crate::persistence::{Archive, Persistent};
+use crate::serialized_state;
 
 /// How far, relative to the step, the importer's time may be off this instance's. Importers compute
 /// communication points as `i * h`, by adding up, or from integer nanoseconds.
@@ -65,6 +67,33 @@ impl<M: Model> Memory<M> {
     }
 }
 
+impl<M: Model> Persistent for Memory<M> {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        let Self {
+            phase,
+            model,
+            variables,
+            inputs,
+            out_of_bounds,
+            experiment,
+            time,
+            stale,
+            parameters_changed,
+            said,
+        } = self;
+        phase.persist(archive)?;
+        model.persist(archive)?;
+        variables.persist(archive)?;
+        inputs.persist(archive)?;
+        out_of_bounds.persist(archive)?;
+        experiment.persist(archive)?;
+        time.persist(archive)?;
+        stale.persist(archive)?;
+        parameters_changed.persist(archive)?;
+        said.persist(archive)
+    }
+}
+
 /// An instance of a model.
 pub(crate) struct Instance<M: Model> {
     logger: Logger,
@@ -74,8 +103,15 @@ pub(crate) struct Instance<M: Model> {
 }
 
 impl<M: Model> Instance<M> {
-    pub(crate) fn new(logger: Logger) -> Self {
-        Self { logger, memory: Memory::new(), strings: Vec::new() }
+    /// An instance that begins with a memory.
+    pub(crate) fn new(logger: Logger, memory: Memory<M>) -> Self {
+        Self { logger, memory, strings: Vec::new() }
+    }
+
+    /// The memory of an instance that nothing was done to yet.
+    pub(crate) fn memory_of_a_fresh_one() -> Result<Memory<M>, Error> {
+        catch_unwind(Memory::new)
+            .map_err(|payload| Error::new(format!("the model panicked: {}", panic_message(payload.as_ref()))))
     }
 
     const DESCRIPTION: &'static ModelDescription = M::Variables::DESCRIPTION;
@@ -194,6 +230,12 @@ impl<M: Model> Instance<M> {
                 "communicationStepSize is {size}; it must be finite and greater than 0"
             )));
         }
+        if size > M::LONGEST_STEP {
+            return Err(Error::new(format!(
+                "communicationStepSize is {size} s; the longest step that this FMU takes is {} s",
+                M::LONGEST_STEP
+            )));
+        }
         let off = (start - memory.time).abs();
         if off.is_nan() || off > TIME_TOLERANCE * size + time_rounding(memory.time) {
             return Err(Error::new(format!(
@@ -203,6 +245,11 @@ impl<M: Model> Instance<M> {
         }
         let experiment = memory.experiment.unwrap_or_default();
         let end = start + size;
+        if end <= start {
+            return Err(Error::new(format!(
+                "communicationStepSize is {size}, which is lost in the rounding of the time {start}"
+            )));
+        }
         if let Some(stop_time) = experiment.stop_time
             && end > stop_time + TIME_TOLERANCE * size + time_rounding(stop_time)
         {
@@ -240,18 +287,41 @@ impl<M: Model> Instance<M> {
         self.memory.time
     }
 
-    /// A copy of everything that a later call depends on.
-    pub(crate) fn save(&self) -> Result<Memory<M>, Error> {
+    /// Everything that a later call depends on.
+    pub(crate) fn memory(&self) -> Result<&Memory<M>, Error> {
         if Self::DESCRIPTION.capabilities.get_and_set_state {
-            Ok(self.memory.clone())
+            Ok(&self.memory)
         } else {
             Err(Error::new("this FMU cannot get and set its state (canGetAndSetFMUstate is false)"))
         }
     }
 
-    /// Takes up where [`Instance::save`] left off.
+    /// Takes up where a saved memory left off.
     pub(crate) fn restore(&mut self, memory: &Memory<M>) {
         self.memory.clone_from(memory);
+    }
+
+    /// A saved memory as bytes.
+    pub(crate) fn serialize(memory: &Memory<M>) -> Result<Vec<u8>, Error> {
+        Self::check_serializes()?;
+        serialized_state::to_bytes(Self::DESCRIPTION, &mut memory.clone())
+    }
+
+    /// The memory that was saved as bytes, by this FMU wherever it ran.
+    pub(crate) fn deserialize(bytes: &[u8]) -> Result<Memory<M>, Error> {
+        Self::check_serializes()?;
+        let mut memory = Memory::<M>::new();
+        serialized_state::from_bytes(Self::DESCRIPTION, bytes, &mut memory)?;
+        memory.model.restored(&memory.variables);
+        Ok(memory)
+    }
+
+    fn check_serializes() -> Result<(), Error> {
+        if Self::DESCRIPTION.capabilities.serialize_state {
+            Ok(())
+        } else {
+            Err(Error::new("this FMU cannot serialize its state (canSerializeFMUstate is false)"))
+        }
     }
 
     /// A variable, if a value reference is one's and of that type.

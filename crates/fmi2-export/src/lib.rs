@@ -8,6 +8,9 @@ mod inputs;
 mod instance;
 mod logger;
 mod model;
+pub mod persistence;
+mod saved_states;
+mod serialized_state;
 
 #[cfg(feature = "build")]
 pub mod build;

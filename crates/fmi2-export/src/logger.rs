@@ -8,6 +8,8 @@ use std::fmt;
 use std::sync::Arc;
 
 use crate::c_types::{CallbackLogger, ComponentEnvironment, Status};
+use crate::model::Error;
+use crate::persistence::{Archive, Persistent};
 
 /// The category of errors.
 pub const ERROR: &str = "logStatusError";
@@ -111,5 +113,12 @@ impl Said {
             Arc::make_mut(&mut self.0).push(message.to_owned());
         }
         new
+    }
+}
+
+impl Persistent for Said {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        let Self(texts) = self;
+        Arc::make_mut(texts).persist(archive)
     }
 }

@@ -53,7 +53,7 @@ static DESCRIPTION: ModelDescription = ModelDescription {
         variable("text", DataType::String, Causality::Parameter, Variability::Tunable, Initial::Exact),
     ],
     log_categories: &["logStatusError", "logStatusWarning", "logEvents"],
-    capabilities: Capabilities { interpolate_inputs: true, get_and_set_state: true },
+    capabilities: Capabilities { interpolate_inputs: true, get_and_set_state: true, serialize_state: true },
 };
 
 #[derive(Clone, Default)]
@@ -135,9 +135,13 @@ impl Variables for AllVariables {
     }
 }
 
+fmi2_export::persistent!(InputVariables { input });
+fmi2_export::persistent!(AllVariables { inputs, gain, offset, count, integral, text });
+fmi2_export::persistent!(Integrator {});
+
 /// Integrates its input times a gain; obeys the text `panic` and `overflow`.
 #[derive(Clone, Default)]
-struct Integrator;
+struct Integrator {}
 
 impl Model for Integrator {
     type Variables = AllVariables;

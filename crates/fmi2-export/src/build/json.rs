@@ -51,10 +51,12 @@ pub(super) struct DefaultExperiment {
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[allow(clippy::struct_excessive_bools, reason = "they are the standard's flags")]
 pub(super) struct Capabilities {
     pub(super) variable_communication_step_size: bool,
     pub(super) interpolate_inputs: bool,
     pub(super) get_and_set_state: bool,
+    pub(super) serialize_state: bool,
 }
 
 /// A name and what it means.

@@ -23,7 +23,7 @@
 //!   "description": "A vessel that fills through a valve",
 //!   "author": "…", "copyright": "…", "license": "MIT",
 //!   "default_experiment": {"start_time": 0, "stop_time": 10, "step_size": 0.01},
-//!   "capabilities": {"variable_communication_step_size": true, "interpolate_inputs": true, "get_and_set_state": true},
+//!   "capabilities": {"variable_communication_step_size": true, "interpolate_inputs": true, "get_and_set_state": true, "serialize_state": true},
 //!   "log_categories": [
 //!     {"name": "logStatusError", "description": "Errors"},
 //!     {"name": "logStatusWarning", "description": "Warnings"},

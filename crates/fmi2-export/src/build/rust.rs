@@ -151,6 +151,10 @@ pub struct Variables {
     /// The outputs.
     pub outputs: Outputs,
 }
+
+::fmi2_export::persistent!(Variables {
+    parameters, inputs, start, states, derivatives, locals, outputs
+});
 ";
 
 fn enumeration_text(enumeration: &json::Enumeration) -> String {
@@ -184,6 +188,19 @@ fn enumeration_text(enumeration: &json::Enumeration) -> String {
         self as i32
     }}
 }}
+
+{ALLOW}impl ::fmi2_export::persistence::Persistent for {name} {{
+    fn persist(
+        &mut self,
+        archive: &mut ::fmi2_export::persistence::Archive<'_>,
+    ) -> Result<(), ::fmi2_export::Error> {{
+        let mut value = self.value();
+        value.persist(archive)?;
+        *self = Self::from_value(value)
+            .ok_or_else(|| ::fmi2_export::Error::new(format!(\"{{value}} is no item of {name}\")))?;
+        Ok(())
+    }}
+}}
 "
     );
     text
@@ -209,6 +226,7 @@ impl Generator<'_, '_> {
             text += &self.field(field);
         }
         text += "}\n";
+        text += &persistent(&name, group.fields(part).map(|field| field.json.name.as_str()));
         // Components of one type may start from different values; then there is no default for the type.
         let alike =
             self.model.parts.iter().filter(|other| {
@@ -244,6 +262,14 @@ impl Generator<'_, '_> {
             let _ = writeln!(starts, "            {component}: {part_name} {{\n{inner}            }},");
         }
         text += "}\n";
+        let parts = self.model.parts.iter().filter(|part| group.is_in(part));
+        text += &persistent(
+            name,
+            parts.flat_map(|part| match part.name {
+                Some(component) => vec![component],
+                None => group.fields(part).map(|field| field.json.name.as_str()).collect(),
+            }),
+        );
         text + &default(name, &starts)
     }
 
@@ -368,6 +394,12 @@ impl Generator<'_, '_> {
 fn derive<'f, 'a: 'f>(mut fields: impl Iterator<Item = &'f Field<'a>>) -> String {
     let copy = if fields.any(|field| field.data_type == DataType::String) { "" } else { "Copy, " };
     format!("#[derive(Clone, {copy}Debug, PartialEq)]\n")
+}
+
+/// A struct's fields as bytes.
+fn persistent<'n>(name: &str, fields: impl Iterator<Item = &'n str>) -> String {
+    let fields: Vec<_> = fields.collect();
+    format!("\n::fmi2_export::persistent!({name} {{ {} }});\n", fields.join(", "))
 }
 
 fn default(name: &str, fields: &str) -> String {

@@ -96,7 +96,7 @@ fn write_co_simulation(writer: &mut XmlWriter, model: &json::Model) -> io::Resul
         ("canBeInstantiatedOnlyOncePerProcess", false.to_string()),
         ("canNotUseMemoryManagementFunctions", true.to_string()),
         ("canGetAndSetFMUstate", capabilities.get_and_set_state.to_string()),
-        ("canSerializeFMUstate", false.to_string()),
+        ("canSerializeFMUstate", capabilities.serialize_state.to_string()),
         ("providesDirectionalDerivative", false.to_string()),
     ];
     empty(writer, "CoSimulation", attributes)

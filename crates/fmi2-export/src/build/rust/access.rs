@@ -192,7 +192,7 @@ impl Generator<'_, '_> {
         xml: include_str!(\"modelDescription.xml\"),
         variables: &VARIABLES,
         log_categories: &LOG_CATEGORIES,
-        capabilities: Capabilities {{ interpolate_inputs: {}, get_and_set_state: {} }},
+        capabilities: Capabilities {{ interpolate_inputs: {}, get_and_set_state: {}, serialize_state: {} }},
     }}
 }};
 ",
@@ -201,6 +201,7 @@ impl Generator<'_, '_> {
             model.model_identifier,
             model.capabilities.interpolate_inputs,
             model.capabilities.get_and_set_state,
+            model.capabilities.serialize_state,
             categories = categories.concat(),
         )
     }

@@ -29,6 +29,20 @@ impl FillMode {
     }
 }
 
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl ::fmi2_export::persistence::Persistent for FillMode {
+    fn persist(
+        &mut self,
+        archive: &mut ::fmi2_export::persistence::Archive<'_>,
+    ) -> Result<(), ::fmi2_export::Error> {
+        let mut value = self.value();
+        value.persist(archive)?;
+        *self = Self::from_value(value)
+            .ok_or_else(|| ::fmi2_export::Error::new(format!("{value} is no item of FillMode")))?;
+        Ok(())
+    }
+}
+
 /// The parameters of a `Vessel`.
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +50,8 @@ pub struct VesselParameters {
     /// Cross section (`m2`)
     pub area: f64,
 }
+
+::fmi2_export::persistent!(VesselParameters { area });
 
 /// The parameters of a component: Settings.
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
@@ -48,6 +64,8 @@ pub struct SettingsParameters {
     /// Table
     pub table: [[f64; 2]; 2],
 }
+
+::fmi2_export::persistent!(SettingsParameters { mode, label, table });
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for SettingsParameters {
@@ -71,6 +89,8 @@ pub struct Parameters {
     /// Settings
     pub settings: SettingsParameters,
 }
+
+::fmi2_export::persistent!(Parameters { first, second, settings });
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for Parameters {
@@ -101,6 +121,8 @@ pub struct Inputs {
     pub enabled: bool,
 }
 
+::fmi2_export::persistent!(Inputs { inflow, enabled });
+
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for Inputs {
     fn default() -> Self {
@@ -119,6 +141,8 @@ pub struct VesselStates {
     pub mass: f64,
 }
 
+::fmi2_export::persistent!(VesselStates { mass });
+
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for VesselStates {
     fn default() -> Self {
@@ -135,6 +159,8 @@ pub struct SettingsStates {
     /// Reserve (`m/s`)
     pub reserve: f64,
 }
+
+::fmi2_export::persistent!(SettingsStates { reserve });
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for SettingsStates {
@@ -156,6 +182,8 @@ pub struct States {
     /// Settings
     pub settings: SettingsStates,
 }
+
+::fmi2_export::persistent!(States { first, second, settings });
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for States {
@@ -182,6 +210,8 @@ pub struct VesselLocals {
     pub outflow: f64,
 }
 
+::fmi2_export::persistent!(VesselLocals { outflow });
+
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for VesselLocals {
     fn default() -> Self {
@@ -198,6 +228,8 @@ pub struct SettingsLocals {
     /// Its determinant
     pub gain: f64,
 }
+
+::fmi2_export::persistent!(SettingsLocals { gain });
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for SettingsLocals {
@@ -219,6 +251,8 @@ pub struct Locals {
     /// Settings
     pub settings: SettingsLocals,
 }
+
+::fmi2_export::persistent!(Locals { first, second, settings });
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for Locals {
@@ -248,6 +282,8 @@ pub struct Outputs {
     /// How often it was filled
     pub fills: i32,
 }
+
+::fmi2_export::persistent!(Outputs { level, drain, fills });
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for Outputs {
@@ -317,6 +353,10 @@ pub struct Variables {
     /// The outputs.
     pub outputs: Outputs,
 }
+
+::fmi2_export::persistent!(Variables {
+    parameters, inputs, start, states, derivatives, locals, outputs
+});
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl ::fmi2_export::Inputs for Inputs {
@@ -704,10 +744,10 @@ static DESCRIPTION: ::fmi2_export::description::ModelDescription = {
     ];
     ModelDescription {
         model_identifier: "Vessels",
-        guid: "{86e365e0-cb87-553f-96f5-bf99f1ab512c}",
+        guid: "{a98344d9-9aa1-5e12-8463-f6926cb3328e}",
         xml: include_str!("modelDescription.xml"),
         variables: &VARIABLES,
         log_categories: &LOG_CATEGORIES,
-        capabilities: Capabilities { interpolate_inputs: true, get_and_set_state: true },
+        capabilities: Capabilities { interpolate_inputs: true, get_and_set_state: true, serialize_state: true },
     }
 };

@@ -1,0 +1,129 @@
+//! The bytes of a serialized state: what they say of themselves, so that what is no state of this FMU is
+//! refused (FMI 2.0.5, section 2.1.8).
+//!
+//! | bytes | content |
+//! |---|---|
+//! | 8 | [`SIGNATURE`] |
+//! | 4 | [`VERSION`] of this format |
+//! | 4 + n | the length of the FMU's name, and the name: its model identifier and GUID |
+//! | 8 | the length of the content |
+//! | … | the content: the memory of an instance |
+//! | 8 | the checksum of all that precedes |
+//!
+//! Numbers are little-endian.
+
+use crate::description::ModelDescription;
+use crate::model::Error;
+use crate::persistence::{Archive, Persistent};
+
+const SIGNATURE: [u8; 8] = *b"fmi2stat";
+/// Changes with every change of what the runtime writes. (What a model writes is told by its GUID.)
+const VERSION: u32 = 1;
+/// The length of the checksum.
+const CHECKSUM: usize = 8;
+
+/// The bytes of a value that belongs to an FMU.
+///
+/// # Errors
+/// Those of the value.
+pub(crate) fn to_bytes(
+    description: &ModelDescription,
+    value: &mut impl Persistent,
+) -> Result<Vec<u8>, Error> {
+    let mut content = Archive::writing();
+    value.persist(&mut content)?;
+    let content = content.into_bytes();
+    let name = name(description);
+    let mut bytes = Vec::with_capacity(SIGNATURE.len() + name.len() + content.len() + 32);
+    bytes.extend(SIGNATURE);
+    bytes.extend(VERSION.to_le_bytes());
+    #[allow(clippy::cast_possible_truncation)] // The name of a model is shorter than 4 GB.
+    bytes.extend((name.len() as u32).to_le_bytes());
+    bytes.extend(name.as_bytes());
+    bytes.extend((content.len() as u64).to_le_bytes());
+    bytes.extend(content);
+    bytes.extend(checksum(&bytes).to_le_bytes());
+    Ok(bytes)
+}
+
+/// Fills a value from the bytes that [`to_bytes`] made of one of the same FMU.
+///
+/// # Errors
+/// When the bytes are anything else; the value is then of no use.
+pub(crate) fn from_bytes(
+    description: &ModelDescription,
+    bytes: &[u8],
+    value: &mut impl Persistent,
+) -> Result<(), Error> {
+    let content = content(description, bytes)?;
+    let mut archive = Archive::reading(content);
+    value.persist(&mut archive)?;
+    if archive.is_exhausted() {
+        Ok(())
+    } else {
+        Err(Error::new("the serialized state holds more than this FMU's state"))
+    }
+}
+
+/// What a state's bytes call its FMU.
+fn name(description: &ModelDescription) -> String {
+    format!("{} {}", description.model_identifier, description.guid)
+}
+
+/// The content of intact bytes that are a state of this FMU.
+fn content<'b>(description: &ModelDescription, bytes: &'b [u8]) -> Result<&'b [u8], Error> {
+    let ends_early =
+        || Error::new(format!("the {} bytes of the serialized state end too early", bytes.len()));
+    let mut rest = bytes;
+    let mut take = |count: usize| {
+        let (taken, left) = rest.split_at_checked(count)?;
+        rest = left;
+        Some(taken)
+    };
+    let signature = take(SIGNATURE.len()).ok_or_else(ends_early)?;
+    if signature != SIGNATURE {
+        return Err(Error::new("the bytes are no serialized state of an FMU of this make"));
+    }
+    let version = u32::from_le_bytes(array(take(4)).ok_or_else(ends_early)?);
+    if version != VERSION {
+        return Err(Error::new(format!(
+            "the serialized state has the format {version}; this FMU reads the format {VERSION}"
+        )));
+    }
+    let length = u32::from_le_bytes(array(take(4)).ok_or_else(ends_early)?);
+    let found = take(length as usize).ok_or_else(ends_early)?;
+    let expected = name(description);
+    if found != expected.as_bytes() {
+        return Err(Error::new(format!(
+            "the serialized state is one of {:?}; this FMU is {expected:?}",
+            String::from_utf8_lossy(found)
+        )));
+    }
+    let length = u64::from_le_bytes(array(take(8)).ok_or_else(ends_early)?);
+    let length = usize::try_from(length).map_err(|_| ends_early())?;
+    let content = take(length).ok_or_else(ends_early)?;
+    let expected = u64::from_le_bytes(array(take(CHECKSUM)).ok_or_else(ends_early)?);
+    if !rest.is_empty() {
+        return Err(Error::new(format!("{} bytes follow the end of the serialized state", rest.len())));
+    }
+    if checksum(&bytes[..bytes.len() - CHECKSUM]) != expected {
+        return Err(Error::new("the serialized state is damaged: its checksum is another"));
+    }
+    Ok(content)
+}
+
+fn array<const N: usize>(bytes: Option<&[u8]>) -> Option<[u8; N]> {
+    bytes?.try_into().ok()
+}
+
+/// The 64-bit FNV-1a hash: each of its steps is a bijection, so that no single changed byte goes unseen,
+/// and of other changes one in 2^64.
+pub(crate) const fn checksum(bytes: &[u8]) -> u64 {
+    let mut hash = 0xcbf2_9ce4_8422_2325;
+    let mut position = 0;
+    while position < bytes.len() {
+        hash = (hash ^ bytes[position] as u64).wrapping_mul(0x0000_0100_0000_01b3);
+        position += 1;
+    }
+    hash
+}
