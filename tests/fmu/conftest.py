@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from c_interface import Caller, Library, library_path
+from c_interface import Caller, Library, Status, library_path
+from life import Life, Record, differences
 from master import Fmu, Instance
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -93,3 +95,65 @@ def call(fmus: dict[str, Fmu], libraries: dict[str, Library]) -> Iterator[Callab
     yield make
     for caller in made:
         caller.free()
+
+
+Live = Callable[..., Life]
+
+
+@pytest.fixture
+def live(call: Callable[..., Caller], fmus: dict[str, Fmu]) -> Live:
+    """Brings an instance of an FMU, by its name, into a state."""
+
+    def make(name: str, state: str = "instantiated", **experiment) -> Life:
+        return Life(call(name), fmus[name], **experiment).reach(state)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def records() -> dict[tuple, Record]:
+    """How instances go on that no call was kept from, by the FMU, the state and the experiment."""
+    return {}
+
+
+@pytest.fixture
+def unharmed(
+    live: Live, call: Callable[..., Caller], fmus: dict[str, Fmu], records: dict[tuple, Record]
+) -> Callable[[Life], None]:
+    """Checks that an instance goes on as one that never got a refused call, and, after fmi2Reset, as a
+    fresh one: each value bit for bit, each status and each message."""
+
+    def check(life: Life) -> None:
+        name = life.fmu.description.modelName
+        experiment = {"start_time": life.start_time, "stop_time": life.stop_time}
+        key = (name, life.state, life.set_up, *experiment.values())
+        if key not in records:
+            untouched = live(name, life.state, **experiment)
+            if life.set_up and not untouched.set_up:
+                untouched.setup()
+            records[key] = untouched.go_on()
+        assert differences(life.go_on(), records[key]) == []
+
+        fresh = (name, "fresh")
+        if fresh not in records:
+            records[fresh] = Life(call(name), fmus[name]).live_anew()
+        assert life.caller.call("fmi2Reset") == Status.OK
+        assert differences(life.live_anew(), records[fresh]) == []
+
+    return check
+
+
+PROBED = "probed"
+"""The name under which tests record how many of what they tried."""
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Says how many calls the tests tried, by what they recorded; in one process or several."""
+    counts: Counter[str] = Counter()
+    for report in terminalreporter.getreports("passed"):
+        for name, value in report.user_properties if report.when == "call" else []:
+            if name == PROBED:
+                what, count = value
+                counts[what] += count
+    for what, count in sorted(counts.items()):
+        terminalreporter.write_line(f"probed: {count} {what}")
