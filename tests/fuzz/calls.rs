@@ -1,0 +1,274 @@
+//! What random importers do.
+
+use fmi2_export::description::{Causality, DataType, ModelDescription, Variability};
+use proptest::collection::vec;
+use proptest::option;
+use proptest::prelude::*;
+use proptest::sample::{Index, select};
+
+/// The types that have functions of their own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Type {
+    Real,
+    Integer,
+    Boolean,
+    String,
+}
+
+impl Type {
+    fn of(data_type: DataType) -> Self {
+        match data_type {
+            DataType::Real => Self::Real,
+            DataType::Integer | DataType::Enumeration => Self::Integer,
+            DataType::Boolean => Self::Boolean,
+            DataType::String => Self::String,
+        }
+    }
+}
+
+/// A value to set a variable to.
+#[derive(Clone, Copy, Debug)]
+pub enum Number {
+    /// So far from the variable's min to its max.
+    Share(f64),
+    /// A number whatever the variable.
+    Special(f64),
+}
+
+/// A call. Value references need not be those of variables; states are in numbered places, which may be
+/// empty.
+#[derive(Clone, Debug)]
+pub enum Call {
+    SetDebugLogging(bool),
+    SetupExperiment {
+        tolerance: Option<f64>,
+        start_time: f64,
+        stop_time: Option<f64>,
+    },
+    EnterInitializationMode,
+    ExitInitializationMode,
+    Terminate,
+    Reset,
+    Get(Type, Vec<u32>),
+    Set(Type, Vec<(u32, Number)>),
+    SetInputDerivatives(Vec<(u32, i32, f64)>),
+    GetOutputDerivatives(Vec<(u32, i32)>),
+    GetDirectionalDerivative {
+        unknowns: Vec<u32>,
+        knowns: Vec<u32>,
+    },
+    /// From the time that was reached, `late` steps later.
+    DoStep {
+        late: f64,
+        size: f64,
+    },
+    CancelStep,
+    GetStatus {
+        function: &'static str,
+        kind: i32,
+    },
+    GetState(usize),
+    SetState(usize),
+    FreeState(usize),
+    /// Serializes a state and makes it anew from its bytes, in another place.
+    CopyState {
+        from: usize,
+        to: usize,
+    },
+}
+
+/// How many places there are for states.
+pub const PLACES: usize = 3;
+
+/// Numbers that an importer should not come with.
+fn odd_number() -> impl Strategy<Value = f64> {
+    let odd = [
+        f64::NAN,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        f64::MAX,
+        f64::MIN,
+        f64::MIN_POSITIVE,
+        5e-324,
+        -0.0,
+        0.0,
+        -1.0,
+        1.0,
+        1e9,
+        1e300,
+    ];
+    select(odd.to_vec())
+}
+
+fn number() -> impl Strategy<Value = Number> {
+    prop_oneof![
+        12 => (0.0..=1.0).prop_map(Number::Share),
+        1 => select(vec![0.0, 1.0, -0.01, 1.01]).prop_map(Number::Share),
+        1 => odd_number().prop_map(Number::Special),
+    ]
+}
+
+/// A value reference: mostly of a variable that may be of use, among them mostly inputs.
+fn reference(description: &'static ModelDescription, data_type: Type, set: bool) -> BoxedStrategy<u32> {
+    let of = |wanted: &dyn Fn(Causality, Variability) -> bool| -> Vec<u32> {
+        let numbered = (0..).zip(description.variables);
+        numbered
+            .filter(|(_, variable)| {
+                Type::of(variable.data_type) == data_type && wanted(variable.causality, variable.variability)
+            })
+            .map(|(reference, _)| reference)
+            .collect()
+    };
+    let useful = if set {
+        let mut useful = of(&|_, variability| variability == Variability::Tunable);
+        for _ in 0..3 {
+            useful.extend(of(&|causality, _| causality == Causality::Input));
+        }
+        useful
+    } else {
+        of(&|_, _| true)
+    };
+    let count = u32::try_from(description.variables.len()).unwrap();
+    let useful = if useful.is_empty() { vec![0] } else { useful };
+    prop_oneof![
+        30 => select(useful),
+        1 => 0..count,
+        1 => select(vec![count, 1 << 31, u32::MAX]),
+    ]
+    .boxed()
+}
+
+fn data_type() -> impl Strategy<Value = Type> {
+    prop_oneof![5 => Just(Type::Real), 1 => Just(Type::Integer), 1 => Just(Type::Boolean), 1 => Just(Type::String)]
+}
+
+fn step() -> impl Strategy<Value = Call> {
+    let late = prop_oneof![
+        20 => Just(0.0),
+        1 => select(vec![1e-9, -1e-9, 1e-3, 1.0, -1.0, f64::NAN, f64::INFINITY]),
+    ];
+    let size = prop_oneof![
+        10 => 1e-4..0.05,
+        10 => Just(0.0125),
+        1 => select(vec![0.0, -0.0125, 1e-9, 1e-300, 1e6, 1e300, f64::NAN, f64::INFINITY]),
+    ];
+    (late, size).prop_map(|(late, size)| Call::DoStep { late, size })
+}
+
+/// A call that no saved state has a part in.
+pub fn without_states(description: &'static ModelDescription) -> impl Strategy<Value = Call> {
+    let real = |set| reference(description, Type::Real, set);
+    let experiment = (
+        option::weighted(0.3, prop_oneof![3 => 1e-9..1e-2, 1 => odd_number()]),
+        prop_oneof![5 => Just(0.0), 3 => -1e3..1e3, 1 => odd_number()],
+        option::weighted(0.3, prop_oneof![5 => 0.0..2e3, 1 => odd_number()]),
+    );
+    let status = (
+        select(vec![
+            "fmi2GetStatus",
+            "fmi2GetRealStatus",
+            "fmi2GetIntegerStatus",
+            "fmi2GetBooleanStatus",
+            "fmi2GetStringStatus",
+        ]),
+        -1..6,
+    );
+    prop_oneof![
+        1 => any::<bool>().prop_map(Call::SetDebugLogging),
+        2 => experiment.prop_map(|(tolerance, start_time, stop_time)| Call::SetupExperiment {
+            tolerance,
+            start_time,
+            stop_time,
+        }),
+        3 => Just(Call::EnterInitializationMode),
+        3 => Just(Call::ExitInitializationMode),
+        1 => Just(Call::Terminate),
+        1 => Just(Call::Reset),
+        8 => data_type().prop_flat_map(move |data_type| {
+            vec(reference(description, data_type, false), 0..8)
+                .prop_map(move |references| Call::Get(data_type, references))
+        }),
+        12 => data_type().prop_flat_map(move |data_type| {
+            vec((reference(description, data_type, true), number()), 0..5)
+                .prop_map(move |values| Call::Set(data_type, values))
+        }),
+        3 => vec((real(true), prop_oneof![8 => 1..=2, 1 => -1..12], prop_oneof![5 => -10.0..10.0, 1 => odd_number()]), 0..4)
+            .prop_map(Call::SetInputDerivatives),
+        1 => vec((real(false), 0..4), 0..4).prop_map(Call::GetOutputDerivatives),
+        1 => (vec(real(false), 0..4), vec(real(true), 0..4))
+            .prop_map(|(unknowns, knowns)| Call::GetDirectionalDerivative { unknowns, knowns }),
+        20 => step(),
+        1 => Just(Call::CancelStep),
+        2 => status.prop_map(|(function, kind)| Call::GetStatus { function, kind }),
+    ]
+}
+
+/// A call of any function.
+pub fn any_call(description: &'static ModelDescription) -> impl Strategy<Value = Call> {
+    prop_oneof![
+        50 => without_states(description),
+        4 => (0..PLACES).prop_map(Call::GetState),
+        4 => (0..PLACES).prop_map(Call::SetState),
+        1 => (0..PLACES).prop_map(Call::FreeState),
+        2 => (0..PLACES, 0..PLACES).prop_map(|(from, to)| Call::CopyState { from, to }),
+    ]
+}
+
+/// What happens to bytes on their way.
+#[derive(Clone, Debug)]
+pub enum Damage {
+    Cut(Index),
+    Flip(Index, u8),
+    Replace(Index, Vec<u8>),
+    Insert(Index, Vec<u8>),
+    Remove(Index, usize),
+}
+
+impl Arbitrary for Damage {
+    type Parameters = ();
+    type Strategy = BoxedStrategy<Self>;
+
+    fn arbitrary_with((): ()) -> BoxedStrategy<Self> {
+        // Among what is put in are the large numbers that a length could be mistaken for.
+        let some = prop_oneof![
+            vec(proptest::num::u8::ANY, 1..9),
+            select(vec![vec![0xff; 8], vec![0xff, 0xff, 0xff, 0x7f], vec![0; 8], vec![1]]),
+        ];
+        prop_oneof![
+            1 => any::<Index>().prop_map(Self::Cut),
+            4 => (any::<Index>(), 0_u8..8).prop_map(|(at, bit)| Self::Flip(at, bit)),
+            4 => (any::<Index>(), some.clone()).prop_map(|(at, bytes)| Self::Replace(at, bytes)),
+            1 => (any::<Index>(), some).prop_map(|(at, bytes)| Self::Insert(at, bytes)),
+            1 => (any::<Index>(), 1_usize..20).prop_map(|(at, count)| Self::Remove(at, count)),
+        ]
+        .boxed()
+    }
+}
+
+impl Damage {
+    /// The bytes with the damage done.
+    pub fn done_to(&self, mut bytes: Vec<u8>) -> Vec<u8> {
+        let length = bytes.len();
+        let at = |index: &Index| index.index(length + 1);
+        match self {
+            Self::Cut(index) => bytes.truncate(at(index)),
+            Self::Flip(index, bit) => {
+                if let Some(byte) = bytes.get_mut(at(index)) {
+                    *byte ^= 1 << bit;
+                }
+            }
+            Self::Replace(index, new) => {
+                for (byte, &new) in bytes.iter_mut().skip(at(index)).zip(new) {
+                    *byte = new;
+                }
+            }
+            Self::Insert(index, new) => {
+                bytes.splice(at(index)..at(index), new.iter().copied());
+            }
+            Self::Remove(index, count) => {
+                bytes.drain(at(index)..(at(index) + count).min(length));
+            }
+        }
+        bytes
+    }
+}

@@ -1,0 +1,418 @@
+//! An importer that does what it is told, and checks each answer.
+
+use std::ffi::{CString, c_char};
+use std::marker::PhantomData;
+use std::ptr;
+
+use fmi2_export::c_types::{
+    CO_SIMULATION, CallbackFunctions, Component, FALSE, FmuState, Status, status_kind,
+};
+use fmi2_export::{Model, Variables as _, c_api};
+use proptest::prelude::*;
+use proptest::test_runner::TestCaseError;
+
+use super::calls::{Call, Number, PLACES, Type};
+use super::standard::{State, allows};
+
+/// What a call answered, and the bits of the values it gave.
+pub type Answer = (Status, Vec<u64>);
+
+/// The bytes of an instance's state, and what the importer knows of the instance.
+#[derive(Clone, PartialEq)]
+pub struct Snapshot {
+    pub bytes: Vec<u8>,
+    at: Whereabouts,
+}
+
+/// Where an instance is in its life.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Whereabouts {
+    state: State,
+    /// Whether the experiment was set up.
+    set_up: bool,
+}
+
+impl Whereabouts {
+    const FRESH: Self = Self { state: State::Instantiated, set_up: false };
+}
+
+/// An instance, and states that were saved of it.
+pub struct Importer<M: Model> {
+    component: Component,
+    at: Whereabouts,
+    /// States, each with where the instance will be when it is set.
+    places: [(FmuState, Whereabouts); PLACES],
+    /// How many calls were made.
+    pub calls: u64,
+    model: PhantomData<M>,
+}
+
+impl<M: Model> Drop for Importer<M> {
+    fn drop(&mut self) {
+        // SAFETY: the component is this importer's, and is used no more. It frees the states as well.
+        unsafe { c_api::free_instance::<M>(self.component) }
+    }
+}
+
+// SAFETY of every call below: the component is this importer's own and used by this thread alone; arrays
+// have as many elements as is said; what is written to lives through the call.
+impl<M: Model> Importer<M> {
+    pub fn new() -> Self {
+        let callbacks = CallbackFunctions {
+            logger: None,
+            allocate_memory: None,
+            free_memory: None,
+            step_finished: None,
+            component_environment: ptr::null_mut(),
+        };
+        let guid = CString::new(M::Variables::DESCRIPTION.guid).unwrap();
+        // SAFETY: see above.
+        let component = unsafe {
+            c_api::instantiate::<M>(
+                c"fuzz".as_ptr(),
+                CO_SIMULATION,
+                guid.as_ptr(),
+                ptr::null(),
+                &raw const callbacks,
+                FALSE,
+                FALSE,
+            )
+        };
+        assert!(!component.is_null());
+        Self {
+            component,
+            at: Whereabouts::FRESH,
+            places: [(ptr::null_mut(), Whereabouts::FRESH); PLACES],
+            calls: 0,
+            model: PhantomData,
+        }
+    }
+
+    /// The instance's present state.
+    pub fn snapshot(&self) -> Snapshot {
+        let mut state = ptr::null_mut();
+        // SAFETY: see above.
+        assert_eq!(unsafe { c_api::get_fmu_state::<M>(self.component, &raw mut state) }, Status::Ok);
+        let bytes = self.serialize(state);
+        // SAFETY: see above.
+        assert_eq!(unsafe { c_api::free_fmu_state::<M>(self.component, &raw mut state) }, Status::Ok);
+        Snapshot { bytes, at: self.at }
+    }
+
+    fn serialize(&self, state: FmuState) -> Vec<u8> {
+        let mut size = 0;
+        // SAFETY: see above.
+        let status = unsafe { c_api::serialized_fmu_state_size::<M>(self.component, state, &raw mut size) };
+        assert_eq!(status, Status::Ok);
+        let mut bytes = vec![0_u8; size];
+        let target = bytes.as_mut_ptr().cast::<c_char>();
+        // SAFETY: see above.
+        let status = unsafe { c_api::serialize_fmu_state::<M>(self.component, state, target, size) };
+        assert_eq!(status, Status::Ok);
+        bytes
+    }
+
+    /// Makes a state of bytes, and the bytes of that state, unless they are refused.
+    pub fn deserialize(&self, bytes: &[u8]) -> Result<Vec<u8>, Status> {
+        let mut state = self.state_from(bytes)?;
+        let again = self.serialize(state);
+        // SAFETY: see above.
+        assert_eq!(unsafe { c_api::free_fmu_state::<M>(self.component, &raw mut state) }, Status::Ok);
+        Ok(again)
+    }
+
+    fn state_from(&self, bytes: &[u8]) -> Result<FmuState, Status> {
+        let mut state = ptr::null_mut();
+        let (source, size) = (bytes.as_ptr().cast::<c_char>(), bytes.len());
+        // SAFETY: see above.
+        let status =
+            unsafe { c_api::deserialize_fmu_state::<M>(self.component, source, size, &raw mut state) };
+        if status == Status::Ok {
+            Ok(state)
+        } else {
+            assert!(state.is_null());
+            Err(status)
+        }
+    }
+
+    /// Goes on from a snapshot; the places stay as they are.
+    pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), TestCaseError> {
+        let mut state = self.state_from(&snapshot.bytes).map_err(|status| {
+            TestCaseError::fail(format!("the bytes of a saved state are refused: {status:?}"))
+        })?;
+        // SAFETY: see above.
+        unsafe {
+            prop_assert_eq!(c_api::set_fmu_state::<M>(self.component, state), Status::Ok);
+            prop_assert_eq!(c_api::free_fmu_state::<M>(self.component, &raw mut state), Status::Ok);
+        }
+        self.at = snapshot.at;
+        Ok(())
+    }
+
+    /// Makes calls; their answers.
+    ///
+    /// # Errors
+    /// When an answer is not what it must be.
+    pub fn run<'c>(
+        &mut self,
+        calls: impl IntoIterator<Item = &'c Call>,
+    ) -> Result<Vec<Answer>, TestCaseError> {
+        calls.into_iter().map(|call| self.make(call)).collect()
+    }
+
+    /// Makes a call, and holds its answer against the standard.
+    fn make(&mut self, call: &Call) -> Result<Answer, TestCaseError> {
+        let before = self.snapshot();
+        let (function, status, values) = self.pass_on(call);
+        self.calls += 1;
+        let told = format!("{function} in {:?} answers {status:?}", self.at);
+
+        prop_assert!(status <= Status::Error, "{}", told);
+        let allowed = allows(function, self.at.state);
+        if !allowed {
+            prop_assert_eq!(status, Status::Error, "{} and is not allowed", told);
+        }
+        let must_work = matches!(call, Call::Terminate | Call::Reset | Call::GetState(_))
+            || matches!(call, Call::EnterInitializationMode if self.at.set_up);
+        if allowed && must_work {
+            prop_assert_eq!(status, Status::Ok, "{}", told);
+        }
+        if status < Status::Discard {
+            self.follow(call, before.at);
+        } else if status == Status::Error {
+            // What fails while it computes may leave values behind, and a step that fails ends the run.
+            let computes = matches!(call, Call::DoStep { .. } | Call::Get(..) | Call::ExitInitializationMode);
+            let after = self.snapshot();
+            if !(allowed && computes) {
+                prop_assert!(after == before, "{} and changes the instance", told);
+            } else if matches!(call, Call::DoStep { .. }) && after != before {
+                self.at.state = State::Error;
+            }
+        }
+        Ok((status, values))
+    }
+
+    /// What a call that succeeded leads to.
+    fn follow(&mut self, call: &Call, was: Whereabouts) {
+        match *call {
+            Call::SetupExperiment { .. } => self.at.set_up = true,
+            Call::EnterInitializationMode => self.at.state = State::InitializationMode,
+            Call::ExitInitializationMode => self.at.state = State::StepComplete,
+            Call::Terminate => self.at.state = State::Terminated,
+            Call::Reset => self.at = Whereabouts::FRESH,
+            Call::GetState(place) => self.places[place].1 = was,
+            Call::SetState(place) => self.at = self.places[place].1,
+            Call::CopyState { from, to } => self.places[to].1 = self.places[from].1,
+            _ => {}
+        }
+    }
+
+    /// Makes a call: the function's name, its status, and the bits of the values that it gave.
+    fn pass_on(&mut self, call: &Call) -> (&'static str, Status, Vec<u64>) {
+        let component = self.component;
+        // SAFETY: see above.
+        unsafe {
+            let (function, status) = match call {
+                Call::SetDebugLogging(on) => (
+                    "fmi2SetDebugLogging",
+                    c_api::set_debug_logging::<M>(component, i32::from(*on), 0, ptr::null()),
+                ),
+                &Call::SetupExperiment { tolerance, start_time, stop_time } => (
+                    "fmi2SetupExperiment",
+                    c_api::setup_experiment::<M>(
+                        component,
+                        i32::from(tolerance.is_some()),
+                        tolerance.unwrap_or_default(),
+                        start_time,
+                        i32::from(stop_time.is_some()),
+                        stop_time.unwrap_or_default(),
+                    ),
+                ),
+                Call::EnterInitializationMode => {
+                    ("fmi2EnterInitializationMode", c_api::enter_initialization_mode::<M>(component))
+                }
+                Call::ExitInitializationMode => {
+                    ("fmi2ExitInitializationMode", c_api::exit_initialization_mode::<M>(component))
+                }
+                Call::Terminate => ("fmi2Terminate", c_api::terminate::<M>(component)),
+                Call::Reset => ("fmi2Reset", c_api::reset::<M>(component)),
+                Call::Get(data_type, references) => return self.get(*data_type, references),
+                Call::Set(data_type, values) => self.set(*data_type, values),
+                Call::SetInputDerivatives(derivatives) => {
+                    let references: Vec<_> = derivatives.iter().map(|derivative| derivative.0).collect();
+                    let orders: Vec<_> = derivatives.iter().map(|derivative| derivative.1).collect();
+                    let values: Vec<_> = derivatives.iter().map(|derivative| derivative.2).collect();
+                    let count = derivatives.len();
+                    let status = c_api::set_real_input_derivatives::<M>(
+                        component,
+                        references.as_ptr(),
+                        count,
+                        orders.as_ptr(),
+                        values.as_ptr(),
+                    );
+                    ("fmi2SetRealInputDerivatives", status)
+                }
+                Call::GetOutputDerivatives(derivatives) => {
+                    let references: Vec<_> = derivatives.iter().map(|derivative| derivative.0).collect();
+                    let orders: Vec<_> = derivatives.iter().map(|derivative| derivative.1).collect();
+                    let mut values = vec![f64::NAN; derivatives.len()];
+                    let status = c_api::get_real_output_derivatives::<M>(
+                        component,
+                        references.as_ptr(),
+                        derivatives.len(),
+                        orders.as_ptr(),
+                        values.as_mut_ptr(),
+                    );
+                    return ("fmi2GetRealOutputDerivatives", status, given(status, &values));
+                }
+                Call::GetDirectionalDerivative { unknowns, knowns } => {
+                    let seed = vec![1.0; knowns.len()];
+                    let mut values = vec![f64::NAN; unknowns.len()];
+                    let status = c_api::get_directional_derivative::<M>(
+                        component,
+                        unknowns.as_ptr(),
+                        unknowns.len(),
+                        knowns.as_ptr(),
+                        knowns.len(),
+                        seed.as_ptr(),
+                        values.as_mut_ptr(),
+                    );
+                    return ("fmi2GetDirectionalDerivative", status, given(status, &values));
+                }
+                &Call::DoStep { late, size } => {
+                    let mut time = 0.0;
+                    let kind = status_kind::LAST_SUCCESSFUL_TIME;
+                    c_api::get_real_status::<M>(component, kind, &raw mut time);
+                    ("fmi2DoStep", c_api::do_step::<M>(component, time + late * size, size, FALSE))
+                }
+                Call::CancelStep => ("fmi2CancelStep", c_api::cancel_step::<M>(component)),
+                Call::GetStatus { function, kind } => return self.get_status(function, *kind),
+                &Call::GetState(place) => {
+                    let state = &raw mut self.places[place].0;
+                    ("fmi2GetFMUstate", c_api::get_fmu_state::<M>(component, state))
+                }
+                &Call::SetState(place) => {
+                    ("fmi2SetFMUstate", c_api::set_fmu_state::<M>(component, self.places[place].0))
+                }
+                &Call::FreeState(place) => {
+                    let state = &raw mut self.places[place].0;
+                    ("fmi2FreeFMUstate", c_api::free_fmu_state::<M>(component, state))
+                }
+                &Call::CopyState { from, to } => self.copy_state(from, to),
+            };
+            (function, status, vec![])
+        }
+    }
+
+    fn copy_state(&mut self, from: usize, to: usize) -> (&'static str, Status) {
+        let function = "fmi2SerializedFMUstateSize";
+        let mut size = 0;
+        // SAFETY: see above.
+        unsafe {
+            let from = self.places[from].0;
+            let status = c_api::serialized_fmu_state_size::<M>(self.component, from, &raw mut size);
+            if status != Status::Ok {
+                return (function, status);
+            }
+            let bytes = self.serialize(from);
+            let (source, to) = (bytes.as_ptr().cast::<c_char>(), &raw mut self.places[to].0);
+            ("fmi2DeSerializeFMUstate", c_api::deserialize_fmu_state::<M>(self.component, source, size, to))
+        }
+    }
+
+    fn get(&self, data_type: Type, references: &[u32]) -> (&'static str, Status, Vec<u64>) {
+        let (vr, count) = (references.as_ptr(), references.len());
+        // SAFETY: see above.
+        unsafe {
+            match data_type {
+                Type::Real => {
+                    let mut values = vec![f64::NAN; count];
+                    let status = c_api::get_real::<M>(self.component, vr, count, values.as_mut_ptr());
+                    ("fmi2GetReal", status, given(status, &values))
+                }
+                Type::Integer | Type::Boolean => {
+                    let mut values = vec![-1; count];
+                    let (function, status) = if data_type == Type::Integer {
+                        let status = c_api::get_integer::<M>(self.component, vr, count, values.as_mut_ptr());
+                        ("fmi2GetInteger", status)
+                    } else {
+                        let status = c_api::get_boolean::<M>(self.component, vr, count, values.as_mut_ptr());
+                        ("fmi2GetBoolean", status)
+                    };
+                    (function, status, values.iter().map(|&value| u64::from(value.cast_unsigned())).collect())
+                }
+                Type::String => {
+                    let mut values = vec![ptr::null(); count];
+                    let status = c_api::get_string::<M>(self.component, vr, count, values.as_mut_ptr());
+                    ("fmi2GetString", status, vec![])
+                }
+            }
+        }
+    }
+
+    fn set(&self, data_type: Type, values: &[(u32, Number)]) -> (&'static str, Status) {
+        let references: Vec<_> = values.iter().map(|value| value.0).collect();
+        let reals: Vec<_> =
+            values.iter().map(|&(reference, number)| real_value::<M>(reference, number)).collect();
+        let (vr, count) = (references.as_ptr(), references.len());
+        #[allow(clippy::cast_possible_truncation)] // Whatever it is cut to will do.
+        let integers: Vec<_> = reals.iter().map(|&value| value as i32).collect();
+        // SAFETY: see above.
+        unsafe {
+            match data_type {
+                Type::Real => {
+                    ("fmi2SetReal", c_api::set_real::<M>(self.component, vr, count, reals.as_ptr()))
+                }
+                Type::Integer => {
+                    ("fmi2SetInteger", c_api::set_integer::<M>(self.component, vr, count, integers.as_ptr()))
+                }
+                Type::Boolean => {
+                    ("fmi2SetBoolean", c_api::set_boolean::<M>(self.component, vr, count, integers.as_ptr()))
+                }
+                Type::String => {
+                    let texts = vec![c"text".as_ptr(); count];
+                    ("fmi2SetString", c_api::set_string::<M>(self.component, vr, count, texts.as_ptr()))
+                }
+            }
+        }
+    }
+
+    fn get_status(&self, function: &'static str, kind: i32) -> (&'static str, Status, Vec<u64>) {
+        let (mut time, mut number, mut status, mut text) = (0.0, 0, Status::Ok, ptr::null());
+        // SAFETY: see above.
+        let answer = unsafe {
+            match function {
+                "fmi2GetStatus" => c_api::get_status::<M>(self.component, kind, &raw mut status),
+                "fmi2GetRealStatus" => c_api::get_real_status::<M>(self.component, kind, &raw mut time),
+                "fmi2GetIntegerStatus" => {
+                    c_api::get_integer_status::<M>(self.component, kind, &raw mut number)
+                }
+                "fmi2GetBooleanStatus" => {
+                    c_api::get_boolean_status::<M>(self.component, kind, &raw mut number)
+                }
+                _ => c_api::get_string_status::<M>(self.component, kind, &raw mut text),
+            }
+        };
+        (function, answer, vec![time.to_bits(), u64::from(number.cast_unsigned())])
+    }
+}
+
+/// The number for a variable.
+fn real_value<M: Model>(reference: u32, number: Number) -> f64 {
+    match (number, M::Variables::DESCRIPTION.variables.get(reference as usize)) {
+        (Number::Special(value), _) => value,
+        (Number::Share(share), Some(variable)) => {
+            let (min, max) = (variable.min.max(-1e6), variable.max.min(1e6));
+            min + share * (max - min)
+        }
+        (Number::Share(share), None) => share,
+    }
+}
+
+/// The bits of values that were given with a status.
+fn given(status: Status, values: &[f64]) -> Vec<u64> {
+    if status < Status::Discard {
+        assert!(values.iter().all(|value| value.is_finite()), "{status:?} with {values:?}");
+    }
+    values.iter().map(|value| value.to_bits()).collect()
+}

@@ -1,0 +1,156 @@
+//! Random importers: any function in any order with any arguments, and any bytes for a state.
+//!
+//! What holds whatever they do (see [`importer`] for the calls one by one):
+//!
+//! - a function that the standard's table does not allow in a state is an error, and changes nothing;
+//! - no value that is handed out with success is anything but a number;
+//! - from a saved state everything goes on the same, in the instance and in another;
+//! - `fmi2Reset` leaves what a fresh instance has, bit for bit;
+//! - bytes that are not what a state was serialized to are refused.
+//!
+//! A run of the tests tries the same cases each time. For others, and more of them:
+//! `PROPTEST_CASES=20000 cargo test --release --test fuzz`.
+
+use std::cell::Cell;
+use std::path::Path;
+use std::{env, fs};
+
+use boost_fmu::controller::BoostController;
+use boost_fmu::plant::BoostPlant;
+use fmi2_export::c_types::Status;
+use fmi2_export::{Model, Variables as _};
+use proptest::prelude::*;
+use proptest::test_runner::{RngSeed, TestRunner};
+
+mod calls;
+mod importer;
+mod standard;
+
+use calls::{Call, Damage, Number, Type};
+use importer::Importer;
+
+/// So many cases, always the same, unless the environment asks for others.
+fn runner(cases: u32) -> TestRunner {
+    let mut config = ProptestConfig { failure_persistence: None, ..ProptestConfig::default() };
+    if env::var_os("PROPTEST_CASES").is_none() {
+        config.cases = cases;
+        config.rng_seed = RngSeed::Fixed(2011);
+    }
+    TestRunner::new(config)
+}
+
+/// Leaves the number of what was tried where the summary of all tests looks for it.
+fn report(what: &str, model: &str, count: u64) {
+    println!("{model}: {count} {what}");
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("fuzz");
+    fs::create_dir_all(&folder).unwrap();
+    fs::write(folder.join(format!("{model}-{what}")), count.to_string()).unwrap();
+}
+
+/// Random calls, from an opening that makes it likely that steps are taken.
+fn any_order<M: Model>(cases: u32, opening: impl Fn() -> Vec<Call>) {
+    let description = M::Variables::DESCRIPTION;
+    let fresh = Importer::<M>::new().snapshot();
+    let (sequences, made) = (Cell::new(0), Cell::new(0));
+    let strategy = (
+        any::<proptest::sample::Index>(),
+        proptest::collection::vec(calls::any_call(description), 0..40),
+        proptest::collection::vec(calls::without_states(description), 0..20),
+    );
+    // One in five importers begins at once, the others after some of the opening.
+    let outcome = runner(cases).run(&strategy, |(skipped, head, tail)| {
+        let mut importer = Importer::<M>::new();
+        let opening = opening();
+        let opened = opening.len() - skipped.index(opening.len() * 5 / 4).saturating_sub(opening.len());
+        importer.run(opening.iter().take(opened).chain(&head))?;
+        let saved = importer.snapshot();
+        let expected = importer.run(&tail)?;
+
+        importer.restore(&saved)?;
+        prop_assert!(importer.snapshot() == saved, "a restored state has other bytes");
+        prop_assert_eq!(&importer.run(&tail)?, &expected, "the restored instance goes on");
+        let mut other = Importer::<M>::new();
+        other.restore(&saved)?;
+        prop_assert_eq!(&other.run(&tail)?, &expected, "another instance goes on");
+
+        importer.run(&[Call::Reset])?;
+        prop_assert!(importer.snapshot() == fresh, "fmi2Reset leaves something behind");
+        sequences.set(sequences.get() + 1);
+        made.set(made.get() + importer.calls + other.calls);
+        Ok(())
+    });
+    outcome.unwrap_or_else(|failure| panic!("{failure}"));
+    report("sequences", description.model_identifier, sequences.get());
+    report("calls", description.model_identifier, made.get());
+}
+
+/// The value reference of a variable.
+fn reference<M: Model>(name: &str) -> u32 {
+    let variables = M::Variables::DESCRIPTION.variables;
+    u32::try_from(variables.iter().position(|variable| variable.name == name).unwrap()).unwrap()
+}
+
+/// What importers begin with.
+fn opening(more: Vec<Call>) -> Vec<Call> {
+    let mut calls = more;
+    calls.extend([
+        Call::SetupExperiment { tolerance: None, start_time: 0.0, stop_time: None },
+        Call::EnterInitializationMode,
+        Call::ExitInitializationMode,
+        Call::DoStep { late: 0.0, size: 0.0125 },
+    ]);
+    calls
+}
+
+#[test]
+fn the_plant_stands_any_order_of_calls() {
+    // Running: with random parameters and inputs, a search for a settled start is long and seldom ends well.
+    let mode = reference::<BoostPlant>("initialization.mode");
+    any_order::<BoostPlant>(400, || {
+        opening(vec![Call::Set(Type::Integer, vec![(mode, Number::Special(2.0))])])
+    });
+}
+
+#[test]
+fn the_controller_stands_any_order_of_calls() {
+    any_order::<BoostController>(1000, || opening(vec![]));
+}
+
+/// Any bytes in the place of a serialized state.
+fn any_bytes<M: Model>(cases: u32) {
+    let description = M::Variables::DESCRIPTION;
+    let mut importer = Importer::<M>::new();
+    importer.run(&opening(vec![])).unwrap();
+    let sound = importer.snapshot();
+    let tried = Cell::new(0);
+    let strategy = (proptest::collection::vec(any::<Damage>(), 0..6), any::<bool>());
+    let outcome = runner(cases).run(&strategy, |(damages, with_checksum)| {
+        let mut bytes = damages.iter().fold(sound.bytes.clone(), |bytes, damage| damage.done_to(bytes));
+        if with_checksum {
+            standard::put_checksum(&mut bytes);
+        }
+        tried.set(tried.get() + 1);
+        match importer.deserialize(&bytes) {
+            // What is taken in spite of damage, since its checksum was made for it, is taken as it is.
+            Ok(again) => {
+                prop_assert!(with_checksum || bytes == sound.bytes, "damaged bytes are taken");
+                prop_assert!(again == bytes, "the bytes of the state are others");
+            }
+            Err(status) => prop_assert_eq!(status, Status::Error),
+        }
+        prop_assert!(importer.snapshot() == sound, "the instance has changed");
+        Ok(())
+    });
+    outcome.unwrap_or_else(|failure| panic!("{failure}"));
+    report("serialized states", description.model_identifier, tried.get());
+}
+
+#[test]
+fn the_plant_stands_any_bytes() {
+    any_bytes::<BoostPlant>(5000);
+}
+
+#[test]
+fn the_controller_stands_any_bytes() {
+    any_bytes::<BoostController>(5000);
+}
