@@ -19,9 +19,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from c_interface import Caller, Library, Status
+from c_interface import Library, Status
 from fmpy import read_model_description, sharedLibraryExtension
 from fmpy.model_description import ModelDescription
+from named import Named
+
+# What fails in a logger that is written in Python fails the test.
+pytestmark = pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
 
 STEP = 0.125
 """Its halves and multiples are exact: the level is computed without rounding."""
@@ -66,32 +70,24 @@ def built(root: Path) -> Built:
     return Built(Library(library), folder, read_model_description(str(folder)))
 
 
-class Panicking(Caller):
-    """An instance of the panicking model, whose variables go by their names."""
-
-    def __init__(self, library: Library, description: ModelDescription, **arguments) -> None:
-        self.variables = {variable.name: variable for variable in description.modelVariables}
-        super().__init__(library, description.guid, **arguments)
-
-    def reference(self, name: str) -> int:
-        """A value reference."""
-        return self.variables[name].valueReference
+class Panicking(Named):
+    """An instance of the panicking model."""
 
     def fail_at(self, place: str, manner: str = "text") -> Panicking:
         """Chooses where and how it fails."""
         for name, item in [("fault.place", place), ("fault.manner", manner)]:
             items = {i.name: int(i.value) for i in self.variables[name].declaredType.items}
-            reference, value = (c_uint * 1)(self.reference(name)), (c_int * 1)(items[item])
+            reference, value = (c_uint * 1)(*self.references(name)), (c_int * 1)(items[item])
             assert self.call("fmi2SetInteger", reference, 1, value) == Status.OK
         return self
 
     def get_errors(self, name: str) -> list[str]:
         """What is said when a Real variable is got, which must fail."""
-        return self.errors_of("fmi2GetReal", (c_uint * 1)(self.reference(name)), 1, (c_double * 1)())
+        return self.errors_of("fmi2GetReal", (c_uint * 1)(*self.references(name)), 1, (c_double * 1)())
 
     def level(self) -> float:
         """The state."""
-        return self.get_reals([self.reference("tank.level")])[0]
+        return self.get_reals(self.references("tank.level"))[0]
 
 
 Make = Callable[..., Panicking]
@@ -412,7 +408,7 @@ def test_step_to_what_is_no_number(make: Make, bystander: Panicking, manner: str
     ]
     # Nothing that is no number is given as a value.
     value = (c_double * 1)(7.0)
-    reference = (c_uint * 1)(instance.reference("tank.level"))
+    reference = (c_uint * 1)(*instance.references("tank.level"))
     assert instance.errors_of("fmi2GetReal", reference, 1, value) == [
         f"fmi2GetReal: the variable tank.level is {found}"
     ]
@@ -453,7 +449,7 @@ def test_ten_thousand_panics(make: Make, bystander: Panicking) -> None:
     runs_to(instance, 1)
     instance.fail_at("refresh", "number")
     state = instance.save()
-    reference, value = (c_uint * 1)(instance.reference("output")), (c_double * 1)()
+    reference, value = (c_uint * 1)(*instance.references("output")), (c_double * 1)()
     for _ in range(10_000):
         assert instance.library.fmi2GetReal(instance.component, reference, 1, value) == Status.ERROR
         assert instance.library.fmi2SetFMUstate(instance.component, state) == Status.OK
