@@ -98,6 +98,8 @@ def call(fmus: dict[str, Fmu], libraries: dict[str, Library]) -> Iterator[Callab
 
 
 Live = Callable[..., Life]
+Check = Callable[[Life], None]
+RecordProperty = Callable[[str, object], None]
 
 
 @pytest.fixture
@@ -117,11 +119,27 @@ def records() -> dict[tuple, Record]:
 
 
 @pytest.fixture
-def unharmed(
-    live: Live, call: Callable[..., Caller], fmus: dict[str, Fmu], records: dict[tuple, Record]
-) -> Callable[[Life], None]:
-    """Checks that an instance goes on as one that never got a refused call, and, after fmi2Reset, as a
-    fresh one: each value bit for bit, each status and each message."""
+def like_a_fresh_one(
+    call: Callable[..., Caller], fmus: dict[str, Fmu], records: dict[tuple, Record]
+) -> Check:
+    """Checks that an instance lives, after fmi2Reset, as a fresh one: each value bit for bit, each status and
+    each message."""
+
+    def check(life: Life) -> None:
+        name = life.fmu.description.modelName
+        key = (name, "fresh")
+        if key not in records:
+            records[key] = Life(call(name), fmus[name]).live_anew()
+        assert life.caller.call("fmi2Reset") == Status.OK
+        assert differences(life.live_anew(), records[key]) == []
+
+    return check
+
+
+@pytest.fixture
+def unharmed(live: Live, like_a_fresh_one: Check, records: dict[tuple, Record]) -> Check:
+    """Checks that an instance goes on as one that never got a refused call, bit for bit; and then that it
+    can be reset."""
 
     def check(life: Life) -> None:
         name = life.fmu.description.modelName
@@ -133,12 +151,7 @@ def unharmed(
                 untouched.setup()
             records[key] = untouched.go_on()
         assert differences(life.go_on(), records[key]) == []
-
-        fresh = (name, "fresh")
-        if fresh not in records:
-            records[fresh] = Life(call(name), fmus[name]).live_anew()
-        assert life.caller.call("fmi2Reset") == Status.OK
-        assert differences(life.live_anew(), records[fresh]) == []
+        like_a_fresh_one(life)
 
     return check
 

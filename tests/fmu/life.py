@@ -268,8 +268,8 @@ class Life:
             assert re.search(rf"(?<![\w.]){re.escape(name)}(?!\w)", text), f"{name!r} is not in: {text}"
         named = numbers_in(text)
         for number in numbers:
-            same = math.isnan if math.isnan(number) else number.__eq__
-            assert any(map(same, named)), f"{number!r} is not in: {text}"
+            is_named = any(map(math.isnan, named)) if math.isnan(number) else number in named
+            assert is_named, f"{number!r} is not in: {text}"
 
 
 def differences(record: Record, expected: Record) -> list[str]:

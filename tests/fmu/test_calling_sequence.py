@@ -14,15 +14,12 @@ from typing import Any
 
 import pytest
 from c_interface import FUNCTIONS, Status
-from conftest import PROBED, ROOT, Live
+from conftest import PROBED, ROOT, Check, Live, RecordProperty
 from fmpy.model_description import ScalarVariable, Unknown
 from life import ARRAYS, FAILING, STATES, Life, c_type_of, integers, reals, references
 from master import Fmu
 
 NAMES = ["BoostPlant", "BoostController"]
-
-Unharmed = Callable[[Life], None]
-Record = Callable[[str, object], None]
 
 
 def _table() -> dict[str, dict[str, str]]:
@@ -220,7 +217,7 @@ def test_the_table_is_of_all_functions_and_states(fmus: dict[str, Fmu]) -> None:
 @pytest.mark.parametrize("function", TABLE)
 @pytest.mark.parametrize(("name", "state"), REACHED)
 def test_a_function_in_a_state(
-    live: Live, unharmed: Unharmed, record_property: Record, name: str, state: str, function: str
+    live: Live, unharmed: Check, record_property: RecordProperty, name: str, state: str, function: str
 ) -> None:
     """With good arguments: works where it is allowed, otherwise an Error that names function and state and
     changes nothing."""
@@ -258,7 +255,7 @@ def test_a_function_in_a_state(
 @pytest.mark.parametrize("function", TABLE)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_function_without_an_instance(
-    live: Live, record_property: Record, name: str, function: str
+    live: Live, record_property: RecordProperty, name: str, function: str
 ) -> None:
     """Before fmi2Instantiate and after fmi2FreeInstance there is no instance: NULL in its place is an Error,
     of which no logger can be told; freeing it is ignored (section 2.1.5). A pointer that was freed is not
@@ -276,7 +273,7 @@ def test_a_function_without_an_instance(
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_initialization_needs_an_experiment(live: Live, unharmed: Unharmed, name: str) -> None:
+def test_initialization_needs_an_experiment(live: Live, unharmed: Check, name: str) -> None:
     """Section 2.1.6: fmi2SetupExperiment must be called before fmi2EnterInitializationMode."""
     life = live(name)
     life.refuses("fmi2EnterInitializationMode", names=["fmi2SetupExperiment"])
@@ -299,9 +296,9 @@ def test_an_experiment_may_be_set_up_anew(live: Live, name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_which_variables_can_be_set(
     live: Live,
-    unharmed: Unharmed,
+    unharmed: Check,
     fmus: dict[str, Fmu],
-    record_property: Record,
+    record_property: RecordProperty,
     name: str,
     state: str,
 ) -> None:
@@ -347,7 +344,7 @@ def test_start_values_of_states_are_taken(live: Live, fmus: dict[str, Fmu]) -> N
 
 @pytest.mark.parametrize(("name", "state"), [pair for pair in REACHED if pair[1] != "instantiated"])
 def test_every_variable_can_be_got(
-    live: Live, unharmed: Unharmed, fmus: dict[str, Fmu], record_property: Record, name: str, state: str
+    live: Live, unharmed: Check, fmus: dict[str, Fmu], record_property: RecordProperty, name: str, state: str
 ) -> None:
     """Note 2 allows outputs and InitialUnknowns in Initialization Mode; every variable can be got, because
     masters such as libcosim read all of them there. In the state `error` (note 7) the values are for

@@ -1,4 +1,4 @@
-"""The life of an instance: order of calls, reset, saved states, and steps of any size."""
+"""The life of an instance: reset, saved states, and steps of any size."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import pytest
 from conftest import Make
 from experiments import couple, ramp, staircase
 from master import Fmu, Instance, Master, Reals, Record
-from test_values import refused
 
 STEP = 1 / 80
 
@@ -27,41 +26,6 @@ def stir(instance: Instance, begin: int, end: int) -> np.ndarray:
         instance.slave.doStep(index * STEP, STEP)
         result.append(outputs.get().copy())
     return np.array(result)
-
-
-@BOTH
-def test_calls_out_of_order_are_refused(
-    make: Callable[[Fmu], Instance], fmus: dict[str, Fmu], name: str
-) -> None:
-    instance = make(fmus[name])
-    slave = instance.slave
-    refused(instance, lambda: slave.doStep(0.0, STEP), "fmi2DoStep")
-    refused(instance, slave.exitInitializationMode, "fmi2ExitInitializationMode")
-    refused(instance, slave.enterInitializationMode, "fmi2SetupExperiment")
-    instance.begin()
-    refused(instance, lambda: slave.doStep(0.0, STEP), "fmi2DoStep")
-    refused(instance, slave.enterInitializationMode, "fmi2EnterInitializationMode")
-    slave.exitInitializationMode()
-    refused(instance, slave.setupExperiment, "fmi2SetupExperiment")
-    for size in [0.0, -STEP, math.nan, math.inf]:
-        refused(instance, lambda h=size: slave.doStep(0.0, h), "communicationStepSize")
-    refused(instance, lambda: slave.doStep(1.0, STEP), "currentCommunicationPoint")
-    slave.doStep(0.0, STEP)
-    slave.terminate()
-    refused(instance, lambda: slave.doStep(STEP, STEP), "fmi2DoStep")
-    # What was computed can be read to the end.
-    assert np.isfinite(instance.reals(fmus[name].named("output"))).all()
-
-
-@BOTH
-def test_step_past_the_stop_time_is_refused(
-    make: Callable[[Fmu], Instance], fmus: dict[str, Fmu], name: str
-) -> None:
-    instance = make(fmus[name])
-    instance.start(stop_time=0.1)
-    for index in range(8):
-        instance.slave.doStep(index * STEP, STEP)
-    refused(instance, lambda: instance.slave.doStep(8 * STEP, STEP), "stopTime")
 
 
 @BOTH
