@@ -1,0 +1,20 @@
+"""Copies of the FMUs with something broken, to see that what finds no fault could find one."""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from pathlib import Path
+
+
+def copy_with(source: Path, target: Path, pattern: str, replacement: str) -> Path:
+    """Copies an FMU with the first match of a pattern in its description replaced."""
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
+        for entry in old.infolist():
+            content = old.read(entry)
+            if entry.filename == "modelDescription.xml":
+                edited, count = re.subn(pattern, replacement, content.decode(), count=1)
+                assert count == 1, f"nothing in {source} matches {pattern}"
+                content = edited.encode()
+            new.writestr(entry, content)
+    return target

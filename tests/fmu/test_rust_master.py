@@ -1,0 +1,68 @@
+"""The master in Rust: another importer, sharing no code with FMPy, must get the same numbers."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import libclang
+import numpy as np
+import pytest
+from broken import copy_with
+from conftest import TARGET, Make
+from experiments import BOOST_STEPS, BOOST_STEPS_END, couple, staircase
+
+NAMES = ["BoostController", "BoostPlant"]
+
+Run = Callable[[Path], subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture(scope="module")
+def run(root: Path) -> Run:
+    """Builds the master where that is still to be done; runs it on a folder of FMUs."""
+    # With the features of the whole workspace, for which `tests/run` has compiled the rest before.
+    build = ["cargo", "build", "--quiet", "--locked", "--workspace", "--all-features", "--bin", "fmi-master"]
+    subprocess.run(build, cwd=root, env={**os.environ, **libclang.environment()}, check=True)
+    master = TARGET / "debug" / "fmi-master"
+    return lambda folder: subprocess.run([master, folder], capture_output=True, text=True, check=False)
+
+
+def test_every_number_is_fmpys(run: Run, exported: Path, plant: Make, controller: Make) -> None:
+    """Fig. 13: all outputs of both at each communication point, compared as 64-bit patterns."""
+    done = run(exported)
+    assert (done.returncode, done.stderr) == (0, "")
+    names, *lines = done.stdout.splitlines()
+    table = np.array([[float(number) for number in line.split(",")] for line in lines])
+
+    inputs = {"boost_reference": staircase(*BOOST_STEPS)}
+    record = couple(plant(), controller(), inputs=inputs).run(BOOST_STEPS_END)
+    expected = np.stack(list(record.values()), axis=1)
+
+    assert names.split(",") == list(record)
+    assert table.shape == expected.shape == (124 * 80 + 1, 1 + 4 + 14)
+    different = table.view(np.uint64) != expected.view(np.uint64)
+    assert not different.any(), f"first at {table[different.any(axis=1), 0][0]} s"
+    # Nothing above would notice two constant tables.
+    assert (np.ptp(table, axis=0) > 0).sum() > 10
+
+
+def test_missing_fmu_is_named(run: Run, tmp_path: Path) -> None:
+    done = run(tmp_path)
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"error: cannot import {tmp_path / 'BoostController.fmu'}: ")
+
+
+def test_refusal_is_told_with_what_the_fmu_says(run: Run, exported: Path, tmp_path: Path) -> None:
+    """Through the C callback, whose arguments are variadic, to the master's standard error."""
+
+    for name in NAMES:
+        file = f"{name}.fmu"
+        copy_with(exported / file, tmp_path / file, r'guid="\{[^}]*\}"', 'guid="{another}"')
+    done = run(tmp_path)
+    assert done.returncode == 1
+    message, error = done.stderr.splitlines()
+    assert message.startswith("BoostController: ")
+    assert "{another}" in message
+    assert error.startswith(f"error: cannot instantiate {tmp_path / 'BoostController.fmu'}: ")

@@ -1,0 +1,142 @@
+"""What other programs than FMPy find in the FMUs: nothing, where they find what is broken in others."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from broken import copy_with
+from master import Fmu
+
+NAMES = ["BoostPlant", "BoostController"]
+
+INPUT = r'(<ScalarVariable name="boost_reference"[^>]*>\s*<Real[^>]*?)'
+"""An input of the controller, up to the attributes of its type."""
+
+BREAKS = {
+    "causality": (r'causality="input"', 'causality="entry"'),
+    "start": (INPUT + r' start="[^"]*"', r"\1"),
+    "variability": (r'variability="discrete"([^>]*>\s*<Boolean)', r'variability="continuous"\1'),
+    "outputs": (r"<Outputs>\s*<Unknown[^>]*/>", "<Outputs>"),
+}
+"""What is broken in the controller, by the name of a test."""
+
+
+@pytest.fixture
+def broken(request: pytest.FixtureRequest, exported: Path, tmp_path: Path) -> Path:
+    """The controller with the break that the test's parameter names."""
+    pattern, replacement = BREAKS[request.param]
+    file = "BoostController.fmu"
+    return copy_with(exported / file, tmp_path / file, pattern, replacement)
+
+
+class Message(NamedTuple):
+    """What a program says."""
+
+    level: str
+    text: str
+
+
+def fmutool(file: Path) -> tuple[int, list[Message]]:
+    """The exit code and messages of the checks of fmu-manipulation-toolbox: the schema's, and the rules beyond it."""
+    command = [Path(sys.executable).parent / "fmutool", "-input", file, "-check"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    lines = (done.stdout + done.stderr).splitlines()
+    return done.returncode, [Message(*(part.strip() for part in line.split("|", 1))) for line in lines]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_fmutool_finds_nothing(exported: Path, name: str) -> None:
+    code, messages = fmutool(exported / f"{name}.fmu")
+    assert code == 0
+    assert {message.level for message in messages} == {"INFO"}
+    texts = [message.text for message in messages]
+    assert "This FMU seems to be compliant with FMI-2.0." in texts
+    assert "No semantic error against the FMI-2 standard." in texts
+
+
+@pytest.mark.parametrize(
+    ("broken", "found"),
+    [
+        ("causality", "attribute causality='entry': value must be one of"),
+        ("start", "Variable 'boost_reference': a start value is required"),
+        ("variability", "a Boolean variable cannot be continuous"),
+        ("outputs", "is not listed in <Outputs>"),
+    ],
+    indirect=["broken"],
+)
+def test_fmutool_finds_what_is_broken(broken: Path, found: str) -> None:
+    code, messages = fmutool(broken)
+    assert code != 0
+    assert any(message.level == "ERROR" and found in message.text for message in messages)
+
+
+LOAD = """
+import sys
+from libcosimpy.CosimExecution import CosimExecution
+from libcosimpy.CosimSlave import CosimLocalSlave
+
+execution = CosimExecution.from_step_size(12_500_000)
+slave = CosimLocalSlave(fmu_path=sys.argv[1], instance_name="slave")
+assert execution.add_local_slave(local_slave=slave) == 0
+assert execution.step(80)
+assert execution.status().current_time == 1_000_000_000
+"""
+"""A second of simulation in libcosim, which reads and calls FMUs through Modelon's FMI Library."""
+
+LIBCOSIM_LINE = re.compile(r"\[[^]]*\] \[0x[0-9a-f]+\] \[(\w+)\] *(?:\[FMI Library: \w+\] )?(.*)")
+
+
+def libcosim(file: Path) -> Iterator[Message]:
+    """What libcosim and its FMI Library complain of, with the line of the XML where they say it."""
+    command = [sys.executable, "-c", LOAD, str(file)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    place = ""
+    for line in done.stdout.splitlines():
+        level, text = LIBCOSIM_LINE.fullmatch(line).groups()
+        if text.endswith("Detected during parsing:"):
+            place = f"{text.split()[0]} "
+        elif level not in {"trace", "debug", "info"}:
+            yield Message(level, place + text)
+            place = ""
+
+
+def expected_of_libcosim(fmu: Fmu) -> set[Message]:
+    """Two complaints of a valid FMU."""
+    # It asks for a start value of the independent variable, which the standard forbids (section 2.2.7).
+    time = fmu.variables["time"]
+    assert (time.causality, time.start) == ("independent", None)
+    line = time.sourceline + 1
+    start = "Start attribute is required for this causality, variability and initial combination"
+    messages = {Message("error", f"[Line:{line}] {start}")}
+    # It knows no enumerations.
+    for name, variable in fmu.variables.items():
+        if variable.type == "Enumeration":
+            text = f"FMI 2.0 Enumeration variable type not supported, variable with name {name} will be ignored"
+            messages.add(Message("warning", text))
+    return messages
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_libcosim_finds_nothing_that_is_wrong(fmus: dict[str, Fmu], name: str) -> None:
+    assert set(libcosim(fmus[name].path)) == expected_of_libcosim(fmus[name])
+
+
+@pytest.mark.parametrize(
+    ("broken", "found"),
+    [
+        ("causality", "could not parse value for enumeration attribute 'causality'='entry'"),
+        ("start", "Start attribute is required for this causality, variability and initial combination"),
+        ("variability", "Only Real variables can have variability='continuous'"),
+    ],
+    indirect=["broken"],
+)
+def test_libcosim_finds_what_is_broken(controller_fmu: Fmu, broken: Path, found: str) -> None:
+    more = set(libcosim(broken)) - expected_of_libcosim(controller_fmu)
+    assert any(message.level == "error" and found in message.text for message in more)
