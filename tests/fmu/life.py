@@ -104,17 +104,23 @@ def numbers_in(text: str) -> list[float]:
 
 
 Record = list[tuple[str, object]]
-"""What an instance answered, each with what it was asked."""
+"""Values, each with what it is of and when."""
 
 
 class Life:
     """An instance of an FMU on its way through the states."""
 
     def __init__(
-        self, caller: Caller, fmu: Fmu, *, start_time: float = 0.0, stop_time: float | None = None
+        self,
+        caller: Caller,
+        fmu: Fmu,
+        *,
+        start_time: float = 0.0,
+        stop_time: float | None = None,
+        course: Course | None = None,
     ) -> None:
         self.caller, self.fmu = caller, fmu
-        self.course = COURSES[fmu.description.modelName]
+        self.course = course or COURSES[fmu.description.modelName]
         self.start_time, self.stop_time = start_time, stop_time
         self.state = "instantiated"
         self.set_up = False
@@ -136,7 +142,9 @@ class Life:
         return f"fmi2Set{kind}", vr, len(values), ARRAYS[kind](*values.values())
 
     def set(self, values: Mapping[str, Any]) -> Status:
-        """Sets variables of one type."""
+        """Sets variables of one type, if any."""
+        if not values:
+            return Status.OK
         return self.caller.call(*self.settings(values))
 
     def get(self, name: str) -> Any:
@@ -156,10 +164,10 @@ class Life:
         self.set_up = True
         return status
 
-    def step(self) -> Status:
-        """`fmi2DoStep` from where the last one ended."""
-        status = self.caller.step(self.time, STEP)
-        self.steps_done += status == Status.OK
+    def step(self, length: int = 1) -> Status:
+        """`fmi2DoStep` from where the last one ended, of a number of samples of the controller."""
+        status = self.caller.step(self.time, length * STEP)
+        self.steps_done += length * (status == Status.OK)
         return status
 
     def set_pending(self) -> None:
@@ -202,47 +210,48 @@ class Life:
         """Every value, bit for bit."""
         record: Record = []
         for kind, array in ARRAYS.items():
-            vr = [v.valueReference for v in self.fmu.variables.values() if c_type_of(v) == kind]
-            memory = array(*[0] * len(vr))
-            status = self.caller.call(f"fmi2Get{kind}", references(*vr), len(vr), memory)
-            record += [(f"status of fmi2Get{kind}, {where}", status)]
+            variables = [v for v in self.fmu.variables.values() if c_type_of(v) == kind]
+            vr = references(*(v.valueReference for v in variables))
+            values = array(*[0] * len(vr))
+            self._answers(Status.OK, f"fmi2Get{kind}", vr, len(vr), values)
             record += [
-                (f"{name}, {where}", bytes(array(value)))
-                for name, value in zip(self._names(kind), memory, strict=True)
+                (f"{variable.name}, {where}", bytes(array(value)))
+                for variable, value in zip(variables, values, strict=True)
             ]
         return record
 
-    def _names(self, kind: str) -> list[str]:
-        return [v.name for v in self.fmu.variables.values() if c_type_of(v) == kind]
+    def _answers(self, status: Status, function: str, *arguments: Any) -> None:
+        """A call answers as it must."""
+        assert self.caller.call(function, *arguments) == status, (function, self.caller.messages)
 
-    def _steps(self, count: int) -> Record:
-        record: Record = []
-        for _ in range(count):
-            record.append((f"status of the step from {self.time}", self.step()))
-        return record + self.values(f"at {self.time}")
+    def _steps(self, *lengths: int) -> Record:
+        for length in lengths:
+            assert self.step(length) == Status.OK, self.caller.messages
+        return self.values(f"at {self.time}")
 
     def go_on(self) -> Record:
         """Lives the rest of the life, to the state `terminated` where that can be reached."""
         first = len(self.caller.messages)
-        call = self.caller.call
         record: Record = []
         reached = STATES.index(self.state)
         if reached == 0:
             if not self.set_up:
                 # Section 2.1.6: not without fmi2SetupExperiment.
-                record.append(("status without an experiment", call("fmi2EnterInitializationMode")))
-                record.append(("status of fmi2SetupExperiment", self.setup()))
-            record.append(("status of entering", call("fmi2EnterInitializationMode")))
+                self._answers(Status.ERROR, "fmi2EnterInitializationMode")
+                assert self.setup() == Status.OK
+            self._answers(Status.OK, "fmi2EnterInitializationMode")
         if reached <= 1:
             record += self.values("in Initialization Mode")
-            record.append(("status of leaving", call("fmi2ExitInitializationMode")))
+            self._answers(Status.OK, "fmi2ExitInitializationMode")
         if reached <= 2:
-            record += self._steps(2)
-            record.append(("status of setting inputs", self.set(self.course.later)))
-            record += self._steps(3)
-            record.append(("status of fmi2Terminate", call("fmi2Terminate")))
+            # The slopes of inputs reach the controller by the samples after a step's first.
+            record += self._steps(4)
+            record += self._steps(1, 1)
+            assert self.set(self.course.later) == Status.OK
+            record += self._steps(1, 1, 1)
+            self._answers(Status.OK, "fmi2Terminate")
         if self.state == "error":
-            record.append(("status of a step", self.step()))
+            assert self.step() == Status.ERROR
         record += self.values("in the end")
         record.append(("messages", self.caller.messages[first:]))
         return record

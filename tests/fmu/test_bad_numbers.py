@@ -232,8 +232,8 @@ def test_steps_to_the_stop_time(live: Live, name: str) -> None:
 @BOTH
 def test_a_step_past_the_stop_time(live: Live, unharmed: Check, name: str) -> None:
     """Refused, it leaves the way to the stop time open."""
-    life = live(name, "stepComplete", stop_time=10 * STEP)
-    life.refuses(DO_STEP, life.time, 11 * STEP, 1, names=["stopTime"], numbers=[10 * STEP])
+    life = live(name, "stepComplete", stop_time=20 * STEP)
+    life.refuses(DO_STEP, life.time, 18 * STEP, 1, names=["stopTime"], numbers=[20 * STEP])
     unharmed(life)
 
 
@@ -373,8 +373,11 @@ def test_an_input_outside_its_range(
             (warning, *of_the_model) = warnings
             assert variable.name in warning
             assert of_the_model == [m.text for m in inside.caller.messages if m.status == WARNING]
-            # It has returned, and leaves again.
+            # It has returned, and leaves again; a fresh instance has not heard of it either.
             assert outside.set({variable.name: bound}) == Status.OK
+            assert outside.set({variable.name: value}) == Status.WARNING
+            assert variable.name in outside.caller.messages[-1].text
+            assert outside.caller.call("fmi2Reset") == Status.OK
             assert outside.set({variable.name: value}) == Status.WARNING
             assert variable.name in outside.caller.messages[-1].text
             count += 1
@@ -743,23 +746,34 @@ def test_start_values_that_lead_nowhere(
     """Finite start values of which the model makes no numbers, told when initialization ends. It can be
     tried again: with another way to initialize it succeeds."""
     life = live(name)
+    modes = fmus[name].variables["initialization.mode"].declaredType.items
     given, settled = (
-        next(
-            int(item.value)
-            for item in fmus[name].variables["initialization.mode"].declaredType.items
-            if item.name == wanted
-        )
-        for wanted in ("given", "settled")
+        next(int(item.value) for item in modes if item.name == wanted) for wanted in ("given", "settled")
     )
-    assert life.set({"initialization.mode": given}) == Status.OK
-    assert life.set({"hp_shaft.speed": 1e200, "actuator.velocity": 1e200}) == Status.OK
-    assert life.setup() == Status.OK
-    assert life.caller.call("fmi2EnterInitializationMode") == Status.OK
-    for _ in range(2):
-        life.refuses("fmi2ExitInitializationMode", names=["engine_torque"], numbers=[math.nan, life.time])
-    assert life.set({"initialization.mode": settled}) == Status.OK
-    # The start values are not used, of which there is a warning.
-    assert life.caller.call("fmi2ExitInitializationMode") == Status.WARNING
-    assert "actuator.velocity, hp_shaft.speed" in life.caller.messages[-1].text
-    assert life.step() == Status.OK
+
+    def fail() -> None:
+        assert life.set({"initialization.mode": given}) == Status.OK
+        assert life.set({"hp_shaft.speed": 1e200, "actuator.velocity": 1e200}) == Status.OK
+        assert life.setup() == Status.OK
+        assert life.caller.call("fmi2EnterInitializationMode") == Status.OK
+        for _ in range(2):
+            life.refuses(
+                "fmi2ExitInitializationMode", names=["engine_torque"], numbers=[math.nan, life.start_time]
+            )
+
+    def succeed() -> None:
+        assert life.set({"initialization.mode": settled}) == Status.OK
+        # The start values are not used, of which there is a warning.
+        assert life.caller.call("fmi2ExitInitializationMode") == Status.WARNING
+        assert life.caller.messages[-1].status == WARNING
+        assert "actuator.velocity, hp_shaft.speed" in life.caller.messages[-1].text
+        assert life.step() == Status.OK
+
+    fail()
+    succeed()
     like_a_fresh_one(life)
+    # Nor has a fresh instance been warned.
+    assert life.caller.call("fmi2Reset") == Status.OK
+    fail()
+    life.steps_done = 0
+    succeed()

@@ -7,6 +7,7 @@ condition on the variable, by the notes below the table.
 from __future__ import annotations
 
 import csv
+import dataclasses
 import math
 from collections.abc import Callable
 from ctypes import byref, c_char, c_char_p, c_double, c_int, c_size_t, c_void_p
@@ -16,7 +17,19 @@ import pytest
 from c_interface import FUNCTIONS, Status
 from conftest import PROBED, ROOT, Check, Live, RecordProperty
 from fmpy.model_description import ScalarVariable, Unknown
-from life import ARRAYS, FAILING, STATES, Life, c_type_of, integers, reals, references
+from life import (
+    ARRAYS,
+    COURSES,
+    FAILING,
+    STATES,
+    STEP,
+    Life,
+    c_type_of,
+    differences,
+    integers,
+    reals,
+    references,
+)
 from master import Fmu
 
 NAMES = ["BoostPlant", "BoostController"]
@@ -60,6 +73,9 @@ ANSWERS = {
 }
 """Section 4.2.3: fmi2Discard for what only a step in the background has, and for the type of which there is
 no status; the time of the last step and whether the slave ends the simulation are known."""
+
+INQUIRED = {"fmi2GetTypesPlatform": b"default", "fmi2GetVersion": b"2.0"}
+"""Section 2.1.4: what is known without an instance."""
 
 CHANGING = [
     "fmi2Instantiate",
@@ -214,6 +230,22 @@ def test_the_table_is_of_all_functions_and_states(fmus: dict[str, Fmu]) -> None:
         assert not fmu.description.coSimulation.canRunAsynchronuously
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_a_life_shows_whatever_an_instance_remembers(live: Live, name: str) -> None:
+    """What is compared below differs when anything of the course was not set, or was lost."""
+    course = COURSES[name]
+    whole = live(name, "stepComplete").go_on()
+    assert differences(live(name, "stepComplete").go_on(), whole) == []
+    for forgotten in ("parameters", "inputs", "pending", "slopes", "later"):
+        lesser = dataclasses.replace(course, **{forgotten: {}})
+        life = live(name, "stepComplete", course=lesser)
+        output = {f"{output}, at {(life.steps_done + 6) * STEP}" for output in life.fmu.named("output")}
+        told = {difference.split(": ")[0] for difference in differences(life.go_on(), whole)}
+        assert told, forgotten
+        if forgotten != "later":
+            assert told & output, forgotten
+
+
 @pytest.mark.parametrize("function", TABLE)
 @pytest.mark.parametrize(("name", "state"), REACHED)
 def test_a_function_in_a_state(
@@ -224,9 +256,9 @@ def test_a_function_in_a_state(
     life = live(name, state)
     library = life.caller.library
     record_property(PROBED, ("pairs of function and state", 1))
-    if function in ("fmi2GetTypesPlatform", "fmi2GetVersion"):
+    if function in INQUIRED:
         assert TABLE[function][state] == "x"
-        assert getattr(library, function)() == {"V": b"2.0", "T": b"default"}[function[7]]
+        assert getattr(library, function)() == INQUIRED[function]
     elif function == "fmi2Instantiate":
         # It takes no instance, so that what the table forbids cannot be called: it makes another one, which
         # is in its own state (canBeInstantiatedOnlyOncePerProcess is false).
@@ -264,8 +296,9 @@ def test_a_function_without_an_instance(
     record_property(PROBED, ("pairs of function and state", 1))
     result, types = FUNCTIONS[function]
     if TABLE[function][NO_INSTANCE]:
+        # Either of an FMU or of an instance that does not exist yet: `live` has made one.
+        assert function in INQUIRED or (function == "fmi2Instantiate" and life.caller.component)
         assert types == [] or function == "fmi2Instantiate"
-        assert life.caller.component is not None
         return
     answer = getattr(life.caller.library, function)(None, *arguments_of(life, function))
     assert answer == (None if result is None else Status.ERROR)
