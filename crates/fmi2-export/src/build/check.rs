@@ -75,14 +75,15 @@ fn names(model: &json::Model) -> Result<(), Refusal> {
     for component in &model.components {
         let name = &component.name;
         field_name(name).map_err(|reason| Refusal::new(format!("component '{name}': {reason}")))?;
-        if model.variables.iter().any(|variable| variable.name == *name) {
+        let variables = model.variables.iter().map(|variable| variable.name.as_str());
+        if variables.chain(["time"]).any(|variable| variable == name) {
             return Err(Refusal::of(name, "a component has the same name"));
         }
     }
     Ok(())
 }
 
-/// Texts become attributes of XML, where a line break would not survive.
+/// The texts that are free to choose, all of which become attributes of XML.
 fn texts(model: &json::Model) -> Result<(), Refusal> {
     let mut texts = vec![
         ("description", &model.description),
@@ -90,7 +91,10 @@ fn texts(model: &json::Model) -> Result<(), Refusal> {
         ("copyright", &model.copyright),
         ("license", &model.license),
     ];
-    texts.extend(model.log_categories.iter().map(|category| (category.name.as_str(), &category.description)));
+    for category in &model.log_categories {
+        texts.push(("log_categories", &category.name));
+        texts.push((&category.name, &category.description));
+    }
     for enumeration in &model.enumerations {
         texts.push((&enumeration.name, &enumeration.description));
         texts.extend(enumeration.items.iter().map(|item| (item.name.as_str(), &item.description)));
@@ -106,10 +110,16 @@ fn one_line(text: &str) -> Result<(), String> {
     if text.trim().is_empty() {
         return Err("its text is empty".to_owned());
     }
-    if text.chars().any(char::is_control) {
-        return Err("its text contains a control character, such as a line break".to_owned());
+    if !survives_xml(text) {
+        return Err("its text contains a character that XML does not keep, such as a line break".to_owned());
     }
     Ok(())
+}
+
+/// Whether an attribute of XML carries a text unchanged: tabs and line breaks become spaces, and most other
+/// control characters and two of Unicode's code points are not allowed in XML at all.
+fn survives_xml(text: &str) -> bool {
+    !text.chars().any(|character| character.is_control() || matches!(character, '\u{fffe}' | '\u{ffff}'))
 }
 
 fn unique<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> Result<(), Refusal> {
@@ -396,8 +406,10 @@ fn start_value(
         DataType::Boolean => value.as_bool().map(Start::Boolean).ok_or_else(mismatch),
         DataType::String => {
             let text = value.as_str().ok_or_else(mismatch)?;
-            if text.chars().any(char::is_control) {
-                return Err("start contains a control character".to_owned());
+            if !survives_xml(text) {
+                return Err(
+                    "start contains a character that XML does not keep, such as a line break".to_owned()
+                );
             }
             Ok(Start::String(text.to_owned()))
         }
@@ -448,7 +460,12 @@ pub(super) fn unit_file(units: &[json::Unit]) -> Result<(), Refusal> {
     unique("unit", units.iter().map(|unit| unit.name.as_str()))?;
     for unit in units {
         let name = &unit.name;
-        one_line(name)?;
+        one_line(name).map_err(|reason| Refusal::new(format!("unit '{name}': {reason}")))?;
+        for display in &unit.display_units {
+            one_line(&display.name).map_err(|reason| {
+                Refusal::new(format!("unit '{name}', display unit '{}': {reason}", display.name))
+            })?;
+        }
         unique(
             &format!("unit '{name}': display unit"),
             unit.display_units.iter().map(|unit| unit.name.as_str()),

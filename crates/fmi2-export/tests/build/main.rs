@@ -17,6 +17,7 @@ use fmi2_export::description::{Causality, DataType, Initial, Variability};
 use fmi2_export::{Inputs as _, Variables as _};
 
 mod refusals;
+mod structure;
 
 mod variables {
     include!("Vessels/variables.rs");

@@ -111,6 +111,11 @@ fn wrong_units_are_refused() {
         "variable 'settings.table[2,2]': unit 'm3' is not defined in units.json",
     );
     assert_refused(
+        TABLE,
+        &json!({"unit": ["1", "m", "1", "m"], "display_unit": "%"}),
+        "variable 'settings.table': a display unit needs one unit, not a list",
+    );
+    assert_refused(
         INFLOW,
         &json!({"unit": ["kg/s"]}),
         "variable 'inflow': 1 units are listed; an array of as many elements has one for each",
@@ -147,7 +152,17 @@ fn wrong_start_values_are_refused() {
     );
     assert_refused(INFLOW, &json!({"min": 20}), "variable 'inflow': min 20.0 is greater than max 10.0");
     assert_refused(INFLOW, &json!({"start": "much"}), "variable 'inflow': start \"much\" is no Real");
+    // Words for what JSON has no number for, and a number that is not the word it stands for.
+    for word in ["NaN", "inf", "-Infinity"] {
+        let message = format!("variable 'inflow': start \"{word}\" is no Real");
+        assert_refused(INFLOW, &json!({"start": word}), &message);
+    }
+    assert_refused(INFLOW, &json!({"start": true}), "variable 'inflow': start true is no Real");
+    assert_refused(INFLOW, &json!({"start": -1}), "variable 'inflow': start -1.0 is outside 0.0..10.0");
     assert_refused(ENABLED, &json!({"start": 1}), "variable 'enabled': start 1 is no Boolean");
+    assert_refused(ENABLED, &json!({"start": "true"}), "variable 'enabled': start \"true\" is no Boolean");
+    assert_refused(LABEL, &json!({"start": 1}), "variable 'settings.label': start 1 is no String");
+    assert_refused(LABEL, &json!({"start": true}), "variable 'settings.label': start true is no String");
     assert_refused(
         MODE,
         &json!({"start": "full"}),
@@ -165,9 +180,21 @@ fn wrong_start_values_are_refused() {
         "variable 'settings.mode': start 1.5 is no Integer",
     );
     assert_refused(
+        MODE,
+        &json!({"type": "Integer", "start": 2_147_483_648_u32}),
+        "variable 'settings.mode': start 2147483648 is no Integer",
+    );
+    assert_refused(
+        MODE,
+        &json!({"type": "Integer", "start": 3, "max": 2}),
+        "variable 'settings.mode': start 3.0 is outside -inf..2.0",
+    );
+    assert_refused(FILLS, &json!({"min": 101}), "variable 'fills': min 101.0 is greater than max 100.0");
+    assert_refused(TABLE, &json!({"max": 3}), "variable 'settings.table': start 4.0 is outside -inf..3.0");
+    assert_refused(
         LABEL,
         &json!({"start": "two\nlines"}),
-        "variable 'settings.label': start contains a control character",
+        "variable 'settings.label': start contains a character that XML does not keep, such as a line break",
     );
     assert_refused(
         LABEL,
@@ -196,7 +223,7 @@ fn wrong_start_values_are_refused() {
 
 #[test]
 fn wrong_combinations_are_refused() {
-    use at::{AREA, ENABLED, GAIN, INFLOW, LEVEL, MASS, OUTFLOW};
+    use at::{AREA, ENABLED, FILLS, GAIN, INFLOW, LEVEL, MASS, OUTFLOW};
     for (place, variable, causality, variability) in [
         (AREA, "first.area", "parameter", "continuous"),
         (AREA, "first.area", "parameter", "discrete"),
@@ -214,7 +241,16 @@ fn wrong_combinations_are_refused() {
         let message = format!("variable 'enabled': only a Real is continuous, not {data_type}");
         assert_refused(ENABLED, &json!({"variability": "continuous", "type": data_type}), &message);
     }
+    assert_refused(
+        FILLS,
+        &json!({"variability": "continuous"}),
+        "variable 'fills': only a Real is continuous, not Integer",
+    );
     let derivative = json!({"reads": []});
+    for (place, variable) in [(INFLOW, "inflow"), (AREA, "first.area"), (FILLS, "fills")] {
+        let message = format!("variable '{variable}': only a local continuous Real has a 'derivative'");
+        assert_refused(place, &json!({"derivative": derivative}), &message);
+    }
     let message = "only a local continuous Real has a 'derivative'";
     assert_refused(LEVEL, &json!({"derivative": derivative}), &format!("variable 'level': {message}"));
     assert_refused(MASS, &json!({"variability": "discrete"}), &format!("variable 'first.mass': {message}"));
@@ -344,9 +380,11 @@ fn circles_are_refused() {
 
 #[test]
 fn wrong_names_are_refused() {
-    use at::{INFLOW, MODE, OUTFLOW};
+    use at::{GAIN, INFLOW, MODE, OUTFLOW, TABLE};
     let letters = "the name is not made of lower-case letters, digits and underscores";
-    for name in ["Inflow", "1st", "in-flow", "in.flow", "", "_x", "größe", "x[1]"] {
+    for name in
+        ["Inflow", "INFLOW", "1st", "in-flow", "in.flow", "", "_x", "größe", "x[1]", "der(x)", "a b", "a\t"]
+    {
         assert_refused(INFLOW, &json!({"name": name}), &format!("variable '{name}': {letters}"));
     }
     assert_refused(INFLOW, &json!({"name": "type"}), "variable 'type': the name is a reserved word of Rust");
@@ -354,12 +392,14 @@ fn wrong_names_are_refused() {
     assert_refused(INFLOW, &json!({"name": "level"}), &format!("variable 'level': {duplicate}"));
     assert_refused(INFLOW, &json!({"name": "time"}), &format!("variable 'time': {duplicate}"));
     assert_refused(OUTFLOW, &json!({"name": "area"}), &format!("variable 'first.area': {duplicate}"));
+    // An array's elements take its name, too.
+    assert_refused(GAIN, &json!({"name": "table"}), &format!("variable 'settings.table': {duplicate}"));
+    assert_refused(TABLE, &json!({"name": "label"}), &format!("variable 'settings.label': {duplicate}"));
     assert_refused(INFLOW, &json!({"name": "first"}), "variable 'first': a component has the same name");
-    assert_refused(INFLOW, &json!({"description": " "}), "variable 'inflow': its text is empty");
     assert_refused(
-        INFLOW,
-        &json!({"description": "a\nb"}),
-        "variable 'inflow': its text contains a control character, such as a line break",
+        "/components/2",
+        &json!({"name": "time"}),
+        "variable 'time': a component has the same name",
     );
     assert_refused(MODE, &json!({"name": "Mode"}), &format!("variable 'settings.Mode': {letters}"));
     assert_refused("/components/1", &json!({"name": "first"}), "component 'first' is declared twice");
@@ -429,6 +469,48 @@ fn wrong_names_are_refused() {
     assert_eq!(unused, "vessels.json: component type 'Pipe' has no component");
 }
 
+/// What XML 1.0 cannot carry, or only as something else.
+#[test]
+fn texts_that_xml_does_not_keep_are_refused() {
+    use at::{INFLOW, LABEL, MASS};
+    let lost = "contains a character that XML does not keep, such as a line break";
+    for character in ['\0', '\u{1}', '\t', '\n', '\r', '\u{1f}', '\u{7f}', '\u{85}', '\u{fffe}', '\u{ffff}'] {
+        let text = format!("a{character}b");
+        let description = json!({"description": text});
+        assert_refused(INFLOW, &description, &format!("variable 'inflow': its text {lost}"));
+        assert_refused(LABEL, &json!({"start": text}), &format!("variable 'settings.label': start {lost}"));
+    }
+    let text = "a\u{1}b";
+    let description = json!({"description": text});
+    let mass = format!("variable 'first.mass': its text {lost}");
+    assert_refused(MASS, &description, &mass);
+    assert_refused(&format!("{MASS}/derivative"), &description, &mass);
+    for (place, name) in [
+        ("", "description"),
+        ("/components/0", "first"),
+        ("/enumerations/0", "FillMode"),
+        ("/enumerations/0/items/0", "empty"),
+        ("/log_categories/2", "logEvents"),
+    ] {
+        assert_refused(place, &description, &format!("'{name}': its text {lost}"));
+        assert_refused(place, &json!({"description": " "}), &format!("'{name}': its text is empty"));
+    }
+    for name in ["author", "copyright", "license"] {
+        assert_refused("", &json!({name: text}), &format!("'{name}': its text {lost}"));
+        assert_refused("", &json!({name: ""}), &format!("'{name}': its text is empty"));
+    }
+    assert_refused(INFLOW, &json!({"description": " "}), "variable 'inflow': its text is empty");
+    let category = refusal("log category", |model| {
+        let categories = model["log_categories"].as_array_mut().expect("there are categories");
+        categories.push(json!({"name": text, "description": "Another"}));
+    });
+    assert_eq!(category, format!("vessels.json: 'log_categories': its text {lost}"));
+    // Half of a pair of UTF-16 is no character of Unicode either.
+    let edited = read(&sources().join("vessels.json")).replacen("Flow into", "Flow \\ud800 into", 1);
+    let said = refusal_of_text("surrogate", &edited, None);
+    assert!(said.ends_with("(in 'inflow')"), "{said}");
+}
+
 #[test]
 fn wrong_models_are_refused() {
     let experiment = "/default_experiment";
@@ -442,7 +524,11 @@ fn wrong_models_are_refused() {
         let message = format!("log_categories lacks '{name}', under which the runtime logs");
         assert_refused(&format!("/log_categories/{position}"), &json!({"name": "logAll"}), &message);
     }
-    assert_refused("", &json!({"author": ""}), "'author': its text is empty");
+    let twice = refusal("log category twice", |model| {
+        let categories = model["log_categories"].as_array_mut().expect("there are categories");
+        categories.push(json!({"name": "logEvents", "description": "Events"}));
+    });
+    assert_eq!(twice, "vessels.json: log category 'logEvents' is declared twice");
     let no_outputs = refusal("no outputs", |model| {
         let variables = model["variables"].as_array_mut().expect("there are variables");
         variables.retain(|variable| variable["causality"] != "output");
@@ -486,6 +572,13 @@ fn wrong_json_is_refused_where_it_is_wrong() {
     let at = place(&edited, "},\n    {\"name\": \"level\"");
     assert_eq!(said, format!("vessels.json: missing field `description` at {at} (in 'enabled')"));
 
+    let (said, _) = refuse("causality", r#""level", "causality": "output", "#, r#""level", "#);
+    assert!(said.starts_with("vessels.json: missing field `causality` at "), "{said}");
+    assert!(said.ends_with("(in 'level')"), "{said}");
+    let (said, _) =
+        refuse("independent", r#""level", "causality": "output""#, r#""level", "causality": "independent""#);
+    assert!(said.starts_with("vessels.json: unknown variant `independent`, expected one of"), "{said}");
+
     let (said, _) = refuse(
         "variant",
         r#""start": 0.5, "description": "Cross"#,
@@ -497,10 +590,21 @@ fn wrong_json_is_refused_where_it_is_wrong() {
     assert!(said.ends_with("(in 'area')"), "{said}");
 
     // There is no NaN in JSON, and no number beyond the doubles.
-    let (said, _) = refuse("nan", r#""nominal": 2"#, r#""nominal": NaN"#);
-    assert!(said.ends_with("(in 'level')"), "{said}");
-    let (said, _) = refuse("overflow", r#""nominal": 2"#, r#""nominal": 1e999"#);
-    assert!(said.contains("number out of range"), "{said}");
+    for (number, reason) in [
+        ("NaN", "expected value at "),
+        ("Infinity", "expected value at "),
+        ("-Infinity", "invalid number at "),
+        ("1e999", "number out of range at "),
+        ("-1e999", "number out of range at "),
+    ] {
+        for field in
+            [r#""nominal": 2"#, r#""start": 0.5"#, r#""min": 0"#, r#""max": 10"#, r#""stop_time": 10"#]
+        {
+            let (key, _) = field.split_once(' ').expect("there is a value");
+            let (said, _) = refuse(&format!("{number} {key}"), field, &format!("{key} {number}"));
+            assert!(said.starts_with(&format!("vessels.json: {reason}")), "{said}");
+        }
+    }
 
     let (said, _) = refuse("twice", r#"{"area": 0.75}"#, r#"{"area": 0.75, "area": 0.8}"#);
     assert!(said.starts_with("vessels.json: \"area\" is given twice at "), "{said}");
@@ -518,6 +622,20 @@ fn wrong_files_of_units_are_refused() {
     assert_eq!(
         refuse("display twice", r#"[{"name": "s", "display_units": [{"name": "h"}, {"name": "h"}]}]"#),
         "units.json: unit 's': display unit 'h' is declared twice"
+    );
+    let lost = "its text contains a character that XML does not keep, such as a line break";
+    assert_eq!(refuse("unit empty", r#"[{"name": ""}]"#), "units.json: unit '': its text is empty");
+    assert_eq!(
+        refuse("unit control", r#"[{"name": "s\u0001"}]"#),
+        format!("units.json: unit 's\u{1}': {lost}")
+    );
+    assert_eq!(
+        refuse("display empty", r#"[{"name": "s", "display_units": [{"name": ""}]}]"#),
+        "units.json: unit 's', display unit '': its text is empty"
+    );
+    assert_eq!(
+        refuse("display control", r#"[{"name": "s", "display_units": [{"name": "h\u0000"}]}]"#),
+        format!("units.json: unit 's', display unit 'h\0': {lost}")
     );
     assert_eq!(
         refuse("factor 0", r#"[{"name": "s", "base": {"s": 1}, "factor": 0}]"#),
