@@ -22,9 +22,9 @@ Run = Callable[[Path], subprocess.CompletedProcess[str]]
 @pytest.fixture(scope="module")
 def run(root: Path) -> Run:
     """Builds the master where that is still to be done; runs it on a folder of FMUs."""
-    # With the features of the whole workspace, for which `tests/run` has compiled the rest before.
-    build = ["cargo", "build", "--quiet", "--locked", "--workspace", "--all-features", "--bin", "fmi-master"]
-    subprocess.run(build, cwd=root, env={**os.environ, **libclang.environment()}, check=True)
+    # As `tests/run` has compiled most of it before: for tests, with the features of the whole workspace.
+    build = "cargo build --quiet --locked --profile test --workspace --all-features --bin fmi-master"
+    subprocess.run(build.split(), cwd=root, env={**os.environ, **libclang.environment()}, check=True)
     master = TARGET / "debug" / "fmi-master"
     return lambda folder: subprocess.run([master, folder], capture_output=True, text=True, check=False)
 
