@@ -443,17 +443,17 @@ def test_refusal_is_no_panic(make: Make, bystander: Panicking, place: str) -> No
     assert instance.call("fmi2ExitInitializationMode") == Status.OK
 
 
-def test_ten_thousand_panics(make: Make, bystander: Panicking) -> None:
+def test_a_thousand_panics(make: Make, bystander: Panicking) -> None:
     """Rust counts the panics under way in each thread; a count that leaked would end the process."""
     instance = make()
     runs_to(instance, 1)
     instance.fail_at("refresh", "number")
     state = instance.save()
     reference, value = (c_uint * 1)(*instance.references("output")), (c_double * 1)()
-    for _ in range(10_000):
+    for _ in range(1000):
         assert instance.library.fmi2GetReal(instance.component, reference, 1, value) == Status.ERROR
         assert instance.library.fmi2SetFMUstate(instance.component, state) == Status.OK
-    assert len(instance.messages) == 10_000
+    assert len(instance.messages) == 1000
     assert instance.call("fmi2FreeFMUstate", byref(state)) == Status.OK
 
 
