@@ -160,13 +160,19 @@ PROBED = "probed"
 """The name under which tests record how many of what they tried."""
 
 
+SUMMARY = "summary"
+"""The name under which a test records what the run's summary shows."""
+
+
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Says how many calls the tests tried, by what they recorded; in one process or several."""
+    """Says how much the tests tried, by what they recorded; in one process or several."""
     counts: Counter[str] = Counter()
     for report in terminalreporter.getreports("passed"):
         for name, value in report.user_properties if report.when == "call" else []:
             if name == PROBED:
                 what, count = value
                 counts[what] += count
+            elif name == SUMMARY:
+                terminalreporter.write_line(value)
     for what, count in sorted(counts.items()):
         terminalreporter.write_line(f"probed: {count} {what}")

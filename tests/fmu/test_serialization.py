@@ -8,7 +8,7 @@ import struct
 import subprocess
 import sys
 from collections.abc import Callable
-from ctypes import Array, byref, c_char, c_int, c_size_t, c_uint, c_void_p
+from ctypes import Array, byref, c_char, c_double, c_int, c_size_t, c_uint, c_void_p
 from pathlib import Path
 
 import pytest
@@ -130,6 +130,28 @@ def test_every_state_of_the_calling_sequence_is_kept(
         return stir(caller, fmu, 0, 40)
 
     assert go_on(second) == go_on(first)
+
+
+def test_what_was_said_in_initialization_is_not_said_again(
+    call: Callable[..., Caller], fmus: dict[str, Fmu]
+) -> None:
+    """The values are computed anew after each change; a warning of that is given once."""
+    variables = fmus["BoostPlant"].variables
+    first, second = call("BoostPlant"), call("BoostPlant")
+    assert first.call("fmi2SetupExperiment", 0, 0.0, 0.0, 0, 0.0) == Status.OK
+    # A start value that the settled start does not use.
+    assert first.set_reals([variables["hp_shaft.speed"].valueReference], [9000.0]) == Status.OK
+    assert first.call("fmi2EnterInitializationMode") == Status.OK
+    output = (c_uint * 1)(variables["boost_pressure"].valueReference)
+    assert first.call("fmi2GetReal", output, 1, (c_double * 1)()) == Status.WARNING
+    assert len(first.messages) == 1
+    assert "hp_shaft.speed" in first.messages[0].text
+    restore(second, first.serialize(first.save()))
+    for caller in (first, second):
+        assert caller.set_reals([variables["engine_speed"].valueReference], [1600.0]) == Status.OK
+        assert caller.call("fmi2GetReal", output, 1, (c_double * 1)()) == Status.WARNING
+    assert len(first.messages) == 1
+    assert second.messages == []
 
 
 @BOTH

@@ -108,26 +108,23 @@ fn number() -> impl Strategy<Value = Number> {
     ]
 }
 
-/// A value reference: mostly of a variable that may be of use, among them mostly inputs.
-fn reference(description: &'static ModelDescription, data_type: Type, set: bool) -> BoxedStrategy<u32> {
-    let of = |wanted: &dyn Fn(Causality, Variability) -> bool| -> Vec<u32> {
-        let numbered = (0..).zip(description.variables);
-        numbered
-            .filter(|(_, variable)| {
-                Type::of(variable.data_type) == data_type && wanted(variable.causality, variable.variability)
-            })
-            .map(|(reference, _)| reference)
-            .collect()
-    };
-    let useful = if set {
-        let mut useful = of(&|_, variability| variability == Variability::Tunable);
-        for _ in 0..3 {
-            useful.extend(of(&|causality, _| causality == Causality::Input));
-        }
-        useful
-    } else {
-        of(&|_, _| true)
-    };
+/// The value references of the variables of a type that are wanted.
+fn references(
+    description: &'static ModelDescription,
+    data_type: Type,
+    wanted: impl Fn(Causality, Variability) -> bool,
+) -> Vec<u32> {
+    let numbered = (0..).zip(description.variables);
+    numbered
+        .filter(|(_, variable)| {
+            Type::of(variable.data_type) == data_type && wanted(variable.causality, variable.variability)
+        })
+        .map(|(reference, _)| reference)
+        .collect()
+}
+
+/// A value reference: mostly one of the useful ones.
+fn mostly(description: &'static ModelDescription, useful: Vec<u32>) -> BoxedStrategy<u32> {
     let count = u32::try_from(description.variables.len()).unwrap();
     let useful = if useful.is_empty() { vec![0] } else { useful };
     prop_oneof![
@@ -136,6 +133,27 @@ fn reference(description: &'static ModelDescription, data_type: Type, set: bool)
         1 => select(vec![count, 1 << 31, u32::MAX]),
     ]
     .boxed()
+}
+
+/// A value reference to get.
+fn readable(description: &'static ModelDescription, data_type: Type) -> BoxedStrategy<u32> {
+    mostly(description, references(description, data_type, |_, _| true))
+}
+
+/// A value reference to set between steps: an input or a tunable parameter.
+fn settable(description: &'static ModelDescription, data_type: Type) -> BoxedStrategy<u32> {
+    let inputs = references(description, data_type, |causality, _| causality == Causality::Input);
+    let tunable = references(description, data_type, |_, variability| variability == Variability::Tunable);
+    mostly(description, [&inputs[..], &inputs, &inputs, &tunable].concat())
+}
+
+/// Settings of parameters, as before initialization.
+pub fn settings(description: &'static ModelDescription) -> impl Strategy<Value = Vec<Call>> {
+    let setting = data_type().prop_flat_map(move |data_type| {
+        let parameters = references(description, data_type, |causality, _| causality == Causality::Parameter);
+        (mostly(description, parameters), number()).prop_map(move |value| Call::Set(data_type, vec![value]))
+    });
+    vec(setting, 0..4)
 }
 
 fn data_type() -> impl Strategy<Value = Type> {
@@ -157,7 +175,8 @@ fn step() -> impl Strategy<Value = Call> {
 
 /// A call that no saved state has a part in.
 pub fn without_states(description: &'static ModelDescription) -> impl Strategy<Value = Call> {
-    let real = |set| reference(description, Type::Real, set);
+    let input = || settable(description, Type::Real);
+    let output = || readable(description, Type::Real);
     let experiment = (
         option::weighted(0.3, prop_oneof![3 => 1e-9..1e-2, 1 => odd_number()]),
         prop_oneof![5 => Just(0.0), 3 => -1e3..1e3, 1 => odd_number()],
@@ -185,17 +204,17 @@ pub fn without_states(description: &'static ModelDescription) -> impl Strategy<V
         1 => Just(Call::Terminate),
         1 => Just(Call::Reset),
         8 => data_type().prop_flat_map(move |data_type| {
-            vec(reference(description, data_type, false), 0..8)
+            vec(readable(description, data_type), 0..8)
                 .prop_map(move |references| Call::Get(data_type, references))
         }),
         12 => data_type().prop_flat_map(move |data_type| {
-            vec((reference(description, data_type, true), number()), 0..5)
+            vec((settable(description, data_type), number()), 0..5)
                 .prop_map(move |values| Call::Set(data_type, values))
         }),
-        3 => vec((real(true), prop_oneof![8 => 1..=2, 1 => -1..12], prop_oneof![5 => -10.0..10.0, 1 => odd_number()]), 0..4)
+        3 => vec((input(), prop_oneof![8 => 1..=2, 1 => -1..12], prop_oneof![5 => -10.0..10.0, 1 => odd_number()]), 0..4)
             .prop_map(Call::SetInputDerivatives),
-        1 => vec((real(false), 0..4), 0..4).prop_map(Call::GetOutputDerivatives),
-        1 => (vec(real(false), 0..4), vec(real(true), 0..4))
+        1 => vec((output(), 0..4), 0..4).prop_map(Call::GetOutputDerivatives),
+        1 => (vec(output(), 0..4), vec(input(), 0..4))
             .prop_map(|(unknowns, knowns)| Call::GetDirectionalDerivative { unknowns, knowns }),
         20 => step(),
         1 => Just(Call::CancelStep),

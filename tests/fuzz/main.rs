@@ -53,16 +53,17 @@ fn any_order<M: Model>(cases: u32, opening: impl Fn() -> Vec<Call>) {
     let fresh = Importer::<M>::new().snapshot();
     let (sequences, made) = (Cell::new(0), Cell::new(0));
     let strategy = (
+        calls::settings(description),
         any::<proptest::sample::Index>(),
         proptest::collection::vec(calls::any_call(description), 0..40),
         proptest::collection::vec(calls::without_states(description), 0..20),
     );
     // One in five importers begins at once, the others after some of the opening.
-    let outcome = runner(cases).run(&strategy, |(skipped, head, tail)| {
+    let outcome = runner(cases).run(&strategy, |(settings, skipped, head, tail)| {
         let mut importer = Importer::<M>::new();
         let opening = opening();
         let opened = opening.len() - skipped.index(opening.len() * 5 / 4).saturating_sub(opening.len());
-        importer.run(opening.iter().take(opened).chain(&head))?;
+        importer.run(settings.iter().chain(opening.iter().take(opened)).chain(&head))?;
         let saved = importer.snapshot();
         let expected = importer.run(&tail)?;
 
