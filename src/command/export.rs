@@ -19,6 +19,8 @@ pub fn run(names: &[String], out: Option<PathBuf>) -> Result<()> {
     let platform = Platform::host()
         .context("FMI 2.0 has no name for this platform; see binaries/ in its section 2.3")?;
     let metadata = MetadataCommand::new()
+        // Nothing is asked of the dependencies: else cargo would fetch those of members that are not exported.
+        .no_deps()
         .exec()
         .context("cargo finds no workspace here; run this in the folder of the repository")?;
     let models = choose(&metadata, names)?;

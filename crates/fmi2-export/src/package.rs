@@ -75,9 +75,13 @@ impl Fmu<'_> {
     /// Writes the archive.
     ///
     /// # Errors
-    /// When writing fails, or two parts have the same path.
+    /// When writing fails, two parts have the same path, or a file lies where the standard has no place for
+    /// it.
     pub fn write(&self, writer: impl Write + Seek) -> io::Result<()> {
         let mut entries = vec![];
+        for (path, _) in &self.files {
+            refuse_stray(path)?;
+        }
         for (platform, library) in &self.libraries {
             let (folder, suffix) = (platform.folder(), platform.library_suffix());
             entries
@@ -89,6 +93,20 @@ impl Fmu<'_> {
         entries.insert(0, ("modelDescription.xml".to_owned(), self.model_description.as_bytes()));
         write_zip(writer, &entries)?;
         Ok(())
+    }
+}
+
+/// Refuses what lies neither in a folder of the standard nor is its picture, or would be extracted elsewhere.
+fn refuse_stray(path: &str) -> io::Result<()> {
+    let mut parts = path.split('/');
+    let folder = parts.next().unwrap_or_default();
+    let is_inside = ["documentation", "resources", "sources"].contains(&folder)
+        && path.contains('/')
+        && parts.all(|part| !["", ".", ".."].contains(&part));
+    if (is_inside || path == "model.png") && !path.contains(['\\', ':']) {
+        Ok(())
+    } else {
+        Err(io::Error::new(io::ErrorKind::InvalidInput, format!("the standard has no place for '{path}'")))
     }
 }
 
@@ -149,9 +167,40 @@ mod tests {
             model_identifier: "Lag",
             model_description: "<xml/>",
             libraries: vec![],
-            files: vec![("modelDescription.xml".to_owned(), vec![])],
+            files: vec![("resources/a".to_owned(), vec![]), ("resources/a".to_owned(), vec![])],
         };
-        assert!(fmu.write(Cursor::new(vec![])).is_err());
+        let error = fmu.write(Cursor::new(vec![])).unwrap_err();
+        assert!(error.to_string().contains("Duplicate filename"), "{error}");
+    }
+
+    #[test]
+    fn a_file_that_the_standard_has_no_place_for_is_refused() {
+        let written = |path: &str| {
+            let files = vec![(path.to_owned(), vec![])];
+            let fmu = Fmu { model_identifier: "Lag", model_description: "<xml/>", libraries: vec![], files };
+            fmu.write(Cursor::new(vec![])).map_err(|error| error.to_string())
+        };
+        for path in ["documentation/index.html", "resources/a/b.csv", "sources/lag.c", "model.png"] {
+            assert_eq!(written(path), Ok(()));
+        }
+        for path in [
+            "",
+            "LICENSE",
+            "notes/a.txt",
+            "Documentation/a.txt",
+            "binaries/linux64/other.so",
+            "documentation",
+            "documentation/",
+            "/etc/passwd",
+            "../a.txt",
+            "resources/../../a.txt",
+            "resources//a.txt",
+            "resources/./a.txt",
+            "resources\\a.txt",
+            "C:/a.txt",
+        ] {
+            assert_eq!(written(path), Err(format!("the standard has no place for '{path}'")));
+        }
     }
 
     #[test]
