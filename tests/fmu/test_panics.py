@@ -327,10 +327,6 @@ def test_panic_as_an_instance_is_freed(make: Make, bystander: Panicking) -> None
     assert instance.messages == []
 
 
-UNFINISHED = pytest.mark.xfail(strict=True, reason="what a panic leaves behind is given up outside any guard")
-
-
-@UNFINISHED
 @pytest.mark.parametrize("states", [1, 2, 5])
 def test_panics_as_an_instance_is_freed_with_its_states(built: Built, states: int) -> None:
     """Each state that is left panics, and the instance too."""
@@ -343,7 +339,6 @@ def test_panics_as_an_instance_is_freed_with_its_states(built: Built, states: in
     )
 
 
-@UNFINISHED
 def test_panic_with_what_panics_itself(built: Built) -> None:
     survives(
         built,

@@ -12,7 +12,6 @@
 #![allow(clippy::missing_safety_doc, clippy::too_many_arguments)]
 
 use std::ffi::{CStr, c_char, c_int};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::ptr;
 use std::slice;
 use std::sync::PoisonError;
@@ -25,6 +24,7 @@ use crate::calling_sequence::Function;
 use crate::instance::{Answer, Instance, Memory};
 use crate::logger::Logger;
 use crate::model::{Error, Experiment, Model, Variables};
+use crate::panics::contain;
 use crate::saved_states;
 use crate::serialized_state::checksum;
 
@@ -186,11 +186,9 @@ pub unsafe fn free_instance<M: Model>(component: Component) {
     slave.fmu = 0;
     // SAFETY: the pointer came from `instantiate::<M>` and, by the standard, is used no more.
     let slave = unsafe { Box::from_raw(ptr::from_mut(slave)) };
-    // A panic while a model is dropped must not reach the importer; there is nobody left to tell.
-    let _ = catch_unwind(AssertUnwindSafe(|| {
-        saved_states::free_all_of(component.addr());
-        drop(slave);
-    }));
+    saved_states::free_all_of(component.addr());
+    // Of a panic there is nobody left to tell.
+    let _ = contain(|| drop(slave));
 }
 
 /// `fmi2SetDebugLogging`.
@@ -537,13 +535,12 @@ unsafe fn status<M: Model, T>(
     unsafe {
         call::<M>(component, function, |instance| {
             let value = reference("value", value)?;
-            match answer(instance) {
-                Some(known) => {
-                    *value = known;
-                    Ok(Status::Ok)
-                }
-                None => Ok(Status::Discard),
+            if let Some(known) = answer(instance) {
+                *value = known;
+                return Ok(Status::Ok);
             }
+            instance.tell_discarded(format_args!("{}: there is no such status of a step", function.name()));
+            Ok(Status::Discard)
         })
     }
 }

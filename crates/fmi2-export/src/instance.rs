@@ -1,12 +1,10 @@
 //! One instance of an FMU: what each function of the standard does, without C.
 //!
 //! A call is refused, and changes nothing, when the calling sequence forbids it or an argument is wrong.
-//! Only a step (or an initialization) that fails midway leaves the instance in the state `error`, from
-//! which `fmi2Reset` and `fmi2SetFMUstate` lead back.
+//! Only a step that fails midway, or a panic, leaves the instance in the state `error`, from which
+//! `fmi2Reset` and `fmi2SetFMUstate` lead back. An initialization that fails can be tried again.
 
-use std::any::Any;
 use std::ffi::{CStr, CString};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::c_types::Status;
 use crate::calling_sequence::{Function, Phase};
@@ -14,8 +12,9 @@ use crate::description::{
     Causality, DataType, Initial, ModelDescription, ValueReference, Variability, VariableDescription,
 };
 use crate::inputs::{InputSignal, MAX_ORDER};
-use crate::logger::{Logger, Said, WARNING};
+use crate::logger::{Logger, Said, Shown, WARNING};
 use crate::model::{Context, Error, Experiment, InputsOf, Model, Step, Variables};
+use crate::panics::contain;
 use crate::persistence::{Archive, Persistent};
 use crate::serialized_state;
 
@@ -110,8 +109,7 @@ impl<M: Model> Instance<M> {
 
     /// The memory of an instance that nothing was done to yet.
     pub(crate) fn memory_of_a_fresh_one() -> Result<Memory<M>, Error> {
-        catch_unwind(Memory::new)
-            .map_err(|payload| Error::new(format!("the model panicked: {}", panic_message(payload.as_ref()))))
+        contain(Memory::new)
     }
 
     const DESCRIPTION: &'static ModelDescription = M::Variables::DESCRIPTION;
@@ -121,12 +119,9 @@ impl<M: Model> Instance<M> {
     pub(crate) fn call(&mut self, function: Function, body: impl FnOnce(&mut Self) -> Answer) -> Status {
         let phase = self.memory.phase;
         let answer = if function.phases().contains(&phase) {
-            catch_unwind(AssertUnwindSafe(|| body(self))).unwrap_or_else(|payload| {
+            contain(|| body(self)).unwrap_or_else(|panic| {
                 self.memory.phase = Phase::Error;
-                Err(Error::new(format!(
-                    "the model panicked: {}; reset the instance",
-                    panic_message(payload.as_ref())
-                )))
+                Err(Error::new(format!("{panic}; reset the instance")))
             })
         } else {
             Err(Error::new(format!("must not be called in the state {phase}")))
@@ -147,17 +142,21 @@ impl<M: Model> Instance<M> {
     pub(crate) fn setup_experiment(&mut self, experiment: Experiment) -> Answer {
         let Experiment { start_time, stop_time, tolerance } = experiment;
         if !start_time.is_finite() {
-            return Err(Error::new(format!("startTime is {start_time}")));
+            return Err(Error::new(format!("startTime is {}", Shown(start_time))));
         }
         if let Some(stop_time) = stop_time
             && (stop_time.is_nan() || stop_time < start_time)
         {
-            return Err(Error::new(format!("stopTime is {stop_time}, startTime {start_time}")));
+            return Err(Error::new(format!(
+                "stopTime is {}, startTime {}",
+                Shown(stop_time),
+                Shown(start_time)
+            )));
         }
         if let Some(tolerance) = tolerance
             && !(tolerance.is_finite() && tolerance > 0.0)
         {
-            return Err(Error::new(format!("tolerance is {tolerance}")));
+            return Err(Error::new(format!("tolerance is {}", Shown(tolerance))));
         }
         self.memory.experiment = Some(experiment);
         self.memory.time = start_time;
@@ -203,12 +202,13 @@ impl<M: Model> Instance<M> {
         match memory.phase {
             Phase::InitializationMode => {
                 let (logger, said) = (&self.logger, &mut memory.said);
+                // A warning is given once, and where none is given, the status tells of none.
                 let mut log = |category, message: std::fmt::Arguments<'_>| {
-                    if category == WARNING {
-                        status = Status::Warning;
-                    }
                     if said.is_new(&message.to_string()) {
                         logger.message(category, message);
+                        if category == WARNING {
+                            status = Status::Warning;
+                        }
                     }
                 };
                 let mut context = Context::new(memory.experiment.unwrap_or_default(), &mut log);
@@ -227,34 +227,42 @@ impl<M: Model> Instance<M> {
         let memory = &mut self.memory;
         if !(size.is_finite() && size > 0.0) {
             return Err(Error::new(format!(
-                "communicationStepSize is {size}; it must be finite and greater than 0"
+                "communicationStepSize is {}; it must be finite and greater than 0",
+                Shown(size)
             )));
         }
         if size > M::LONGEST_STEP {
             return Err(Error::new(format!(
-                "communicationStepSize is {size} s; the longest step that this FMU takes is {} s",
-                M::LONGEST_STEP
+                "communicationStepSize is {} s; the longest step that this FMU takes is {} s",
+                Shown(size),
+                Shown(M::LONGEST_STEP)
             )));
         }
         let off = (start - memory.time).abs();
         if off.is_nan() || off > TIME_TOLERANCE * size + time_rounding(memory.time) {
             return Err(Error::new(format!(
-                "currentCommunicationPoint is {start}, but the last step ended at {}",
-                memory.time
+                "currentCommunicationPoint is {}, but the last step ended at {}",
+                Shown(start),
+                Shown(memory.time)
             )));
         }
         let experiment = memory.experiment.unwrap_or_default();
         let end = start + size;
         if end <= start {
             return Err(Error::new(format!(
-                "communicationStepSize is {size}, which is lost in the rounding of the time {start}"
+                "communicationStepSize is {}, which is lost in the rounding of the time {}",
+                Shown(size),
+                Shown(start)
             )));
         }
         if let Some(stop_time) = experiment.stop_time
             && end > stop_time + TIME_TOLERANCE * size + time_rounding(stop_time)
         {
             return Err(Error::new(format!(
-                "the step from {start} to {end} goes past the stopTime {stop_time} of fmi2SetupExperiment"
+                "the step from {} to {} goes past the stopTime {} of fmi2SetupExperiment",
+                Shown(start),
+                Shown(end),
+                Shown(stop_time)
             )));
         }
         if memory.parameters_changed {
@@ -280,6 +288,11 @@ impl<M: Model> Instance<M> {
         memory.stale = false;
         memory.inputs.clear_derivatives();
         Ok(status)
+    }
+
+    /// Tells why a call is discarded.
+    pub(crate) fn tell_discarded(&self, message: std::fmt::Arguments<'_>) {
+        self.logger.discarded(message);
     }
 
     /// The end of the last completed step (s).
@@ -362,16 +375,21 @@ impl<M: Model> Instance<M> {
 
     pub(crate) fn get_real(&mut self, references: &[ValueReference], values: &mut [f64]) -> Answer {
         let time = self.memory.time;
-        self.get(references, DataType::Real, |variables, index, reference| {
+        let mut no_number = Ok(());
+        let status = self.get(references, DataType::Real, |variables, index, reference| {
             let variable = &Self::DESCRIPTION.variables[reference as usize];
             let value =
                 if variable.causality == Causality::Independent { time } else { variables.real(reference) };
-            if !value.is_finite() {
-                return Err(Error::new(format!("the variable {} is {value}", variable.name)));
+            // The others are handed out all the same: what a failed step has left is of use for debugging.
+            if value.is_finite() {
+                values[index] = value;
+            } else if no_number.is_ok() {
+                let message = format!("the variable {} is {}", variable.name, Shown(value));
+                no_number = Err(Error::new(message));
             }
-            values[index] = value;
             Ok(())
-        })
+        })?;
+        no_number.map(|()| status)
     }
 
     pub(crate) fn get_integer(&mut self, references: &[ValueReference], values: &mut [i32]) -> Answer {
@@ -417,12 +435,15 @@ impl<M: Model> Instance<M> {
             )));
         }
         if !value.is_finite() {
-            return Err(Error::new(format!("{value} for the variable {}", variable.name)));
+            return Err(Error::new(format!("{} for the variable {}", Shown(value), variable.name)));
         }
         if !is_input && !(variable.min..=variable.max).contains(&value) {
             return Err(Error::new(format!(
-                "{value} for the variable {} is outside its range {} to {}",
-                variable.name, variable.min, variable.max
+                "{} for the variable {} is outside its range {} to {}",
+                Shown(value),
+                variable.name,
+                Shown(variable.min),
+                Shown(variable.max)
             )));
         }
         Ok(())
@@ -447,8 +468,11 @@ impl<M: Model> Instance<M> {
             self.logger.message(
                 WARNING,
                 format_args!(
-                    "{value} for the input {} is outside its range {} to {}; the nearest bound is used",
-                    variable.name, variable.min, variable.max
+                    "{} for the input {} is outside its range {} to {}; the nearest bound is used",
+                    Shown(value),
+                    variable.name,
+                    Shown(variable.min),
+                    Shown(variable.max)
                 ),
             );
             return Status::Warning;
@@ -527,11 +551,12 @@ impl<M: Model> Instance<M> {
             )));
         };
         if !value.is_finite() {
-            return Err(Error::new(format!("{value} for a derivative of the input {name}")));
+            return Err(Error::new(format!("{} for a derivative of the input {name}", Shown(value))));
         }
         if variable.variability != Variability::Continuous && value != 0.0 {
             return Err(Error::new(format!(
-                "{value} for a derivative of the discrete input {name}, which holds its value"
+                "{} for a derivative of the discrete input {name}, which holds its value",
+                Shown(value)
             )));
         }
         Ok((position, order))
@@ -543,18 +568,10 @@ fn check_finite<V: Variables>(variables: &V, time: f64) -> Result<(), Error> {
     match variables.first_non_finite() {
         None => Ok(()),
         Some(reference) => Err(Error::new(format!(
-            "the variable {} became {} at the time {time} s",
+            "the variable {} became {} at the time {} s",
             V::DESCRIPTION.variables[reference as usize].name,
-            variables.real(reference)
+            Shown(variables.real(reference)),
+            Shown(time)
         ))),
     }
-}
-
-/// The text that a panic was given.
-fn panic_message(payload: &(dyn Any + Send)) -> &str {
-    payload
-        .downcast_ref::<&str>()
-        .copied()
-        .or_else(|| payload.downcast_ref::<String>().map(String::as_str))
-        .unwrap_or("no message")
 }

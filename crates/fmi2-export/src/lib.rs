@@ -8,6 +8,7 @@ mod inputs;
 mod instance;
 mod logger;
 mod model;
+mod panics;
 pub mod persistence;
 mod saved_states;
 mod serialized_state;

@@ -70,9 +70,20 @@ impl Logger {
     pub(crate) fn message(&self, category: &'static str, message: fmt::Arguments<'_>) {
         if category == WARNING {
             self.send(Status::Warning, category, message);
-        } else if self.categories.iter().zip(&self.enabled).any(|(&name, &on)| on && name == category) {
+        } else if self.is_enabled(category) {
             self.send(Status::Ok, category, message);
         }
+    }
+
+    /// Tells why a call is discarded; of that only who debugs is told (section 2.1.3).
+    pub(crate) fn discarded(&self, message: fmt::Arguments<'_>) {
+        if self.is_enabled(EVENT) {
+            self.send(Status::Discard, EVENT, message);
+        }
+    }
+
+    fn is_enabled(&self, category: &str) -> bool {
+        self.categories.iter().zip(&self.enabled).any(|(&name, &on)| on && name == category)
     }
 
     fn send(&self, status: Status, category: &str, message: fmt::Arguments<'_>) {
@@ -92,6 +103,21 @@ impl Logger {
                 text.as_ptr(),
             );
         }
+    }
+}
+
+/// A number as messages show it: all its digits, but no endless zeros.
+#[derive(Debug)]
+pub(crate) struct Shown(pub(crate) f64);
+
+impl fmt::Display for Shown {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // `{:?}` compares numbers, which is no operation on NaN: the processor may be told to trap that.
+        if !self.0.is_finite() {
+            return write!(formatter, "{}", self.0);
+        }
+        let text = format!("{:?}", self.0);
+        formatter.write_str(text.strip_suffix(".0").unwrap_or(&text))
     }
 }
 

@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
 use crate::model::Error;
+use crate::panics::contain;
 
 /// By handle, the states.
 static STATES: Mutex<BTreeMap<usize, Entry>> = Mutex::new(BTreeMap::new());
@@ -70,7 +71,10 @@ pub(crate) fn free_all_of(owner: usize) {
         states.iter().filter(|(_, entry)| entry.owner == owner).map(|(&handle, _)| handle).collect();
     let removed = remove(&mut states, &handles);
     drop(states);
-    drop(removed);
+    for entry in removed {
+        // One that panics must not keep the next from being dropped. There is nobody left to tell.
+        let _ = contain(|| drop(entry));
+    }
 }
 
 fn remove(states: &mut BTreeMap<usize, Entry>, handles: &[usize]) -> Vec<Entry> {

@@ -71,7 +71,7 @@ impl Generator<'_, '_> {
         let mut finite = String::new();
         for (position, variable) in self.model.variables.iter().enumerate() {
             let real_output = variable.role == Role::Output && variable.data_type == DataType::Real;
-            if variable.role == Role::State || real_output {
+            if matches!(variable.role, Role::State | Role::Derivative) || real_output {
                 let _ = writeln!(
                     finite,
                     "        if !self.{}.is_finite() {{\n            return Some({position});\n        }}",

@@ -490,11 +490,20 @@ impl ::fmi2_export::Variables for Variables {
         if !self.states.first.mass.is_finite() {
             return Some(7);
         }
+        if !self.derivatives.first.mass.is_finite() {
+            return Some(8);
+        }
         if !self.states.second.mass.is_finite() {
             return Some(11);
         }
+        if !self.derivatives.second.mass.is_finite() {
+            return Some(12);
+        }
         if !self.states.settings.reserve.is_finite() {
             return Some(21);
+        }
+        if !self.derivatives.settings.reserve.is_finite() {
+            return Some(22);
         }
         None
     }
