@@ -156,6 +156,11 @@ def unharmed(live: Live, like_a_fresh_one: Check, records: dict[tuple, Record]) 
     return check
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """What fails in a logger that is written in Python fails the test."""
+    config.addinivalue_line("filterwarnings", "error::pytest.PytestUnraisableExceptionWarning")
+
+
 PROBED = "probed"
 """The name under which tests record how many of what they tried."""
 

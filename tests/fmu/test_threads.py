@@ -24,9 +24,6 @@ THREADS = 8
 STEP = 1 / 80
 STEPS = 120
 
-# What fails in a logger that is written in Python fails the test.
-pytestmark = pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
-
 
 @pytest.fixture(autouse=True)
 def switch_often() -> Iterator[None]:

@@ -43,7 +43,7 @@ class Message(NamedTuple):
 
 
 def fmutool(file: Path) -> tuple[int, list[Message]]:
-    """The exit code and messages of the checks of fmu-manipulation-toolbox: the schema's, and the rules beyond it."""
+    """The exit code and messages of fmu-manipulation-toolbox: what the schema finds, and rules beyond it."""
     command = [Path(sys.executable).parent / "fmutool", "-input", file, "-check"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     lines = (done.stdout + done.stderr).splitlines()
@@ -118,7 +118,9 @@ def expected_of_libcosim(fmu: Fmu) -> set[Message]:
     # It knows no enumerations.
     for name, variable in fmu.variables.items():
         if variable.type == "Enumeration":
-            text = f"FMI 2.0 Enumeration variable type not supported, variable with name {name} will be ignored"
+            text = (
+                f"FMI 2.0 Enumeration variable type not supported, variable with name {name} will be ignored"
+            )
             messages.add(Message("warning", text))
     return messages
 

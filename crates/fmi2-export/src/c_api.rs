@@ -75,10 +75,13 @@ unsafe fn call<M: Model>(
     body: impl FnOnce(&mut Instance<M>) -> Answer,
 ) -> Status {
     // SAFETY: by the caller's word.
-    match unsafe { Slave::<M>::of(component) } {
-        Some(slave) => slave.instance.call(function, body),
-        None => Status::Error,
+    let Some(slave) = (unsafe { Slave::<M>::of(component) }) else { return Status::Error };
+    let status = slave.instance.call(function, body);
+    // From here on the slave is not looked at: the importer's logger may call it, or free it.
+    if let Some(messages) = slave.instance.take_messages() {
+        messages.deliver();
     }
+    status
 }
 
 /// An array argument; null is taken for an empty one.
@@ -150,7 +153,8 @@ pub unsafe fn instantiate<M: Model>(
         logging_on != FALSE,
     );
     let check = || -> Result<(), Error> {
-        if name?.to_bytes().trim_ascii().is_empty() {
+        // The white space of C: section 2.1.5 asks for one character that is none.
+        if name?.to_bytes().iter().all(|byte| matches!(byte, b' ' | b'\t'..=b'\r')) {
             return Err(Error::new("the argument instanceName is blank"));
         }
         // SAFETY: the importer passes null or a string.
@@ -173,6 +177,9 @@ pub unsafe fn instantiate<M: Model>(
         }
         Err(error) => {
             logger.error(format_args!("fmi2Instantiate: {error}"));
+            if let Some(messages) = logger.take() {
+                messages.deliver();
+            }
             ptr::null_mut()
         }
     }

@@ -65,7 +65,7 @@ pub struct CallbackFunctions {
     pub allocate_memory: Option<unsafe extern "C" fn(usize, usize) -> *mut c_void>,
     /// Not used.
     pub free_memory: Option<unsafe extern "C" fn(*mut c_void)>,
-    /// Not used: steps are synchronous.
+    /// Not used: steps are synchronous, and what `fmi2DoStep` returns says all.
     pub step_finished: Option<unsafe extern "C" fn(*mut c_void, Status)>,
     /// Handed to the logger.
     pub component_environment: *mut c_void,

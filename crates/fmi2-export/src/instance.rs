@@ -12,7 +12,7 @@ use crate::description::{
     Causality, DataType, Initial, ModelDescription, ValueReference, Variability, VariableDescription,
 };
 use crate::inputs::{InputSignal, MAX_ORDER};
-use crate::logger::{Logger, Said, Shown, WARNING};
+use crate::logger::{Delivery, Logger, Said, Shown, WARNING};
 use crate::model::{Context, Error, Experiment, InputsOf, Model, Step, Variables};
 use crate::panics::contain;
 use crate::persistence::{Archive, Persistent};
@@ -130,6 +130,11 @@ impl<M: Model> Instance<M> {
             self.logger.error(format_args!("{}: {error}", function.name()));
             Status::Error
         })
+    }
+
+    /// What the function that has run has to tell.
+    pub(crate) fn take_messages(&self) -> Option<Delivery> {
+        self.logger.take()
     }
 
     pub(crate) fn set_debug_logging(&mut self, on: bool, categories: &[&CStr]) -> Answer {

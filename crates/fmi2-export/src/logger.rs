@@ -2,7 +2,11 @@
 //! section 2.1.5).
 //!
 //! Errors and warnings are always passed on; events only while debug logging is on for their category.
+//!
+//! Messages are kept while a function runs and passed on as it returns. Nothing of the instance is in use
+//! then, so that the importer's logger may call it; the standard does not say that it must not.
 
+use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char};
 use std::fmt;
 use std::sync::Arc;
@@ -18,19 +22,46 @@ pub const WARNING: &str = "logStatusWarning";
 /// The category of events.
 pub const EVENT: &str = "logEvents";
 
-/// Where the messages of one instance go.
+/// The messages of one instance.
 #[derive(Debug)]
 pub(crate) struct Logger {
-    callback: Option<CallbackLogger>,
-    environment: ComponentEnvironment,
-    instance_name: CString,
+    recipient: Option<Arc<Recipient>>,
     categories: &'static [&'static str],
     /// For each category, whether debug messages are wanted.
     enabled: Vec<bool>,
+    /// What was not passed on yet.
+    pending: RefCell<Vec<Message>>,
+}
+
+/// Where messages go, and from whom.
+#[derive(Debug)]
+struct Recipient {
+    callback: CallbackLogger,
+    environment: ComponentEnvironment,
+    instance_name: CString,
+}
+
+#[derive(Debug)]
+struct Message {
+    status: Status,
+    category: CString,
+    text: CString,
+}
+
+/// Messages on their way; they need no instance any more.
+#[derive(Debug)]
+#[must_use]
+pub(crate) struct Delivery {
+    recipient: Arc<Recipient>,
+    messages: Vec<Message>,
 }
 
 impl Logger {
     /// A logger for an instance of this name. With debug logging on, all categories are.
+    #[allow(
+        clippy::arc_with_non_send_sync,
+        reason = "several threads may call an instance, one after the other"
+    )]
     pub(crate) fn new(
         callback: Option<CallbackLogger>,
         environment: ComponentEnvironment,
@@ -39,7 +70,8 @@ impl Logger {
         debug_logging: bool,
     ) -> Self {
         let enabled = vec![debug_logging; categories.len()];
-        Self { callback, environment, instance_name, categories, enabled }
+        let recipient = callback.map(|callback| Arc::new(Recipient { callback, environment, instance_name }));
+        Self { recipient, categories, enabled, pending: RefCell::default() }
     }
 
     /// Switches debug messages of the named categories, or of all when none is named, on or off.
@@ -87,21 +119,40 @@ impl Logger {
     }
 
     fn send(&self, status: Status, category: &str, message: fmt::Arguments<'_>) {
-        let Some(callback) = self.callback else { return };
-        let text = printable(&message.to_string());
-        let category = CString::new(category).unwrap_or_default();
+        if self.recipient.is_some() {
+            let category = CString::new(category).unwrap_or_default();
+            let text = printable(&message.to_string());
+            self.pending.borrow_mut().push(Message { status, category, text });
+        }
+    }
+
+    /// What is to be passed on, if anything is.
+    pub(crate) fn take(&self) -> Option<Delivery> {
+        let messages = self.pending.take();
+        let recipient = self.recipient.as_ref().filter(|_| !messages.is_empty())?;
+        Some(Delivery { recipient: Arc::clone(recipient), messages })
+    }
+}
+
+impl Delivery {
+    /// Passes the messages on.
+    pub(crate) fn deliver(self) {
+        let Recipient { callback, environment, instance_name } = &*self.recipient;
         let format: *const c_char = c"%s".as_ptr();
-        // SAFETY: the importer gave the callback for this purpose (section 2.1.5); every pointer is to a
-        // NUL-terminated string that outlives the call, and the one variadic argument is what "%s" reads.
-        unsafe {
-            callback(
-                self.environment.0,
-                self.instance_name.as_ptr(),
-                status,
-                category.as_ptr(),
-                format,
-                text.as_ptr(),
-            );
+        for Message { status, category, text } in &self.messages {
+            // SAFETY: the importer gave the callback for this purpose (section 2.1.5); every pointer is to
+            // a NUL-terminated string that outlives the call, and the one variadic argument is what "%s"
+            // reads. No reference to an instance exists meanwhile.
+            unsafe {
+                callback(
+                    environment.0,
+                    instance_name.as_ptr(),
+                    *status,
+                    category.as_ptr(),
+                    format,
+                    text.as_ptr(),
+                );
+            }
         }
     }
 }

@@ -38,7 +38,7 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     fn string(&self, reference: ValueReference) -> &str;
     /// Sets a String variable.
     fn set_string(&mut self, reference: ValueReference, value: &str);
-    /// The first state, derivative or Real output that is not finite.
+    /// The first state, otherwise derivative, otherwise Real output that is not finite.
     fn first_non_finite(&self) -> Option<ValueReference>;
 }
 

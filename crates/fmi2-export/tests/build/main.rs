@@ -271,12 +271,12 @@ fn first_non_finite_names_states_derivatives_and_outputs() {
     let mut variables = Variables::default();
     variables.locals.first.outflow = f64::NAN;
     assert_eq!(variables.first_non_finite(), None);
+    variables.outputs.drain = f64::NAN;
+    assert_eq!(variables.first_non_finite(), Some(4));
     variables.derivatives.second.mass = f64::NAN;
     assert_eq!(variables.first_non_finite(), Some(12));
     variables.states.second.mass = f64::INFINITY;
     assert_eq!(variables.first_non_finite(), Some(11));
-    variables.outputs.drain = f64::NAN;
-    assert_eq!(variables.first_non_finite(), Some(4));
 }
 
 #[test]

@@ -68,15 +68,18 @@ impl Generator<'_, '_> {
             )
         })
         .collect();
+        // What goes wrong first is a state; derivatives and outputs follow from it.
         let mut finite = String::new();
-        for (position, variable) in self.model.variables.iter().enumerate() {
-            let real_output = variable.role == Role::Output && variable.data_type == DataType::Real;
-            if matches!(variable.role, Role::State | Role::Derivative) || real_output {
-                let _ = writeln!(
-                    finite,
-                    "        if !self.{}.is_finite() {{\n            return Some({position});\n        }}",
-                    place(variable)
-                );
+        for role in [Role::State, Role::Derivative, Role::Output] {
+            for position in self.model.of_role(role) {
+                let variable = &self.model.variables[position];
+                if variable.data_type == DataType::Real {
+                    let _ = writeln!(
+                        finite,
+                        "        if !self.{}.is_finite() {{\n            return Some({position});\n        }}",
+                        place(variable)
+                    );
+                }
             }
         }
         format!(

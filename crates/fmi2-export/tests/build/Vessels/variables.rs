@@ -481,29 +481,29 @@ impl ::fmi2_export::Variables for Variables {
     }
 
     fn first_non_finite(&self) -> Option<::fmi2_export::description::ValueReference> {
+        if !self.states.first.mass.is_finite() {
+            return Some(7);
+        }
+        if !self.states.second.mass.is_finite() {
+            return Some(11);
+        }
+        if !self.states.settings.reserve.is_finite() {
+            return Some(21);
+        }
+        if !self.derivatives.first.mass.is_finite() {
+            return Some(8);
+        }
+        if !self.derivatives.second.mass.is_finite() {
+            return Some(12);
+        }
+        if !self.derivatives.settings.reserve.is_finite() {
+            return Some(22);
+        }
         if !self.outputs.level.is_finite() {
             return Some(3);
         }
         if !self.outputs.drain.is_finite() {
             return Some(4);
-        }
-        if !self.states.first.mass.is_finite() {
-            return Some(7);
-        }
-        if !self.derivatives.first.mass.is_finite() {
-            return Some(8);
-        }
-        if !self.states.second.mass.is_finite() {
-            return Some(11);
-        }
-        if !self.derivatives.second.mass.is_finite() {
-            return Some(12);
-        }
-        if !self.states.settings.reserve.is_finite() {
-            return Some(21);
-        }
-        if !self.derivatives.settings.reserve.is_finite() {
-            return Some(22);
         }
         None
     }
