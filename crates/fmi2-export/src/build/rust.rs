@@ -70,6 +70,11 @@ impl Group {
         self.fields(part).next().is_some()
     }
 
+    /// Whether a part has Real variables of the group.
+    fn is_real_in(self, part: &Part<'_>) -> bool {
+        self.fields(part).any(|field| field.data_type == DataType::Real)
+    }
+
     /// The struct that holds the variables of a part.
     fn struct_name(self, part: &Part<'_>) -> String {
         let prefix = match (part.component_type, part.name) {
@@ -220,13 +225,17 @@ impl Generator<'_, '_> {
         };
         let mut text = format!("\n/// {} of {of}.\n", group.description());
         text += ALLOW;
+        let generic = group.is_real_in(part);
         text += &derive(group.fields(part));
-        text += &format!("pub struct {name} {{\n");
+        text += &format!("pub struct {name}{} {{\n", if generic { "<T = f64>" } else { "" });
         for field in group.fields(part) {
             text += &self.field(field);
         }
         text += "}\n";
         text += &persistent(&name, group.fields(part).map(|field| field.json.name.as_str()));
+        if generic {
+            text += &combination(&name, &group.fields(part).map(combined).collect::<String>());
+        }
         // Components of one type may start from different values; then there is no default for the type.
         let alike =
             self.model.parts.iter().filter(|other| {
@@ -244,20 +253,31 @@ impl Generator<'_, '_> {
         let name = group.type_name();
         let mut text = format!("\n/// {} of the model.\n", group.description());
         text += ALLOW;
+        let generic = self.model.parts.iter().any(|part| group.is_real_in(part));
         text += &derive(self.model.parts.iter().flat_map(|part| group.fields(part)));
-        text += &format!("pub struct {name} {{\n");
-        let mut starts = String::new();
+        text += &format!("pub struct {name}{} {{\n", if generic { "<T = f64>" } else { "" });
+        let (mut starts, mut combinations) = (String::new(), String::new());
         for part in self.model.parts.iter().filter(|part| group.is_in(part)) {
             let Some(component) = part.name else {
                 for field in group.fields(part) {
                     text += &self.field(field);
                 }
                 starts += &self.starts(group, part, "            ");
+                combinations.extend(group.fields(part).map(combined));
                 continue;
             };
             let part_name = group.struct_name(part);
-            let _ =
-                writeln!(text, "    /// {}\n    pub {component}: {part_name},", markdown(part.description));
+            let (of, combined) = if group.is_real_in(part) {
+                ("<T>", format!("self.{component}.combine(&other.{component}, function)"))
+            } else {
+                ("", format!("self.{component}.clone()"))
+            };
+            let _ = writeln!(combinations, "            {component}: {combined},");
+            let _ = writeln!(
+                text,
+                "    /// {}\n    pub {component}: {part_name}{of},",
+                markdown(part.description)
+            );
             let inner = self.starts(group, part, "                ");
             let _ = writeln!(starts, "            {component}: {part_name} {{\n{inner}            }},");
         }
@@ -270,6 +290,9 @@ impl Generator<'_, '_> {
                 None => group.fields(part).map(|field| field.json.name.as_str()).collect(),
             }),
         );
+        if generic {
+            text += &combination(name, &combinations);
+        }
         text + &default(name, &starts)
     }
 
@@ -281,7 +304,7 @@ impl Generator<'_, '_> {
         };
         let description = markdown(&field.json.description);
         let mut data_type = match field.data_type {
-            DataType::Real => "f64",
+            DataType::Real => "T",
             DataType::Integer => "i32",
             DataType::Boolean => "bool",
             DataType::String => "String",
@@ -358,6 +381,8 @@ impl Generator<'_, '_> {
             };
         }
         let argument = if states.is_empty() { "_" } else { "values" };
+        let (of, to, real) = if states.is_empty() { ("", "", "f64") } else { ("<T: Copy>", "<T>", "T") };
+        let count = states.len();
         format!(
             "
 {ALLOW}impl States {{
@@ -367,27 +392,66 @@ impl Generator<'_, '_> {
     /// The names of the states, in the order of the arrays.
     pub const NAMES: [&'static str; Self::COUNT] = [
 {names}    ];
+}}
 
+{ALLOW}impl{of} States{to} {{
     /// The states from an array, in the order of declaration.
     #[must_use]
-    pub fn from_array({argument}: [f64; Self::COUNT]) -> Self {{
+    pub fn from_array({argument}: [{real}; {count}]) -> Self {{
         Self {{
 {fields}        }}
     }}
 
     /// The states as an array, in the order of declaration.
     #[must_use]
-    pub fn to_array(&self) -> [f64; Self::COUNT] {{
+    pub fn to_array(&self) -> [{real}; {count}] {{
         [
 {values}        ]
     }}
 }}
 ",
-            states.len(),
+            count,
             names = names.concat(),
             values = values.concat(),
         )
     }
+}
+
+/// A field of a struct whose numbers are combined from two others'; what is no Real is the first one's.
+fn combined(field: &Field<'_>) -> String {
+    let name = &field.json.name;
+    if field.data_type != DataType::Real {
+        return format!("            {name}: self.{name}.clone(),\n");
+    }
+    let dimensions = field.json.dimensions.len();
+    let indices: String = (0..dimensions).map(|dimension| format!("[i{dimension}]")).collect();
+    let element = format!("function(self.{name}{indices}, other.{name}{indices})");
+    let value = (0..dimensions)
+        .rev()
+        .fold(element, |inner, dimension| format!("::core::array::from_fn(|i{dimension}| {inner})"));
+    format!("            {name}: {value},\n")
+}
+
+/// What makes structs over one number type from those over others.
+fn combination(name: &str, fields: &str) -> String {
+    format!(
+        "
+{ALLOW}impl<T: Copy> {name}<T> {{
+    /// Each number from this one's and the other's.
+    #[must_use]
+    pub fn combine<S: Copy, U>(&self, other: &{name}<S>, function: &mut impl FnMut(T, S) -> U) -> {name}<U> {{
+        {name} {{
+{fields}        }}
+    }}
+
+    /// Each number from this one's.
+    #[must_use]
+    pub fn map<U>(&self, mut function: impl FnMut(T) -> U) -> {name}<U> {{
+        self.combine(self, &mut |number, _| function(number))
+    }}
+}}
+"
+    )
 }
 
 /// The derives of a struct with these fields: a String is the one type that is not Copy.

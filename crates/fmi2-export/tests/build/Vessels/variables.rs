@@ -46,26 +46,62 @@ impl ::fmi2_export::persistence::Persistent for FillMode {
 /// The parameters of a `Vessel`.
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct VesselParameters {
+pub struct VesselParameters<T = f64> {
     /// Cross section (`m2`)
-    pub area: f64,
+    pub area: T,
 }
 
 ::fmi2_export::persistent!(VesselParameters { area });
 
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl<T: Copy> VesselParameters<T> {
+    /// Each number from this one's and the other's.
+    #[must_use]
+    pub fn combine<S: Copy, U>(&self, other: &VesselParameters<S>, function: &mut impl FnMut(T, S) -> U) -> VesselParameters<U> {
+        VesselParameters {
+            area: function(self.area, other.area),
+        }
+    }
+
+    /// Each number from this one's.
+    #[must_use]
+    pub fn map<U>(&self, mut function: impl FnMut(T) -> U) -> VesselParameters<U> {
+        self.combine(self, &mut |number, _| function(number))
+    }
+}
+
 /// The parameters of a component: Settings.
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 #[derive(Clone, Debug, PartialEq)]
-pub struct SettingsParameters {
+pub struct SettingsParameters<T = f64> {
     /// Start
     pub mode: FillMode,
     /// Label \[any\] text
     pub label: String,
     /// Table
-    pub table: [[f64; 2]; 2],
+    pub table: [[T; 2]; 2],
 }
 
 ::fmi2_export::persistent!(SettingsParameters { mode, label, table });
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl<T: Copy> SettingsParameters<T> {
+    /// Each number from this one's and the other's.
+    #[must_use]
+    pub fn combine<S: Copy, U>(&self, other: &SettingsParameters<S>, function: &mut impl FnMut(T, S) -> U) -> SettingsParameters<U> {
+        SettingsParameters {
+            mode: self.mode.clone(),
+            label: self.label.clone(),
+            table: ::core::array::from_fn(|i0| ::core::array::from_fn(|i1| function(self.table[i0][i1], other.table[i0][i1]))),
+        }
+    }
+
+    /// Each number from this one's.
+    #[must_use]
+    pub fn map<U>(&self, mut function: impl FnMut(T) -> U) -> SettingsParameters<U> {
+        self.combine(self, &mut |number, _| function(number))
+    }
+}
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for SettingsParameters {
@@ -81,16 +117,35 @@ impl Default for SettingsParameters {
 /// The parameters of the model.
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 #[derive(Clone, Debug, PartialEq)]
-pub struct Parameters {
+pub struct Parameters<T = f64> {
     /// First vessel
-    pub first: VesselParameters,
+    pub first: VesselParameters<T>,
     /// Second vessel
-    pub second: VesselParameters,
+    pub second: VesselParameters<T>,
     /// Settings
-    pub settings: SettingsParameters,
+    pub settings: SettingsParameters<T>,
 }
 
 ::fmi2_export::persistent!(Parameters { first, second, settings });
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl<T: Copy> Parameters<T> {
+    /// Each number from this one's and the other's.
+    #[must_use]
+    pub fn combine<S: Copy, U>(&self, other: &Parameters<S>, function: &mut impl FnMut(T, S) -> U) -> Parameters<U> {
+        Parameters {
+            first: self.first.combine(&other.first, function),
+            second: self.second.combine(&other.second, function),
+            settings: self.settings.combine(&other.settings, function),
+        }
+    }
+
+    /// Each number from this one's.
+    #[must_use]
+    pub fn map<U>(&self, mut function: impl FnMut(T) -> U) -> Parameters<U> {
+        self.combine(self, &mut |number, _| function(number))
+    }
+}
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for Parameters {
@@ -114,14 +169,32 @@ impl Default for Parameters {
 /// The inputs of the model.
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Inputs {
+pub struct Inputs<T = f64> {
     /// Flow into the first vessel (`kg/s`)
-    pub inflow: f64,
+    pub inflow: T,
     /// Whether anything leaves
     pub enabled: bool,
 }
 
 ::fmi2_export::persistent!(Inputs { inflow, enabled });
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl<T: Copy> Inputs<T> {
+    /// Each number from this one's and the other's.
+    #[must_use]
+    pub fn combine<S: Copy, U>(&self, other: &Inputs<S>, function: &mut impl FnMut(T, S) -> U) -> Inputs<U> {
+        Inputs {
+            inflow: function(self.inflow, other.inflow),
+            enabled: self.enabled.clone(),
+        }
+    }
+
+    /// Each number from this one's.
+    #[must_use]
+    pub fn map<U>(&self, mut function: impl FnMut(T) -> U) -> Inputs<U> {
+        self.combine(self, &mut |number, _| function(number))
+    }
+}
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for Inputs {
@@ -136,12 +209,29 @@ impl Default for Inputs {
 /// The continuous-time states of a `Vessel`.
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct VesselStates {
+pub struct VesselStates<T = f64> {
     /// Contents (`kg`)
-    pub mass: f64,
+    pub mass: T,
 }
 
 ::fmi2_export::persistent!(VesselStates { mass });
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl<T: Copy> VesselStates<T> {
+    /// Each number from this one's and the other's.
+    #[must_use]
+    pub fn combine<S: Copy, U>(&self, other: &VesselStates<S>, function: &mut impl FnMut(T, S) -> U) -> VesselStates<U> {
+        VesselStates {
+            mass: function(self.mass, other.mass),
+        }
+    }
+
+    /// Each number from this one's.
+    #[must_use]
+    pub fn map<U>(&self, mut function: impl FnMut(T) -> U) -> VesselStates<U> {
+        self.combine(self, &mut |number, _| function(number))
+    }
+}
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for VesselStates {
@@ -155,12 +245,29 @@ impl Default for VesselStates {
 /// The continuous-time states of a component: Settings.
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SettingsStates {
+pub struct SettingsStates<T = f64> {
     /// Reserve (`m/s`)
-    pub reserve: f64,
+    pub reserve: T,
 }
 
 ::fmi2_export::persistent!(SettingsStates { reserve });
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl<T: Copy> SettingsStates<T> {
+    /// Each number from this one's and the other's.
+    #[must_use]
+    pub fn combine<S: Copy, U>(&self, other: &SettingsStates<S>, function: &mut impl FnMut(T, S) -> U) -> SettingsStates<U> {
+        SettingsStates {
+            reserve: function(self.reserve, other.reserve),
+        }
+    }
+
+    /// Each number from this one's.
+    #[must_use]
+    pub fn map<U>(&self, mut function: impl FnMut(T) -> U) -> SettingsStates<U> {
+        self.combine(self, &mut |number, _| function(number))
+    }
+}
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for SettingsStates {
@@ -174,16 +281,35 @@ impl Default for SettingsStates {
 /// The continuous-time states of the model.
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct States {
+pub struct States<T = f64> {
     /// First vessel
-    pub first: VesselStates,
+    pub first: VesselStates<T>,
     /// Second vessel
-    pub second: VesselStates,
+    pub second: VesselStates<T>,
     /// Settings
-    pub settings: SettingsStates,
+    pub settings: SettingsStates<T>,
 }
 
 ::fmi2_export::persistent!(States { first, second, settings });
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl<T: Copy> States<T> {
+    /// Each number from this one's and the other's.
+    #[must_use]
+    pub fn combine<S: Copy, U>(&self, other: &States<S>, function: &mut impl FnMut(T, S) -> U) -> States<U> {
+        States {
+            first: self.first.combine(&other.first, function),
+            second: self.second.combine(&other.second, function),
+            settings: self.settings.combine(&other.settings, function),
+        }
+    }
+
+    /// Each number from this one's.
+    #[must_use]
+    pub fn map<U>(&self, mut function: impl FnMut(T) -> U) -> States<U> {
+        self.combine(self, &mut |number, _| function(number))
+    }
+}
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for States {
@@ -205,12 +331,29 @@ impl Default for States {
 /// The local variables that are no states of a `Vessel`.
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct VesselLocals {
+pub struct VesselLocals<T = f64> {
     /// Flow out of it (`kg/s`)
-    pub outflow: f64,
+    pub outflow: T,
 }
 
 ::fmi2_export::persistent!(VesselLocals { outflow });
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl<T: Copy> VesselLocals<T> {
+    /// Each number from this one's and the other's.
+    #[must_use]
+    pub fn combine<S: Copy, U>(&self, other: &VesselLocals<S>, function: &mut impl FnMut(T, S) -> U) -> VesselLocals<U> {
+        VesselLocals {
+            outflow: function(self.outflow, other.outflow),
+        }
+    }
+
+    /// Each number from this one's.
+    #[must_use]
+    pub fn map<U>(&self, mut function: impl FnMut(T) -> U) -> VesselLocals<U> {
+        self.combine(self, &mut |number, _| function(number))
+    }
+}
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for VesselLocals {
@@ -224,12 +367,29 @@ impl Default for VesselLocals {
 /// The local variables that are no states of a component: Settings.
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SettingsLocals {
+pub struct SettingsLocals<T = f64> {
     /// Its determinant
-    pub gain: f64,
+    pub gain: T,
 }
 
 ::fmi2_export::persistent!(SettingsLocals { gain });
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl<T: Copy> SettingsLocals<T> {
+    /// Each number from this one's and the other's.
+    #[must_use]
+    pub fn combine<S: Copy, U>(&self, other: &SettingsLocals<S>, function: &mut impl FnMut(T, S) -> U) -> SettingsLocals<U> {
+        SettingsLocals {
+            gain: function(self.gain, other.gain),
+        }
+    }
+
+    /// Each number from this one's.
+    #[must_use]
+    pub fn map<U>(&self, mut function: impl FnMut(T) -> U) -> SettingsLocals<U> {
+        self.combine(self, &mut |number, _| function(number))
+    }
+}
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for SettingsLocals {
@@ -243,16 +403,35 @@ impl Default for SettingsLocals {
 /// The local variables that are no states of the model.
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Locals {
+pub struct Locals<T = f64> {
     /// First vessel
-    pub first: VesselLocals,
+    pub first: VesselLocals<T>,
     /// Second vessel
-    pub second: VesselLocals,
+    pub second: VesselLocals<T>,
     /// Settings
-    pub settings: SettingsLocals,
+    pub settings: SettingsLocals<T>,
 }
 
 ::fmi2_export::persistent!(Locals { first, second, settings });
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl<T: Copy> Locals<T> {
+    /// Each number from this one's and the other's.
+    #[must_use]
+    pub fn combine<S: Copy, U>(&self, other: &Locals<S>, function: &mut impl FnMut(T, S) -> U) -> Locals<U> {
+        Locals {
+            first: self.first.combine(&other.first, function),
+            second: self.second.combine(&other.second, function),
+            settings: self.settings.combine(&other.settings, function),
+        }
+    }
+
+    /// Each number from this one's.
+    #[must_use]
+    pub fn map<U>(&self, mut function: impl FnMut(T) -> U) -> Locals<U> {
+        self.combine(self, &mut |number, _| function(number))
+    }
+}
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for Locals {
@@ -274,16 +453,35 @@ impl Default for Locals {
 /// The outputs of the model.
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Outputs {
+pub struct Outputs<T = f64> {
     /// Level of the first vessel (`m`)
-    pub level: f64,
+    pub level: T,
     /// Flow out of the second vessel (`kg/s`)
-    pub drain: f64,
+    pub drain: T,
     /// How often it was filled
     pub fills: i32,
 }
 
 ::fmi2_export::persistent!(Outputs { level, drain, fills });
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl<T: Copy> Outputs<T> {
+    /// Each number from this one's and the other's.
+    #[must_use]
+    pub fn combine<S: Copy, U>(&self, other: &Outputs<S>, function: &mut impl FnMut(T, S) -> U) -> Outputs<U> {
+        Outputs {
+            level: function(self.level, other.level),
+            drain: function(self.drain, other.drain),
+            fills: self.fills.clone(),
+        }
+    }
+
+    /// Each number from this one's.
+    #[must_use]
+    pub fn map<U>(&self, mut function: impl FnMut(T) -> U) -> Outputs<U> {
+        self.combine(self, &mut |number, _| function(number))
+    }
+}
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl Default for Outputs {
@@ -307,10 +505,13 @@ impl States {
         "second.mass",
         "settings.reserve",
     ];
+}
 
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl<T: Copy> States<T> {
     /// The states from an array, in the order of declaration.
     #[must_use]
-    pub fn from_array(values: [f64; Self::COUNT]) -> Self {
+    pub fn from_array(values: [T; 3]) -> Self {
         Self {
             first: VesselStates {
                 mass: values[0],
@@ -326,7 +527,7 @@ impl States {
 
     /// The states as an array, in the order of declaration.
     #[must_use]
-    pub fn to_array(&self) -> [f64; Self::COUNT] {
+    pub fn to_array(&self) -> [T; 3] {
         [
             self.first.mass,
             self.second.mass,
