@@ -11,69 +11,70 @@
 //! power of a negative number.
 
 use super::gas::Gas;
+use super::scalar::Scalar;
 
 /// A wastegate actuator.
 #[derive(Clone, Copy, Debug)]
-pub struct Actuator {
+pub struct Actuator<D = f64> {
     /// Area of the membrane in m².
-    pub membrane_area: f64,
+    pub membrane_area: D,
     /// Volume of the chamber in m³ at position 0.
-    pub chamber_volume: f64,
+    pub chamber_volume: D,
     /// Moving mass in kg.
-    pub mass: f64,
+    pub mass: D,
     /// Viscous damping in N s/m.
-    pub damping: f64,
+    pub damping: D,
     /// Spring force in N at position 0.
-    pub spring_preload: f64,
+    pub spring_preload: D,
     /// Linear spring stiffness in N/m.
-    pub spring_stiffness: f64,
+    pub spring_stiffness: D,
     /// Coefficient of the spring's 7th power in N/m⁷.
-    pub spring_hardening: f64,
+    pub spring_hardening: D,
     /// Distance between the stops in m.
-    pub stroke: f64,
+    pub stroke: D,
     /// Stiffness of the stops in N/m.
-    pub stop_stiffness: f64,
+    pub stop_stiffness: D,
     /// Damping of the stops in N s/m.
-    pub stop_damping: f64,
+    pub stop_damping: D,
     /// Depth in m at which the stops damp fully.
-    pub stop_damping_depth: f64,
+    pub stop_damping_depth: D,
     /// Coulomb friction in N.
-    pub coulomb_friction: f64,
+    pub coulomb_friction: D,
     /// Dahl's stiffness σ in N/m.
-    pub friction_stiffness: f64,
+    pub friction_stiffness: D,
     /// Dahl's exponent α.
-    pub friction_exponent: f64,
+    pub friction_exponent: D,
     /// Area in m² on which the exhaust pushes the wastegate open.
-    pub exhaust_area: f64,
+    pub exhaust_area: D,
     /// The gas in the chamber.
-    pub air: Gas,
+    pub air: Gas<D>,
 }
 
 /// The forces on the rod in N.
 #[derive(Clone, Copy, Debug)]
-pub struct Forces {
+pub struct Forces<D = f64> {
     /// Ambient against chamber on the membrane; opens.
-    pub membrane: f64,
+    pub membrane: D,
     /// Exhaust on the wastegate's plate; opens.
-    pub exhaust: f64,
+    pub exhaust: D,
     /// Spring; shuts.
-    pub spring: f64,
+    pub spring: D,
     /// Stops; against an opening motion where positive.
-    pub stop: f64,
+    pub stop: D,
 }
 
-impl Actuator {
+impl<D: Scalar> Actuator<D> {
     /// The forces at a position (m) and speed (m/s), for ambient and chamber pressure (Pa) and the
     /// pressure difference (Pa) across the wastegate.
     #[must_use]
     pub fn forces(
         &self,
-        position: f64,
-        velocity: f64,
-        ambient_pressure: f64,
-        chamber_pressure: f64,
-        exhaust_difference: f64,
-    ) -> Forces {
+        position: D,
+        velocity: D,
+        ambient_pressure: D,
+        chamber_pressure: D,
+        exhaust_difference: D,
+    ) -> Forces<D> {
         Forces {
             membrane: (ambient_pressure - chamber_pressure) * self.membrane_area,
             exhaust: self.exhaust_area * exhaust_difference,
@@ -84,40 +85,42 @@ impl Actuator {
 
     /// Eq. (4): acceleration in m/s².
     #[must_use]
-    pub fn acceleration(&self, forces: &Forces, friction_force: f64, velocity: f64) -> f64 {
+    pub fn acceleration(&self, forces: &Forces<D>, friction_force: D, velocity: D) -> D {
         let opening = forces.membrane + forces.exhaust - forces.spring - forces.stop;
         (opening - friction_force - self.damping * velocity) / self.mass
     }
 
     /// The spring's force in N at a position in m.
     #[must_use]
-    pub fn spring_force(&self, position: f64) -> f64 {
+    pub fn spring_force(&self, position: D) -> D {
         self.spring_preload + self.spring_stiffness * position + self.spring_hardening * position.powi(7)
     }
 
     /// The stops' force in N at a position (m) and speed (m/s).
     #[must_use]
-    pub fn stop_force(&self, position: f64, velocity: f64) -> f64 {
-        let damped = |depth: f64| self.stop_damping * velocity * (depth / self.stop_damping_depth).min(1.0);
+    pub fn stop_force(&self, position: D, velocity: D) -> D {
+        let damped = |depth: D| self.stop_damping * velocity * (depth / self.stop_damping_depth).at_most(1.0);
         if position < 0.0 {
             self.stop_stiffness * position + damped(-position)
         } else if position > self.stroke {
             let depth = position - self.stroke;
             self.stop_stiffness * depth + damped(depth)
         } else {
-            0.0
+            0.0.into()
         }
     }
 
     /// Eq. (5) times the speed (m/s): rate of change of the friction force (N) in N/s.
     #[must_use]
-    #[allow(clippy::float_cmp, reason = "exactly 1 needs no power")]
-    pub fn friction_rate(&self, friction_force: f64, velocity: f64) -> f64 {
-        let margin = 1.0 - friction_force / self.coulomb_friction * velocity.signum();
-        let share = if self.friction_exponent == 1.0 {
+    pub fn friction_rate(&self, friction_force: D, velocity: D) -> D {
+        let direction = if velocity < 0.0 { -1.0 } else { 1.0 };
+        let margin = -friction_force / self.coulomb_friction * direction + 1.0;
+        let share = if (self.friction_exponent - 1.0).vanishes() {
             margin
+        } else if margin < 0.0 {
+            -(-margin).power(self.friction_exponent)
         } else {
-            margin.abs().powf(self.friction_exponent).copysign(margin)
+            margin.power(self.friction_exponent)
         };
         self.friction_stiffness * share * velocity
     }
@@ -125,29 +128,22 @@ impl Actuator {
     /// Volume of the chamber in m³ at a position in m. The floor is for trial states of solvers; the
     /// stops keep the rod far from it.
     #[must_use]
-    pub fn volume(&self, position: f64) -> f64 {
-        (self.chamber_volume - self.membrane_area * position).max(1e-3 * self.chamber_volume)
+    pub fn volume(&self, position: D) -> D {
+        (self.chamber_volume - self.membrane_area * position).at_least(self.chamber_volume * 1e-3)
     }
 
     /// Eq. (3) for a moving wall: rate of change of the chamber's pressure (Pa) in Pa/s, when `mass_flow`
     /// in kg/s goes in on balance.
     #[must_use]
-    pub fn pressure_rate(
-        &self,
-        pressure: f64,
-        temperature: f64,
-        volume: f64,
-        velocity: f64,
-        mass_flow: f64,
-    ) -> f64 {
+    pub fn pressure_rate(&self, pressure: D, temperature: D, volume: D, velocity: D, mass_flow: D) -> D {
         let inflow = self.air.gas_constant * temperature * mass_flow;
         (inflow + pressure * self.membrane_area * velocity) / volume
     }
 
     /// How far the wastegate is open, from 0 to 1.
     #[must_use]
-    pub fn opening(&self, position: f64) -> f64 {
-        (position / self.stroke).clamp(0.0, 1.0)
+    pub fn opening(&self, position: D) -> D {
+        (position / self.stroke).at_least(0.0).at_most(1.0)
     }
 
     /// The position in m at which spring and stops hold a force in N that opens, without friction.
@@ -155,28 +151,34 @@ impl Actuator {
     /// Newton's method, kept within a bracket that shrinks: the force rises with position everywhere.
     #[must_use]
     #[allow(clippy::float_cmp, reason = "ends where numbers lie no closer")]
-    pub fn position_at_rest(&self, opening_force: f64) -> f64 {
-        let excess = |x: f64| self.spring_force(x) + self.stop_force(x, 0.0) - opening_force;
-        let mut low = (-excess(0.0)).min(0.0) / self.stop_stiffness;
-        let mut high = self.stroke + (-excess(self.stroke)).max(0.0) / self.stop_stiffness;
+    pub fn position_at_rest(&self, opening_force: D) -> D {
+        let excess =
+            |x: f64| self.spring_force(x.into()) + self.stop_force(x.into(), 0.0.into()) - opening_force;
+        let (stroke, stop_stiffness) = (self.stroke.re(), self.stop_stiffness.re());
+        let stiffness = |x: f64| {
+            let stop = if (0.0..=stroke).contains(&x) { 0.0 } else { stop_stiffness };
+            self.spring_stiffness.re() + 7.0 * self.spring_hardening.re() * x.powi(6) + stop
+        };
+        let mut low = (-excess(0.0).re()).min(0.0) / stop_stiffness;
+        let mut high = stroke + (-excess(stroke).re()).max(0.0) / stop_stiffness;
         let mut position = 0.5 * (low + high);
         for _ in 0..200 {
-            let force = excess(position);
+            let force = excess(position).re();
             if force > 0.0 {
                 high = position;
             } else {
                 low = position;
             }
-            let stop = if (0.0..=self.stroke).contains(&position) { 0.0 } else { self.stop_stiffness };
-            let stiffness = self.spring_stiffness + 7.0 * self.spring_hardening * position.powi(6) + stop;
-            let newton = position - force / stiffness;
+            let newton = position - force / stiffness(position);
             let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
             if next == position {
                 break;
             }
             position = next;
         }
-        position
+        // The derivative follows from the balance of forces, by the implicit function theorem.
+        let left = excess(position);
+        (left - left.re()) / -stiffness(position) + position
     }
 }
 

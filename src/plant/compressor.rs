@@ -10,70 +10,74 @@
 use std::f64::consts::PI;
 
 use super::gas::{Gas, signed_root, smooth_max};
+use super::scalar::Scalar;
 
 /// A compressor.
 #[derive(Clone, Copy, Debug)]
-pub struct Compressor {
+pub struct Compressor<D = f64> {
     /// Diameter of the impeller in m.
-    pub diameter: f64,
+    pub diameter: D,
     /// Head coefficient at zero flow, `Ψ_m`.
-    pub peak_head_coefficient: f64,
+    pub peak_head_coefficient: D,
     /// Flow coefficient at zero head, `Φ_m`.
-    pub peak_flow_coefficient: f64,
+    pub peak_flow_coefficient: D,
     /// Best efficiency.
-    pub peak_efficiency: f64,
+    pub peak_efficiency: D,
     /// Flow coefficient of the best efficiency.
-    pub peak_efficiency_flow_coefficient: f64,
+    pub peak_efficiency_flow_coefficient: D,
     /// Smallest efficiency.
-    pub minimum_efficiency: f64,
+    pub minimum_efficiency: D,
     /// Width in m²/s² of the transition between forward and backward flow.
-    pub head_smoothing: f64,
+    pub head_smoothing: D,
     /// Volume behind the compressor in m³.
-    pub outlet_volume: f64,
+    pub outlet_volume: D,
     /// The gas.
-    pub air: Gas,
+    pub air: Gas<D>,
 }
 
 /// What a compressor does at an instant.
 #[derive(Clone, Copy, Debug)]
-pub struct Compression {
+pub struct Compression<D = f64> {
     /// Flow in kg/s; negative: backwards.
-    pub mass_flow: f64,
+    pub mass_flow: D,
     /// Efficiency.
-    pub efficiency: f64,
+    pub efficiency: D,
     /// Temperature at the outlet in K.
-    pub outlet_temperature: f64,
+    pub outlet_temperature: D,
     /// Power taken up in W.
-    pub power: f64,
+    pub power: D,
 }
 
-impl Compressor {
+impl<D: Scalar> Compressor<D> {
     /// The flow from the inlet (pressure in Pa, temperature in K) to the outlet pressure (Pa) at a shaft
     /// speed (rad/s).
     #[must_use]
-    pub fn compress(&self, inlet: (f64, f64), outlet_pressure: f64, speed: f64) -> Compression {
+    pub fn compress(&self, inlet: (D, D), outlet_pressure: D, speed: D) -> Compression<D> {
         let (pressure, temperature) = inlet;
         let specific_heat = self.air.specific_heat;
-        let tip_speed_squared = (0.5 * self.diameter * speed).powi(2);
+        let tip_speed_squared = (self.diameter * 0.5 * speed).powi(2);
         // Isentropic rise of temperature; its product with the specific heat is Δh_is.
-        let rise = temperature * ((outlet_pressure / pressure).powf(self.air.isentropic_exponent) - 1.0);
+        let rise = temperature * ((outlet_pressure / pressure).power(self.air.isentropic_exponent) - 1.0);
         // The square of (tip speed times Φ/Φ_m), by the parabola of the speed lines.
-        let flow_speed_squared = tip_speed_squared - 2.0 * specific_heat * rise / self.peak_head_coefficient;
+        let flow_speed_squared = tip_speed_squared - specific_heat * 2.0 * rise / self.peak_head_coefficient;
         let flow_speed = self.peak_flow_coefficient * signed_root(flow_speed_squared, self.head_smoothing);
-        let area = 0.25 * PI * self.diameter * self.diameter;
+        let area = self.diameter * self.diameter * (0.25 * PI);
         let mass_flow = pressure / (self.air.gas_constant * temperature) * area * flow_speed;
 
         // 10 m/s keeps the flow coefficient finite at standstill.
         let flow_coefficient = flow_speed / (tip_speed_squared + 100.0).sqrt();
         let off_peak = flow_coefficient / self.peak_efficiency_flow_coefficient - 1.0;
-        let efficiency =
-            smooth_max(self.peak_efficiency * (1.0 - off_peak * off_peak), self.minimum_efficiency, 0.02);
-        let actual_rise = smooth_max(rise, 0.0, 1.0) / efficiency;
+        let efficiency = smooth_max(
+            self.peak_efficiency * (-off_peak * off_peak + 1.0),
+            self.minimum_efficiency,
+            0.02.into(),
+        );
+        let actual_rise = smooth_max(rise, 0.0.into(), 1.0.into()) / efficiency;
         Compression {
             mass_flow,
             efficiency,
             outlet_temperature: temperature + actual_rise,
-            power: smooth_max(mass_flow, 0.0, 1e-4) * specific_heat * actual_rise,
+            power: smooth_max(mass_flow, 0.0.into(), 1e-4.into()) * specific_heat * actual_rise,
         }
     }
 }

@@ -6,81 +6,82 @@
 use std::f64::consts::PI;
 
 use super::gas::Gas;
+use super::scalar::Scalar;
 
 /// The cylinders of an engine with four strokes.
 #[derive(Clone, Copy, Debug)]
-pub struct Cylinders {
+pub struct Cylinders<D = f64> {
     /// Displacement in m³.
-    pub displacement: f64,
+    pub displacement: D,
     /// Compression ratio.
-    pub compression_ratio: f64,
+    pub compression_ratio: D,
     /// Bore in m.
-    pub bore: f64,
+    pub bore: D,
     /// Stroke in m.
-    pub stroke: f64,
+    pub stroke: D,
     /// Factor of the volumetric efficiency.
-    pub volumetric_efficiency_factor: f64,
+    pub volumetric_efficiency_factor: D,
     /// Stoichiometric air to fuel ratio.
-    pub stoichiometric_air_fuel_ratio: f64,
+    pub stoichiometric_air_fuel_ratio: D,
     /// Lower heating value of the fuel in J/kg.
-    pub lower_heating_value: f64,
+    pub lower_heating_value: D,
     /// Indicated efficiency.
-    pub indicated_efficiency: f64,
+    pub indicated_efficiency: D,
     /// Share of the work lost to retarded ignition at 1 bar of boost.
-    pub ignition_retard_loss: f64,
+    pub ignition_retard_loss: D,
     /// Factor of friction for the layout of the engine.
-    pub friction_boost_layout: f64,
+    pub friction_boost_layout: D,
     /// Factor of friction and auxiliaries.
-    pub friction_auxiliary_factor: f64,
+    pub friction_auxiliary_factor: D,
     /// Brake mean effective pressure at zero intake pressure in Pa, in the friction model.
-    pub mean_effective_pressure_offset: f64,
+    pub mean_effective_pressure_offset: D,
     /// Its slope over intake pressure.
-    pub mean_effective_pressure_slope: f64,
+    pub mean_effective_pressure_slope: D,
     /// Exhaust temperature at zero flow in K.
-    pub exhaust_temperature_offset: f64,
+    pub exhaust_temperature_offset: D,
     /// Its slope over the exhaust flow in K s/kg.
-    pub exhaust_temperature_slope: f64,
+    pub exhaust_temperature_slope: D,
     /// The gas taken in.
-    pub air: Gas,
+    pub air: Gas<D>,
     /// The gas put out.
-    pub exhaust_gas: Gas,
+    pub exhaust_gas: Gas<D>,
 }
 
 /// The flows through the cylinders at an instant.
 #[derive(Clone, Copy, Debug)]
-pub struct CylinderFlows {
+pub struct CylinderFlows<D = f64> {
     /// Volumetric efficiency.
-    pub volumetric_efficiency: f64,
+    pub volumetric_efficiency: D,
     /// Air in kg/s.
-    pub air: f64,
+    pub air: D,
     /// Fuel in kg/s.
-    pub fuel: f64,
+    pub fuel: D,
     /// Exhaust gas in kg/s.
-    pub exhaust: f64,
+    pub exhaust: D,
     /// Temperature of the exhaust at the valves in K.
-    pub exhaust_temperature: f64,
+    pub exhaust_temperature: D,
 }
 
 /// The parts of the torque at an instant.
 #[derive(Clone, Copy, Debug)]
-pub struct Work {
+pub struct Work<D = f64> {
     /// Indicated work of the high-pressure cycle in J per cycle.
-    pub indicated: f64,
+    pub indicated: D,
     /// Friction mean effective pressure in Pa.
-    pub friction_pressure: f64,
+    pub friction_pressure: D,
     /// Brake torque in N m.
-    pub torque: f64,
+    pub torque: D,
 }
 
-impl Cylinders {
+impl<D: Scalar> Cylinders<D> {
     /// The flows at an engine speed (rpm), between the intake (pressure in Pa, temperature in K) and the
     /// exhaust manifold's pressure (Pa).
     ///
     /// The volumetric efficiency is that of residual gas expanding to intake pressure.
     #[must_use]
-    pub fn flows(&self, engine_speed: f64, intake: (f64, f64), exhaust_pressure: f64) -> CylinderFlows {
+    pub fn flows(&self, engine_speed: D, intake: (D, D), exhaust_pressure: D) -> CylinderFlows<D> {
         let (pressure, temperature) = intake;
-        let residual = (exhaust_pressure / pressure).powf(1.0 / self.exhaust_gas.heat_capacity_ratio);
+        let residual = (exhaust_pressure / pressure).power(self.exhaust_gas.heat_capacity_ratio.recip());
         let volumetric_efficiency = self.volumetric_efficiency_factor * (self.compression_ratio - residual)
             / (self.compression_ratio - 1.0);
         let density = pressure / (self.air.gas_constant * temperature);
@@ -102,17 +103,18 @@ impl Cylinders {
     /// Friction after the boost-layout model of the Linköping engine models (there after Heywood's
     /// textbook correlation): a part that grows with piston speed and one with load.
     #[must_use]
-    pub fn work(&self, engine_speed: f64, fuel: f64, intake_pressure: f64, exhaust_pressure: f64) -> Work {
+    pub fn work(&self, engine_speed: D, fuel: D, intake_pressure: D, exhaust_pressure: D) -> Work<D> {
         // The floor of 1 rpm is for standstill, where no fuel flows either.
-        let cycles_per_second = engine_speed.max(1.0) / 120.0;
-        let boost = (intake_pressure / 1e5 - 1.0).max(0.0);
-        let efficiency = self.indicated_efficiency * (1.0 - self.ignition_retard_loss * boost * boost);
+        let cycles_per_second = engine_speed.at_least(1.0) / 120.0;
+        let boost = (intake_pressure / 1e5 - 1.0).at_least(0.0);
+        let efficiency = self.indicated_efficiency * (-self.ignition_retard_loss * boost * boost + 1.0);
         let indicated = fuel / cycles_per_second * self.lower_heating_value * efficiency;
-        let piston_speed = 2.0 * self.stroke * engine_speed / 60.0;
+        let piston_speed = self.stroke * 2.0 * engine_speed / 60.0;
         let load = self.mean_effective_pressure_offset + self.mean_effective_pressure_slope * intake_pressure;
-        let motored = (0.464 + 0.0072 * piston_speed.powf(1.8)) * self.friction_boost_layout * 1e5;
-        let friction_pressure =
-            self.friction_auxiliary_factor * (motored + 0.0215 * load.max(0.0)) * (0.075 / self.bore).sqrt();
+        let motored = (piston_speed.power(1.8.into()) * 0.0072 + 0.464) * self.friction_boost_layout * 1e5;
+        let friction_pressure = self.friction_auxiliary_factor
+            * (motored + load.at_least(0.0) * 0.0215)
+            * (self.bore.recip() * 0.075).sqrt();
         let pumping_pressure = exhaust_pressure - intake_pressure;
         let net = indicated - self.displacement * (pumping_pressure + friction_pressure);
         Work { indicated, friction_pressure, torque: net / (4.0 * PI) }

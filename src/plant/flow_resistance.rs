@@ -2,21 +2,22 @@
 //! (Eriksson, Modeling and control of turbocharged SI and DI engines, OGST 62(4), 2007).
 
 use super::gas::signed_root;
+use super::scalar::Scalar;
 
 /// A resistance with the law W = √(p·Δp/(H·T)).
 #[derive(Clone, Copy, Debug)]
-pub struct FlowResistance {
+pub struct FlowResistance<D = f64> {
     /// H in Pa² s²/(kg² K).
-    pub resistance: f64,
+    pub resistance: D,
     /// Pressure difference in Pa below which the flow is linear, so that its slope stays finite.
-    pub linear_pressure: f64,
+    pub linear_pressure: D,
 }
 
-impl FlowResistance {
+impl<D: Scalar> FlowResistance<D> {
     /// The flow in kg/s from the first to the second side, each given by pressure (Pa) and temperature
     /// (K). Density is that of the side from which the flow comes.
     #[must_use]
-    pub fn mass_flow(&self, first: (f64, f64), second: (f64, f64)) -> f64 {
+    pub fn mass_flow(&self, first: (D, D), second: (D, D)) -> D {
         let difference = first.0 - second.0;
         let (pressure, temperature) = if difference >= 0.0 { first } else { second };
         (pressure / (self.resistance * temperature)).sqrt() * signed_root(difference, self.linear_pressure)

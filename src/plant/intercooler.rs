@@ -1,22 +1,23 @@
 //! The intercooler: a flow resistance and a heat exchanger with constant effectiveness.
 
 use super::flow_resistance::FlowResistance;
+use super::scalar::Scalar;
 
 /// An intercooler.
 #[derive(Clone, Copy, Debug)]
-pub struct Intercooler {
+pub struct Intercooler<D = f64> {
     /// Its pressure loss.
-    pub resistance: FlowResistance,
+    pub resistance: FlowResistance<D>,
     /// Share of the temperature difference to the coolant that is removed.
-    pub effectiveness: f64,
+    pub effectiveness: D,
     /// Volume in m³ from here to the throttle.
-    pub volume: f64,
+    pub volume: D,
 }
 
-impl Intercooler {
+impl<D: Scalar> Intercooler<D> {
     /// The temperature in K behind the intercooler, for those of inlet and coolant.
     #[must_use]
-    pub fn outlet_temperature(&self, inlet_temperature: f64, coolant_temperature: f64) -> f64 {
+    pub fn outlet_temperature(&self, inlet_temperature: D, coolant_temperature: D) -> D {
         inlet_temperature - self.effectiveness * (inlet_temperature - coolant_temperature)
     }
 }

@@ -32,6 +32,7 @@ pub mod intercooler;
 pub mod orifice;
 pub mod port;
 pub mod quantities;
+pub mod scalar;
 pub mod shaft;
 pub mod solenoid_valve;
 pub mod supply;

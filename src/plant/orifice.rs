@@ -8,60 +8,60 @@
 //! engine models).
 
 use super::gas::Gas;
+use super::scalar::Scalar;
 
 /// The flow function Ψ of a gas, and the gas itself.
 #[derive(Clone, Copy, Debug)]
-pub struct Orifice {
-    gas: Gas,
+pub struct Orifice<D = f64> {
+    gas: Gas<D>,
     /// 2γ/(γ − 1).
-    factor: f64,
+    factor: D,
     /// `Π_c`, below which the flow is choked.
-    critical_ratio: f64,
+    critical_ratio: D,
     /// `Π_l`, above which the function is linear.
-    linear_ratio: f64,
+    linear_ratio: D,
     /// `Ψ(Π_l)/(1 − Π_l)`.
-    linear_slope: f64,
+    linear_slope: D,
 }
 
-impl Orifice {
+impl<D: Scalar> Orifice<D> {
     /// The flow function of a gas, linear above a pressure ratio.
     #[must_use]
-    pub fn new(gas: Gas, linear_ratio: f64) -> Self {
+    pub fn new(gas: Gas<D>, linear_ratio: D) -> Self {
         let ratio = gas.heat_capacity_ratio;
         let mut orifice = Self {
             gas,
-            factor: 2.0 * ratio / (ratio - 1.0),
-            critical_ratio: (2.0 / (ratio + 1.0)).powf(1.0 / gas.isentropic_exponent),
+            factor: ratio * 2.0 / (ratio - 1.0),
+            critical_ratio: ((ratio + 1.0).recip() * 2.0).power(gas.isentropic_exponent.recip()),
             linear_ratio,
-            linear_slope: 0.0,
+            linear_slope: 0.0.into(),
         };
-        orifice.linear_slope = orifice.isentropic(linear_ratio) / (1.0 - linear_ratio);
+        orifice.linear_slope = orifice.isentropic(linear_ratio) / (-linear_ratio + 1.0);
         orifice
     }
 
     /// Ψ at a pressure ratio (downstream over upstream) from 0 to 1.
     #[must_use]
-    pub fn flow_function(&self, pressure_ratio: f64) -> f64 {
+    pub fn flow_function(&self, pressure_ratio: D) -> D {
         if pressure_ratio > self.linear_ratio {
-            self.linear_slope * (1.0 - pressure_ratio)
+            self.linear_slope * (-pressure_ratio + 1.0)
         } else {
-            self.isentropic(pressure_ratio.max(self.critical_ratio))
+            self.isentropic(pressure_ratio.at_least(self.critical_ratio))
         }
     }
 
     /// Ψ of eq. (2) where the flow is not choked. Π^(1/γ) = Π/Π^((γ−1)/γ) saves the second power.
-    fn isentropic(&self, pressure_ratio: f64) -> f64 {
-        let temperature_ratio = pressure_ratio.powf(self.gas.isentropic_exponent);
-        pressure_ratio / temperature_ratio * (self.factor * (1.0 - temperature_ratio)).sqrt()
+    fn isentropic(&self, pressure_ratio: D) -> D {
+        let temperature_ratio = pressure_ratio.power(self.gas.isentropic_exponent);
+        pressure_ratio / temperature_ratio * (self.factor * (-temperature_ratio + 1.0)).sqrt()
     }
 
     /// The flow in kg/s through an effective area (m²) from the first to the second side, each given by
     /// pressure (Pa) and temperature (K); negative when the second pressure is the higher one.
     #[must_use]
-    #[allow(clippy::float_cmp, reason = "an area of exactly 0 is a port that is shut")]
-    pub fn mass_flow(&self, area: f64, first: (f64, f64), second: (f64, f64)) -> f64 {
-        if area == 0.0 {
-            0.0
+    pub fn mass_flow(&self, area: D, first: (D, D), second: (D, D)) -> D {
+        if area.vanishes() {
+            0.0.into()
         } else if first.0 >= second.0 {
             self.downhill(area, first, second.0)
         } else {
@@ -70,7 +70,7 @@ impl Orifice {
     }
 
     /// Eq. (1): the flow from the higher pressure to the lower.
-    fn downhill(&self, area: f64, (pressure, temperature): (f64, f64), downstream_pressure: f64) -> f64 {
+    fn downhill(&self, area: D, (pressure, temperature): (D, D), downstream_pressure: D) -> D {
         let density_velocity = pressure / (self.gas.gas_constant * temperature).sqrt();
         area * density_velocity * self.flow_function(downstream_pressure / pressure)
     }

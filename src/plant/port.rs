@@ -1,30 +1,31 @@
 //! Valves in the gas path: wastegates, bypass and surge valve, each an area that its opening uncovers.
 
 use super::orifice::Orifice;
+use super::scalar::Scalar;
 
 /// A valve in the gas path.
 #[derive(Clone, Copy, Debug)]
-pub struct Port {
+pub struct Port<D = f64> {
     /// Effective area in m² when fully open: area times discharge coefficient.
-    pub open_area: f64,
+    pub open_area: D,
     /// The flow function.
-    pub orifice: Orifice,
+    pub orifice: Orifice<D>,
 }
 
 /// What a valve does at an instant.
 #[derive(Clone, Copy, Debug)]
-pub struct PortFlow {
+pub struct PortFlow<D = f64> {
     /// Effective area in m².
-    pub area: f64,
+    pub area: D,
     /// Flow in kg/s; negative: backwards.
-    pub mass_flow: f64,
+    pub mass_flow: D,
 }
 
-impl Port {
+impl<D: Scalar> Port<D> {
     /// The flow at an opening (0 … 1) from the first to the second side, each given by pressure (Pa) and
     /// temperature (K). The area is proportional to the opening.
     #[must_use]
-    pub fn flow(&self, opening: f64, first: (f64, f64), second: (f64, f64)) -> PortFlow {
+    pub fn flow(&self, opening: D, first: (D, D), second: (D, D)) -> PortFlow<D> {
         let area = opening * self.open_area;
         PortFlow { area, mass_flow: self.orifice.mass_flow(area, first, second) }
     }
@@ -33,7 +34,7 @@ impl Port {
     /// opening. With a linear law the boost pressure would react far more strongly to the first opening
     /// than to the rest, and the control loop relies on a gain that varies less.
     #[must_use]
-    pub fn flap_flow(&self, opening: f64, first: (f64, f64), second: (f64, f64)) -> PortFlow {
+    pub fn flap_flow(&self, opening: D, first: (D, D), second: (D, D)) -> PortFlow<D> {
         self.flow(opening * opening, first, second)
     }
 }

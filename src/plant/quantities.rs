@@ -4,18 +4,23 @@ use std::f64::consts::PI;
 
 use super::compressor::Compression;
 use super::port::PortFlow;
+use super::scalar::Scalar;
 use super::system::{Evaluation, System};
 use super::turbine::Expansion;
-use super::variables::{CompressorLocals, Inputs, Locals, Outputs, PortLocals, States, TurbineLocals};
+use super::variables::{
+    ActuatorLocals, AirFilterLocals, CompressorLocals, CylindersLocals, ExhaustLocals, ExhaustManifoldLocals,
+    HpWastegatePortLocals, Inputs, IntercoolerLocals, InterstageExhaustLocals, Locals, Outputs, PortLocals,
+    PumpLocals, States, ThrottleBodyLocals, TurbineLocals, ValveLocals,
+};
 
 /// The outputs and locals that belong to inputs, states and their evaluation.
 #[must_use]
-pub fn quantities(
-    system: &System,
-    inputs: &Inputs,
-    states: &States,
-    evaluation: &Evaluation,
-) -> (Outputs, Locals) {
+pub fn quantities<D: Scalar>(
+    system: &System<D>,
+    inputs: &Inputs<D>,
+    states: &States<D>,
+    evaluation: &Evaluation<D>,
+) -> (Outputs<D>, Locals<D>) {
     let e = evaluation;
     let work = system.cylinders.work(
         inputs.engine_speed,
@@ -40,49 +45,59 @@ pub fn quantities(
         exhaust_temperature: e.exhaust_temperature,
         charge_temperature: e.charge_temperature,
     };
-    let mut locals = Locals::default();
-    locals.valve.voltage = e.voltage;
-    locals.valve.commanded_duty = e.commanded_duty;
-    locals.valve.pressure = e.valve.pressure;
-    locals.valve.opening = e.valve.opening;
-    locals.valve.tank_mass_flow = e.valve.tank;
-    locals.valve.ambient_mass_flow = e.valve.ambient;
-    locals.valve.leakage_mass_flow = e.valve.leakage;
-    locals.pump.drawn_mass_flow = e.pumped;
-    locals.actuator.volume = e.chamber_volume;
-    locals.actuator.membrane_force = e.forces.membrane;
-    locals.actuator.exhaust_force = e.forces.exhaust;
-    locals.actuator.spring_force = e.forces.spring;
-    locals.actuator.stop_force = e.forces.stop;
-    locals.hp_wastegate_port.effective_area = e.hp_wastegate.area;
-    locals.hp_wastegate_port.mass_flow = e.hp_wastegate.mass_flow;
-    locals.air_filter.mass_flow = e.air_filter;
-    locals.lp_compressor = compressor(&e.lp_compressor);
-    locals.hp_compressor = compressor(&e.hp_compressor);
-    locals.hp_bypass_port = port(e.hp_bypass);
-    locals.intercooler.inlet_temperature = e.intercooler_inlet_temperature;
-    locals.intercooler.mass_flow = e.intercooler;
-    locals.intercooler.outlet_temperature = e.charge_temperature;
-    locals.surge_valve_port = port(e.surge_valve);
-    locals.throttle_body.mass_flow = e.throttle.mass_flow;
-    locals.cylinders.volumetric_efficiency = e.cylinders.volumetric_efficiency;
-    locals.cylinders.air_mass_flow = e.cylinders.air;
-    locals.cylinders.fuel_mass_flow = e.cylinders.fuel;
-    locals.cylinders.exhaust_mass_flow = e.cylinders.exhaust;
-    locals.cylinders.exhaust_temperature = e.cylinders.exhaust_temperature;
-    locals.cylinders.indicated_work = work.indicated;
-    locals.cylinders.friction_mean_effective_pressure = work.friction_pressure;
-    locals.exhaust_manifold.temperature = e.exhaust_temperature;
-    locals.hp_turbine = turbine(&e.hp_turbine);
-    locals.interstage_exhaust.temperature = e.interstage_temperature;
-    locals.lp_turbine = turbine(&e.lp_turbine);
-    locals.lp_wastegate_port = port(e.lp_wastegate);
-    locals.exhaust.temperature = e.tail_temperature;
-    locals.exhaust.mass_flow = e.exhaust;
+    let locals = Locals {
+        valve: ValveLocals {
+            voltage: e.voltage,
+            commanded_duty: e.commanded_duty,
+            pressure: e.valve.pressure,
+            opening: e.valve.opening,
+            tank_mass_flow: e.valve.tank,
+            ambient_mass_flow: e.valve.ambient,
+            leakage_mass_flow: e.valve.leakage,
+        },
+        pump: PumpLocals { drawn_mass_flow: e.pumped },
+        actuator: ActuatorLocals {
+            volume: e.chamber_volume,
+            membrane_force: e.forces.membrane,
+            exhaust_force: e.forces.exhaust,
+            spring_force: e.forces.spring,
+            stop_force: e.forces.stop,
+        },
+        hp_wastegate_port: HpWastegatePortLocals {
+            effective_area: e.hp_wastegate.area,
+            mass_flow: e.hp_wastegate.mass_flow,
+        },
+        air_filter: AirFilterLocals { mass_flow: e.air_filter },
+        lp_compressor: compressor(&e.lp_compressor),
+        hp_compressor: compressor(&e.hp_compressor),
+        hp_bypass_port: port(e.hp_bypass),
+        intercooler: IntercoolerLocals {
+            inlet_temperature: e.intercooler_inlet_temperature,
+            mass_flow: e.intercooler,
+            outlet_temperature: e.charge_temperature,
+        },
+        surge_valve_port: port(e.surge_valve),
+        throttle_body: ThrottleBodyLocals { mass_flow: e.throttle.mass_flow },
+        cylinders: CylindersLocals {
+            volumetric_efficiency: e.cylinders.volumetric_efficiency,
+            air_mass_flow: e.cylinders.air,
+            fuel_mass_flow: e.cylinders.fuel,
+            exhaust_mass_flow: e.cylinders.exhaust,
+            exhaust_temperature: e.cylinders.exhaust_temperature,
+            indicated_work: work.indicated,
+            friction_mean_effective_pressure: work.friction_pressure,
+        },
+        exhaust_manifold: ExhaustManifoldLocals { temperature: e.exhaust_temperature },
+        hp_turbine: turbine(&e.hp_turbine),
+        interstage_exhaust: InterstageExhaustLocals { temperature: e.interstage_temperature },
+        lp_turbine: turbine(&e.lp_turbine),
+        lp_wastegate_port: port(e.lp_wastegate),
+        exhaust: ExhaustLocals { temperature: e.tail_temperature, mass_flow: e.exhaust },
+    };
     (outputs, locals)
 }
 
-fn compressor(compression: &Compression) -> CompressorLocals {
+fn compressor<D: Scalar>(compression: &Compression<D>) -> CompressorLocals<D> {
     CompressorLocals {
         mass_flow: compression.mass_flow,
         efficiency: compression.efficiency,
@@ -91,11 +106,11 @@ fn compressor(compression: &Compression) -> CompressorLocals {
     }
 }
 
-fn port(flow: PortFlow) -> PortLocals {
+fn port<D: Scalar>(flow: PortFlow<D>) -> PortLocals<D> {
     PortLocals { effective_area: flow.area, mass_flow: flow.mass_flow }
 }
 
-fn turbine(expansion: &Expansion) -> TurbineLocals {
+fn turbine<D: Scalar>(expansion: &Expansion<D>) -> TurbineLocals<D> {
     TurbineLocals {
         mass_flow: expansion.mass_flow,
         speed_ratio: expansion.speed_ratio,

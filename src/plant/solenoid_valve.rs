@@ -13,69 +13,73 @@
 //! rise above ambient), and the polynomial is limited to ambient pressure (it exceeds it below 9.6 %).
 
 use super::orifice::Orifice;
+use super::scalar::Scalar;
 
 /// A solenoid valve.
 #[derive(Clone, Copy, Debug)]
-pub struct SolenoidValve {
+pub struct SolenoidValve<D = f64> {
     /// k1 … k4 of eq. (7) for the duty in percent, in Pa.
-    pub pressure_coefficient: [f64; 4],
+    pub pressure_coefficient: [D; 4],
     /// k1 … k3 of eq. (6) for the duty in percent.
-    pub leakage_coefficient: [f64; 3],
+    pub leakage_coefficient: [D; 3],
     /// What eq. (6) is multiplied with, in m².
-    pub leakage_area_scale: f64,
+    pub leakage_area_scale: D,
     /// Area between ambient and chamber in m².
-    pub ambient_area: f64,
+    pub ambient_area: D,
     /// Area between chamber and tank in m².
-    pub tank_area: f64,
+    pub tank_area: D,
     /// Distance from the target in Pa at which a port is open to 1/√2.
-    pub proportional_band: f64,
+    pub proportional_band: D,
     /// Time constant of the plunger in s.
-    pub time_constant: f64,
+    pub time_constant: D,
     /// Voltage in V at which the plunger sees the commanded duty.
-    pub nominal_voltage: f64,
+    pub nominal_voltage: D,
     /// Exponent of the voltage; 1 in eq. (9).
-    pub voltage_exponent: f64,
+    pub voltage_exponent: D,
     /// The flow function of the ports.
-    pub orifice: Orifice,
+    pub orifice: Orifice<D>,
 }
 
 /// What the valve does at an instant.
 #[derive(Clone, Copy, Debug)]
-pub struct ValveFlows {
+pub struct ValveFlows<D = f64> {
     /// Target of the chamber's pressure in Pa, eq. (7).
-    pub pressure: f64,
+    pub pressure: D,
     /// Opening of the port in use: above 0 to the tank, below 0 to ambient.
-    pub opening: f64,
+    pub opening: D,
     /// Flow from the chamber to the tank in kg/s.
-    pub tank: f64,
+    pub tank: D,
     /// Flow from ambient to the chamber in kg/s.
-    pub ambient: f64,
+    pub ambient: D,
     /// Flow that leaks from ambient to the tank in kg/s.
-    pub leakage: f64,
+    pub leakage: D,
 }
 
-impl SolenoidValve {
+impl<D: Scalar> SolenoidValve<D> {
     /// The duty in percent at nominal voltage that has the effect of `duty` at `voltage` (V).
     #[must_use]
-    #[allow(clippy::float_cmp, reason = "exactly 1 needs no power")]
-    pub fn commanded_duty(&self, duty: f64, voltage: f64) -> f64 {
+    pub fn commanded_duty(&self, duty: D, voltage: D) -> D {
         let relative = voltage / self.nominal_voltage;
-        let gain = if self.voltage_exponent == 1.0 { relative } else { relative.powf(self.voltage_exponent) };
-        (duty * gain).clamp(0.0, 100.0)
+        let gain = if (self.voltage_exponent - 1.0).vanishes() {
+            relative
+        } else {
+            relative.power(self.voltage_exponent)
+        };
+        (duty * gain).at_least(0.0).at_most(100.0)
     }
 
     /// Rate of change of the plunger's duty in %/s.
     #[must_use]
-    pub fn plunger_rate(&self, commanded_duty: f64, plunger_duty: f64) -> f64 {
+    pub fn plunger_rate(&self, commanded_duty: D, plunger_duty: D) -> D {
         (commanded_duty - plunger_duty) / self.time_constant
     }
 
     /// Eq. (7): the pressure in Pa at which the valve holds the chamber.
     #[must_use]
-    pub fn pressure(&self, plunger_duty: f64, ambient_pressure: f64) -> f64 {
+    pub fn pressure(&self, plunger_duty: D, ambient_pressure: D) -> D {
         let [k1, k2, k3, k4] = self.pressure_coefficient;
         let u = plunger_duty;
-        (((k1 * u + k2) * u + k3) * u + k4).min(ambient_pressure)
+        (((k1 * u + k2) * u + k3) * u + k4).at_most(ambient_pressure)
     }
 
     /// The flows between ambient (pressure in Pa, temperature in K), chamber and tank (pressures in Pa);
@@ -83,36 +87,35 @@ impl SolenoidValve {
     #[must_use]
     pub fn flows(
         &self,
-        plunger_duty: f64,
-        ambient: (f64, f64),
-        chamber_pressure: f64,
-        tank_pressure: f64,
-    ) -> ValveFlows {
+        plunger_duty: D,
+        ambient: (D, D),
+        chamber_pressure: D,
+        tank_pressure: D,
+    ) -> ValveFlows<D> {
         let temperature = ambient.1;
         let chamber = (chamber_pressure, temperature);
         let tank = (tank_pressure, temperature);
         let pressure = self.pressure(plunger_duty, ambient.0);
         let deviation = (chamber_pressure - pressure) / self.proportional_band;
-        let opening = deviation / (1.0 + deviation * deviation).sqrt();
+        let opening = deviation / (deviation * deviation + 1.0).sqrt();
         let [k1, k2, k3] = self.leakage_coefficient;
-        let leakage_area = self.leakage_area_scale * ((k1 * plunger_duty + k2) * plunger_duty + k3).max(0.0);
+        let leakage_area =
+            self.leakage_area_scale * ((k1 * plunger_duty + k2) * plunger_duty + k3).at_least(0.0);
+        // At the target itself it is the tank's port that is about to open.
+        let (tank_opening, ambient_opening) =
+            if opening >= 0.0 { (opening, 0.0.into()) } else { (0.0.into(), -opening) };
         ValveFlows {
             pressure,
             opening,
-            tank: self.orifice.mass_flow(self.tank_area * opening.max(0.0), chamber, tank),
-            ambient: self.orifice.mass_flow(self.ambient_area * (-opening).max(0.0), ambient, chamber),
+            tank: self.orifice.mass_flow(self.tank_area * tank_opening, chamber, tank),
+            ambient: self.orifice.mass_flow(self.ambient_area * ambient_opening, ambient, chamber),
             leakage: self.orifice.mass_flow(leakage_area, ambient, tank),
         }
     }
 
     /// The pressure in Pa at which the chamber comes to rest: the target, as far as tank and ambient allow.
     #[must_use]
-    pub fn chamber_pressure_at_rest(
-        &self,
-        plunger_duty: f64,
-        ambient_pressure: f64,
-        tank_pressure: f64,
-    ) -> f64 {
-        self.pressure(plunger_duty, ambient_pressure).max(tank_pressure).min(ambient_pressure)
+    pub fn chamber_pressure_at_rest(&self, plunger_duty: D, ambient_pressure: D, tank_pressure: D) -> D {
+        self.pressure(plunger_duty, ambient_pressure).at_least(tank_pressure).at_most(ambient_pressure)
     }
 }

@@ -24,6 +24,7 @@ use super::gas::{Gas, mixed_temperature};
 use super::intercooler::Intercooler;
 use super::orifice::Orifice;
 use super::port::{Port, PortFlow};
+use super::scalar::Scalar;
 use super::shaft::Shaft;
 use super::solenoid_valve::{SolenoidValve, ValveFlows};
 use super::supply::Supply;
@@ -43,96 +44,96 @@ const EXHAUST_MIXING_WIDTH: f64 = 1e-5;
 
 /// All components with their parameters, and the constants that follow from these.
 #[derive(Clone, Copy, Debug)]
-pub struct System {
-    air: Gas,
-    exhaust_gas: Gas,
-    supply: Supply,
-    pub(super) valve: SolenoidValve,
-    tank: VacuumTank,
-    pub(super) actuator: Actuator,
-    air_filter: FlowResistance,
-    air_filter_volume: f64,
-    lp_compressor: Compressor,
-    hp_compressor: Compressor,
-    hp_bypass: Port,
-    intercooler: Intercooler,
-    surge_valve: Port,
-    throttle: Port,
-    intake_manifold_volume: f64,
-    pub(super) cylinders: Cylinders,
-    exhaust_manifold: ExhaustManifold,
-    hp_turbine: Turbine,
-    hp_wastegate: Port,
-    interstage_volume: f64,
-    lp_turbine: Turbine,
-    lp_wastegate: Port,
-    exhaust: FlowResistance,
-    exhaust_volume: f64,
-    hp_shaft: Shaft,
-    lp_shaft: Shaft,
+pub struct System<D = f64> {
+    air: Gas<D>,
+    exhaust_gas: Gas<D>,
+    supply: Supply<D>,
+    pub(super) valve: SolenoidValve<D>,
+    tank: VacuumTank<D>,
+    pub(super) actuator: Actuator<D>,
+    air_filter: FlowResistance<D>,
+    air_filter_volume: D,
+    lp_compressor: Compressor<D>,
+    hp_compressor: Compressor<D>,
+    hp_bypass: Port<D>,
+    intercooler: Intercooler<D>,
+    surge_valve: Port<D>,
+    throttle: Port<D>,
+    intake_manifold_volume: D,
+    pub(super) cylinders: Cylinders<D>,
+    exhaust_manifold: ExhaustManifold<D>,
+    hp_turbine: Turbine<D>,
+    hp_wastegate: Port<D>,
+    interstage_volume: D,
+    lp_turbine: Turbine<D>,
+    lp_wastegate: Port<D>,
+    exhaust: FlowResistance<D>,
+    exhaust_volume: D,
+    hp_shaft: Shaft<D>,
+    lp_shaft: Shaft<D>,
 }
 
 /// What every component does at an instant.
 #[derive(Clone, Copy, Debug)]
-pub struct Evaluation {
+pub struct Evaluation<D = f64> {
     /// The states' derivatives.
-    pub derivatives: States,
+    pub derivatives: States<D>,
     /// Voltage at the valve in V.
-    pub voltage: f64,
+    pub voltage: D,
     /// Duty in percent at nominal voltage that the commanded one is worth.
-    pub commanded_duty: f64,
+    pub commanded_duty: D,
     /// The solenoid valve.
-    pub valve: ValveFlows,
+    pub valve: ValveFlows<D>,
     /// Flow that the vacuum pump draws in kg/s.
-    pub pumped: f64,
+    pub pumped: D,
     /// Volume of the actuator's chamber in m³.
-    pub chamber_volume: f64,
+    pub chamber_volume: D,
     /// The forces on the actuator's rod.
-    pub forces: Forces,
+    pub forces: Forces<D>,
     /// Opening of the high-pressure wastegate, from 0 to 1.
-    pub hp_wastegate_opening: f64,
+    pub hp_wastegate_opening: D,
     /// Flow through the air filter in kg/s.
-    pub air_filter: f64,
+    pub air_filter: D,
     /// The low-pressure compressor.
-    pub lp_compressor: Compression,
+    pub lp_compressor: Compression<D>,
     /// The high-pressure compressor.
-    pub hp_compressor: Compression,
+    pub hp_compressor: Compression<D>,
     /// The bypass of the high-pressure compressor.
-    pub hp_bypass: PortFlow,
+    pub hp_bypass: PortFlow<D>,
     /// Temperature in K before the intercooler.
-    pub intercooler_inlet_temperature: f64,
+    pub intercooler_inlet_temperature: D,
     /// Flow through the intercooler in kg/s.
-    pub intercooler: f64,
+    pub intercooler: D,
     /// Temperature in K behind the intercooler.
-    pub charge_temperature: f64,
+    pub charge_temperature: D,
     /// The surge valve.
-    pub surge_valve: PortFlow,
+    pub surge_valve: PortFlow<D>,
     /// The throttle.
-    pub throttle: PortFlow,
+    pub throttle: PortFlow<D>,
     /// The cylinders.
-    pub cylinders: CylinderFlows,
+    pub cylinders: CylinderFlows<D>,
     /// Temperature in K in the exhaust manifold.
-    pub exhaust_temperature: f64,
+    pub exhaust_temperature: D,
     /// The high-pressure turbine.
-    pub hp_turbine: Expansion,
+    pub hp_turbine: Expansion<D>,
     /// The high-pressure wastegate.
-    pub hp_wastegate: PortFlow,
+    pub hp_wastegate: PortFlow<D>,
     /// Temperature in K between the turbines.
-    pub interstage_temperature: f64,
+    pub interstage_temperature: D,
     /// The low-pressure turbine.
-    pub lp_turbine: Expansion,
+    pub lp_turbine: Expansion<D>,
     /// The low-pressure wastegate.
-    pub lp_wastegate: PortFlow,
+    pub lp_wastegate: PortFlow<D>,
     /// Temperature in K before the catalyst.
-    pub tail_temperature: f64,
+    pub tail_temperature: D,
     /// Flow through the catalyst in kg/s.
-    pub exhaust: f64,
+    pub exhaust: D,
 }
 
-impl System {
+impl<D: Scalar> System<D> {
     /// Builds the components.
     #[must_use]
-    pub fn new(parameters: &Parameters) -> Self {
+    pub fn new(parameters: &Parameters<D>) -> Self {
         let p = parameters;
         let air = Gas::new(p.air.gas_constant, p.air.specific_heat, p.air.heat_capacity_ratio);
         let exhaust_gas = Gas::new(
@@ -208,7 +209,7 @@ impl System {
     /// The voltage in V at the terminals of valve and sensor, and the duty in percent at nominal voltage
     /// that the commanded one is worth.
     #[must_use]
-    pub fn command(&self, inputs: &Inputs) -> (f64, f64) {
+    pub fn command(&self, inputs: &Inputs<D>) -> (D, D) {
         let voltage = self.supply.voltage(inputs.supply_voltage, inputs.vacuum_pump);
         (voltage, self.valve.commanded_duty(inputs.hp_wastegate_pwm, voltage))
     }
@@ -216,18 +217,18 @@ impl System {
     /// Everything at an instant.
     #[must_use]
     #[allow(clippy::too_many_lines)] // One line a component: the figure above in words.
-    pub fn evaluate(&self, inputs: &Inputs, states: &States) -> Evaluation {
+    pub fn evaluate(&self, inputs: &Inputs<D>, states: &States<D>) -> Evaluation<D> {
         let ambient = (inputs.ambient_pressure, inputs.ambient_temperature);
-        let p_tank = states.tank.pressure.max(LOWEST_PRESSURE);
-        let p_act = states.actuator.chamber_pressure.max(LOWEST_PRESSURE);
-        let p_af = states.air_filter.pressure.max(LOWEST_PRESSURE);
-        let p_1 = states.lp_compressor.outlet_pressure.max(LOWEST_PRESSURE);
-        let p_2 = states.hp_compressor.outlet_pressure.max(LOWEST_PRESSURE);
-        let p_ic = states.intercooler.outlet_pressure.max(LOWEST_PRESSURE);
-        let p_im = states.intake_manifold.pressure.max(LOWEST_PRESSURE);
-        let p_em = states.exhaust_manifold.pressure.max(LOWEST_PRESSURE);
-        let p_it = states.interstage_exhaust.pressure.max(LOWEST_PRESSURE);
-        let p_t = states.exhaust.pressure.max(LOWEST_PRESSURE);
+        let p_tank = states.tank.pressure.at_least(LOWEST_PRESSURE);
+        let p_act = states.actuator.chamber_pressure.at_least(LOWEST_PRESSURE);
+        let p_af = states.air_filter.pressure.at_least(LOWEST_PRESSURE);
+        let p_1 = states.lp_compressor.outlet_pressure.at_least(LOWEST_PRESSURE);
+        let p_2 = states.hp_compressor.outlet_pressure.at_least(LOWEST_PRESSURE);
+        let p_ic = states.intercooler.outlet_pressure.at_least(LOWEST_PRESSURE);
+        let p_im = states.intake_manifold.pressure.at_least(LOWEST_PRESSURE);
+        let p_em = states.exhaust_manifold.pressure.at_least(LOWEST_PRESSURE);
+        let p_it = states.interstage_exhaust.pressure.at_least(LOWEST_PRESSURE);
+        let p_t = states.exhaust.pressure.at_least(LOWEST_PRESSURE);
         let (w_hp, w_lp) = (states.hp_shaft.speed, states.lp_shaft.speed);
         let (x, v) = (states.actuator.position, states.actuator.velocity);
 
@@ -248,7 +249,7 @@ impl System {
         let t_2m = mixed_temperature(
             (hpc.mass_flow, hpc.outlet_temperature),
             (bypass.mass_flow, lpc.outlet_temperature),
-            AIR_MIXING_WIDTH,
+            AIR_MIXING_WIDTH.into(),
         );
         let intercooler = self.intercooler.resistance.mass_flow((p_2, t_2m), (p_ic, t_2m));
         let t_ic = self.intercooler.outlet_temperature(t_2m, ambient.1);
@@ -264,20 +265,20 @@ impl System {
         let t_it = mixed_temperature(
             (hpt.mass_flow, hpt.outlet_temperature),
             (hp_wastegate.mass_flow, t_em),
-            EXHAUST_MIXING_WIDTH,
+            EXHAUST_MIXING_WIDTH.into(),
         );
         let lpt = self.lp_turbine.expand((p_it, t_it), p_t, w_lp);
         let lp_wastegate = self.lp_wastegate.flow(inputs.lp_wastegate, (p_it, t_it), (p_t, t_it));
         let t_t = mixed_temperature(
             (lpt.mass_flow, lpt.outlet_temperature),
             (lp_wastegate.mass_flow, t_it),
-            EXHAUST_MIXING_WIDTH,
+            EXHAUST_MIXING_WIDTH.into(),
         );
         let exhaust = self.exhaust.mass_flow((p_t, t_t), ambient);
 
         // The balances of the volumes, the rod and the shafts.
         let (air, gas) = (&self.air, &self.exhaust_gas);
-        let mut rates = States::default();
+        let mut rates = states.map(|_| D::from(0.0));
         rates.supply_sensor.voltage = self.supply.measured_rate(voltage, states.supply_sensor.voltage);
         rates.valve.plunger_duty = self.valve.plunger_rate(commanded_duty, states.valve.plunger_duty);
         rates.tank.pressure = self.tank.pressure_rate(ambient.1, valve.leakage + valve.tank - pumped);
@@ -351,7 +352,7 @@ impl System {
     }
 }
 
-fn valve(p: &Parameters, orifice: Orifice) -> SolenoidValve {
+fn valve<D: Scalar>(p: &Parameters<D>, orifice: Orifice<D>) -> SolenoidValve<D> {
     SolenoidValve {
         pressure_coefficient: p.valve.pressure_coefficient,
         leakage_coefficient: p.valve.leakage_coefficient,
@@ -366,7 +367,7 @@ fn valve(p: &Parameters, orifice: Orifice) -> SolenoidValve {
     }
 }
 
-fn actuator(p: &Parameters, air: Gas) -> Actuator {
+fn actuator<D: Scalar>(p: &Parameters<D>, air: Gas<D>) -> Actuator<D> {
     Actuator {
         membrane_area: p.actuator.membrane_area,
         chamber_volume: p.actuator.chamber_volume,
@@ -387,7 +388,7 @@ fn actuator(p: &Parameters, air: Gas) -> Actuator {
     }
 }
 
-fn cylinders(p: &Parameters, air: Gas, exhaust_gas: Gas) -> Cylinders {
+fn cylinders<D: Scalar>(p: &Parameters<D>, air: Gas<D>, exhaust_gas: Gas<D>) -> Cylinders<D> {
     Cylinders {
         displacement: p.cylinders.displacement,
         compression_ratio: p.cylinders.compression_ratio,
@@ -409,7 +410,7 @@ fn cylinders(p: &Parameters, air: Gas, exhaust_gas: Gas) -> Cylinders {
     }
 }
 
-fn compressor(p: &CompressorParameters, air: Gas) -> Compressor {
+fn compressor<D: Scalar>(p: &CompressorParameters<D>, air: Gas<D>) -> Compressor<D> {
     Compressor {
         diameter: p.diameter,
         peak_head_coefficient: p.peak_head_coefficient,
@@ -423,11 +424,11 @@ fn compressor(p: &CompressorParameters, air: Gas) -> Compressor {
     }
 }
 
-fn port(p: &PortParameters, orifice: Orifice) -> Port {
+fn port<D: Scalar>(p: &PortParameters<D>, orifice: Orifice<D>) -> Port<D> {
     Port { open_area: p.area * p.discharge_coefficient, orifice }
 }
 
-fn turbine(p: &TurbineParameters, gas: Gas) -> Turbine {
+fn turbine<D: Scalar>(p: &TurbineParameters<D>, gas: Gas<D>) -> Turbine<D> {
     Turbine {
         flow_capacity: p.flow_capacity,
         diameter: p.diameter,
@@ -440,6 +441,6 @@ fn turbine(p: &TurbineParameters, gas: Gas) -> Turbine {
     }
 }
 
-fn shaft(p: &ShaftParameters) -> Shaft {
+fn shaft<D: Scalar>(p: &ShaftParameters<D>) -> Shaft<D> {
     Shaft { inertia: p.inertia, bearing_damping: p.bearing_damping }
 }

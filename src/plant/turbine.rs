@@ -2,68 +2,73 @@
 //! control of turbocharged SI and DI engines, OGST 62(4), 2007).
 
 use super::gas::{Gas, signed_root, smooth_max};
+use super::scalar::Scalar;
 
 /// A turbine.
 #[derive(Clone, Copy, Debug)]
-pub struct Turbine {
+pub struct Turbine<D = f64> {
     /// Flow parameter W·√T/p at a large pressure ratio, in kg √K/(s Pa).
-    pub flow_capacity: f64,
+    pub flow_capacity: D,
     /// Diameter of the wheel in m.
-    pub diameter: f64,
+    pub diameter: D,
     /// Best efficiency.
-    pub peak_efficiency: f64,
+    pub peak_efficiency: D,
     /// Exponent of the pressure ratio in the flow characteristic.
-    pub flow_exponent: f64,
+    pub flow_exponent: D,
     /// Blade speed ratio of the best efficiency.
-    pub peak_efficiency_speed_ratio: f64,
+    pub peak_efficiency_speed_ratio: D,
     /// Smallest efficiency.
-    pub minimum_efficiency: f64,
+    pub minimum_efficiency: D,
     /// Width of the transition between forward and backward flow.
-    pub flow_smoothing: f64,
+    pub flow_smoothing: D,
     /// The gas.
-    pub gas: Gas,
+    pub gas: Gas<D>,
 }
 
 /// What a turbine does at an instant.
 #[derive(Clone, Copy, Debug)]
-pub struct Expansion {
+pub struct Expansion<D = f64> {
     /// Flow in kg/s; negative: backwards.
-    pub mass_flow: f64,
+    pub mass_flow: D,
     /// Speed of the blade tips over that of an isentropic expansion.
-    pub speed_ratio: f64,
+    pub speed_ratio: D,
     /// Efficiency.
-    pub efficiency: f64,
+    pub efficiency: D,
     /// Temperature at the outlet in K.
-    pub outlet_temperature: f64,
+    pub outlet_temperature: D,
     /// Power given in W.
-    pub power: f64,
+    pub power: D,
 }
 
-impl Turbine {
+impl<D: Scalar> Turbine<D> {
     /// The flow from the inlet (pressure in Pa, temperature in K) to the outlet pressure (Pa) at a shaft
     /// speed (rad/s).
     #[must_use]
-    pub fn expand(&self, inlet: (f64, f64), outlet_pressure: f64, speed: f64) -> Expansion {
+    pub fn expand(&self, inlet: (D, D), outlet_pressure: D, speed: D) -> Expansion<D> {
         let (pressure, temperature) = inlet;
         let pressure_ratio = outlet_pressure / pressure;
-        let drive = 1.0 - pressure_ratio.powf(self.flow_exponent);
+        let drive = -pressure_ratio.power(self.flow_exponent) + 1.0;
         let mass_flow =
             self.flow_capacity * pressure / temperature.sqrt() * signed_root(drive, self.flow_smoothing);
 
-        let isentropic =
-            self.gas.specific_heat * temperature * (1.0 - pressure_ratio.powf(self.gas.isentropic_exponent));
+        let isentropic = self.gas.specific_heat
+            * temperature
+            * (-pressure_ratio.power(self.gas.isentropic_exponent) + 1.0);
         // Enthalpy in J/kg; the width keeps the blade speed ratio finite without expansion.
-        let enthalpy = smooth_max(isentropic, 0.0, 100.0);
-        let speed_ratio = 0.5 * self.diameter * speed / (2.0 * enthalpy).sqrt();
+        let enthalpy = smooth_max(isentropic, 0.0.into(), 100.0.into());
+        let speed_ratio = self.diameter * 0.5 * speed / (enthalpy * 2.0).sqrt();
         let off_peak = speed_ratio / self.peak_efficiency_speed_ratio - 1.0;
-        let efficiency =
-            smooth_max(self.peak_efficiency * (1.0 - off_peak * off_peak), self.minimum_efficiency, 0.02);
+        let efficiency = smooth_max(
+            self.peak_efficiency * (-off_peak * off_peak + 1.0),
+            self.minimum_efficiency,
+            0.02.into(),
+        );
         Expansion {
             mass_flow,
             speed_ratio,
             efficiency,
             outlet_temperature: temperature - efficiency * enthalpy / self.gas.specific_heat,
-            power: smooth_max(mass_flow, 0.0, 1e-5) * enthalpy * efficiency,
+            power: smooth_max(mass_flow, 0.0.into(), 1e-5.into()) * enthalpy * efficiency,
         }
     }
 }

@@ -6,34 +6,35 @@
 //! pressure through zero.
 
 use super::gas::Gas;
+use super::scalar::Scalar;
 
 /// The pressure in Pa below which the pump's flow fades.
 const PUMP_FADES_BELOW: f64 = 1000.0;
 
 /// A vacuum tank with a pump.
 #[derive(Clone, Copy, Debug)]
-pub struct VacuumTank {
+pub struct VacuumTank<D = f64> {
     /// Volume in m³.
-    pub volume: f64,
+    pub volume: D,
     /// Whether the pressure is held as it is.
     pub frozen: bool,
     /// Flow in kg/s that the running pump draws.
-    pub pump_mass_flow: f64,
+    pub pump_mass_flow: D,
     /// The gas in the tank.
-    pub air: Gas,
+    pub air: Gas<D>,
 }
 
-impl VacuumTank {
+impl<D: Scalar> VacuumTank<D> {
     /// The flow in kg/s that the pump (0 … 1) draws at a tank pressure (Pa).
     #[must_use]
-    pub fn drawn_mass_flow(&self, pump: f64, pressure: f64) -> f64 {
-        self.pump_mass_flow * pump * (pressure / PUMP_FADES_BELOW).min(1.0)
+    pub fn drawn_mass_flow(&self, pump: D, pressure: D) -> D {
+        self.pump_mass_flow * pump * (pressure / PUMP_FADES_BELOW).at_most(1.0)
     }
 
     /// Rate of change of the pressure in Pa/s; `mass_flow` in kg/s goes in on balance, at a temperature
     /// in K.
     #[must_use]
-    pub fn pressure_rate(&self, temperature: f64, mass_flow: f64) -> f64 {
-        if self.frozen { 0.0 } else { self.air.pressure_rate(temperature, self.volume, mass_flow) }
+    pub fn pressure_rate(&self, temperature: D, mass_flow: D) -> D {
+        if self.frozen { 0.0.into() } else { self.air.pressure_rate(temperature, self.volume, mass_flow) }
     }
 }
