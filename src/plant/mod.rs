@@ -45,10 +45,11 @@ pub mod variables {
     fmi2_export::include_variables!("BoostPlant");
 }
 
-use fmi2_export::{Context, Error, InputSignal, Model, Step};
+use fmi2_export::{Context, Error, InputSignal, Model, Step, Variables as _};
+use num_dual::Dual64;
 
 use self::duty_latch::DutyLatch;
-use self::initialization::{Settled, running, settled};
+use self::initialization::{Settled, differentiate_settled, running, settled};
 use self::quantities::quantities;
 use self::system::System;
 use self::variables::{InitializationMode, Inputs, Parameters, States, Variables};
@@ -166,6 +167,47 @@ impl Model for BoostPlant {
             quantities(&self.system, &inputs, &variables.states, &evaluation);
     }
 
+    fn differentiate(
+        &self,
+        variables: &Variables,
+        inputs: &Inputs,
+        direction: &Variables,
+    ) -> Result<Variables, Error> {
+        let parameters = variables.parameters.map(Dual64::from);
+        let mut inputs = inputs.combine(direction.inputs(), &mut Dual64::new);
+        if variables.parameters.valve.duty_latch {
+            // What the importer commands is not taken over before the next period.
+            inputs.hp_wastegate_pwm = Dual64::from(self.latch.held);
+        }
+        let states = variables.states.combine(&direction.start, &mut Dual64::new);
+        Ok(derivatives_of(&System::new(&parameters), &inputs, &states))
+    }
+
+    fn differentiate_initialization(
+        &self,
+        variables: &Variables,
+        inputs: &Inputs,
+        direction: &Variables,
+    ) -> Result<Variables, Error> {
+        let parameters = variables.parameters.combine(&direction.parameters, &mut Dual64::new);
+        let inputs = inputs.combine(direction.inputs(), &mut Dual64::new);
+        let start = variables.start.combine(&direction.start, &mut Dual64::new);
+        let system = System::new(&parameters);
+        let states = match variables.parameters.initialization.mode {
+            InitializationMode::Settled => {
+                differentiate_settled(&parameters, &inputs, &variables.states, start.tank.pressure)
+                    .ok_or_else(|| {
+                        Error::new(
+                            "the experiment does not start settled, so that its start has no derivative",
+                        )
+                    })?
+            }
+            InitializationMode::Running => running(&system, &inputs, start.tank.pressure),
+            InitializationMode::Given => start,
+        };
+        Ok(derivatives_of(&system, &inputs, &states))
+    }
+
     fn restored(&mut self, variables: &Variables) {
         self.system = System::new(&variables.parameters);
     }
@@ -217,6 +259,18 @@ impl BoostPlant {
         }
         Ok(())
     }
+}
+
+/// The derivatives of everything that is calculated from inputs and states.
+fn derivatives_of(system: &System<Dual64>, inputs: &Inputs<Dual64>, states: &States<Dual64>) -> Variables {
+    let evaluation = system.evaluate(inputs, states);
+    let (outputs, locals) = quantities(system, inputs, states, &evaluation);
+    let mut derivatives = Variables::zero();
+    derivatives.states = states.map(|state| state.eps);
+    derivatives.derivatives = evaluation.derivatives.map(|rate| rate.eps);
+    derivatives.locals = locals.map(|local| local.eps);
+    derivatives.outputs = outputs.map(|output| output.eps);
+    derivatives
 }
 
 /// Tells of inputs for which the experiment does not start at rest.

@@ -16,10 +16,10 @@ use quick_xml::events::{BytesStart, Event};
 use crate::random::Random;
 
 /// Unknowns and what each depends on.
-type Dependencies = BTreeMap<ValueReference, BTreeSet<ValueReference>>;
+pub type Dependencies = BTreeMap<ValueReference, BTreeSet<ValueReference>>;
 
 /// The `ModelStructure`, by the name of the list.
-fn declared() -> BTreeMap<String, Dependencies> {
+pub fn declared() -> BTreeMap<String, Dependencies> {
     let mut structure: BTreeMap<String, Dependencies> = BTreeMap::new();
     let mut list = String::new();
     let mut reader = Reader::from_str(Variables::DESCRIPTION.xml);
@@ -50,17 +50,17 @@ fn attribute(element: &BytesStart<'_>, name: &str) -> String {
     attribute.value.into_owned()
 }
 
-fn name(reference: ValueReference) -> &'static str {
+pub fn name(reference: ValueReference) -> &'static str {
     Variables::DESCRIPTION.variables[reference as usize].name
 }
 
-fn reference(wanted: &str) -> ValueReference {
+pub fn reference(wanted: &str) -> ValueReference {
     let position = Variables::DESCRIPTION.variables.iter().position(|variable| variable.name == wanted);
     u32::try_from(position.expect("the variable exists")).expect("few variables")
 }
 
 /// The Real variables that a condition holds for.
-fn reals(condition: impl Fn(ValueReference, Causality, Initial) -> bool) -> Vec<ValueReference> {
+pub fn reals(condition: impl Fn(ValueReference, Causality, Initial) -> bool) -> Vec<ValueReference> {
     (0..)
         .zip(Variables::DESCRIPTION.variables)
         .filter(|(reference, variable)| {
@@ -72,7 +72,7 @@ fn reals(condition: impl Fn(ValueReference, Causality, Initial) -> bool) -> Vec<
 }
 
 /// The values of the unknowns, after initialization from a point.
-fn unknowns_at(point: &Variables, unknowns: &[ValueReference]) -> Vec<f64> {
+pub fn unknowns_at(point: &Variables, unknowns: &[ValueReference]) -> Vec<f64> {
     let mut variables = point.clone();
     let mut log = |_: &'static str, _: std::fmt::Arguments<'_>| {};
     let mut context = Context::new(Experiment::default(), &mut log);
@@ -84,7 +84,7 @@ fn unknowns_at(point: &Variables, unknowns: &[ValueReference]) -> Vec<f64> {
 }
 
 /// A point in the interior of the ranges, where every parameter matters that can.
-fn random_point(random: &mut Random) -> Variables {
+pub fn random_point(random: &mut Random) -> Variables {
     let mut variables = Variables::default();
     let p = &mut variables.parameters;
     p.initialization.mode = InitializationMode::Given;
@@ -127,6 +127,7 @@ fn random_point(random: &mut Random) -> Variables {
     ] {
         variables.set_real(reference(name), random.between(least, most));
     }
+    variables.states = variables.start;
     variables
 }
 
@@ -157,7 +158,7 @@ fn observe(
 }
 
 /// What the declaration lacks and what it has too much, in words.
-fn differences(declared: &Dependencies, observed: &Dependencies) -> (Vec<String>, Vec<String>) {
+pub fn differences(declared: &Dependencies, observed: &Dependencies) -> (Vec<String>, Vec<String>) {
     let pairs = |from: &Dependencies, without: &Dependencies| -> Vec<String> {
         let reads = |(unknown, knowns): (&ValueReference, &BTreeSet<ValueReference>)| {
             let missing: Vec<_> = knowns.difference(&without[unknown]).map(|&known| name(known)).collect();
@@ -225,6 +226,7 @@ fn initialization_depends_on_what_is_declared() {
         point.parameters.initialization.mode = InitializationMode::Settled;
         point.set_real(reference("hp_wastegate_pwm"), duty);
         point.start.tank.pressure = tank_pressure;
+        point.states.tank.pressure = tank_pressure;
         observe(&mut solved, &point, &knowns, 1e-2, 1e-11);
     }
     for (unknown, knowns) in solved {

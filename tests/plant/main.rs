@@ -3,6 +3,7 @@
 
 mod bench;
 mod dependencies;
+mod derivatives;
 mod golden;
 mod latch;
 #[path = "../support/random.rs"]

@@ -483,13 +483,50 @@ macro_rules! not_supported {
 }
 
 not_supported! {
-    get_directional_derivative(
-        *const ValueReference, usize, *const ValueReference, usize, *const f64, *mut f64
-    ): GetDirectionalDerivative, "providesDirectionalDerivative is false";
-    get_real_output_derivatives(
-        *const ValueReference, usize, *const Integer, *mut f64
-    ): GetRealOutputDerivatives, "maxOutputDerivativeOrder is 0";
     cancel_step(): CancelStep, "canRunAsynchronuously is false";
+}
+
+/// `fmi2GetDirectionalDerivative`.
+pub unsafe fn get_directional_derivative<M: Model>(
+    component: Component,
+    unknowns: *const ValueReference,
+    unknown_count: usize,
+    knowns: *const ValueReference,
+    known_count: usize,
+    seeds: *const f64,
+    sensitivities: *mut f64,
+) -> Status {
+    // SAFETY: the component and the arrays are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::GetDirectionalDerivative, |instance| {
+            instance.get_directional_derivative(
+                elements("vUnknown_ref", unknowns, unknown_count)?,
+                elements("vKnown_ref", knowns, known_count)?,
+                elements("dvKnown", seeds, known_count)?,
+                elements_mut("dvUnknown", sensitivities, unknown_count)?,
+            )
+        })
+    }
+}
+
+/// `fmi2GetRealOutputDerivatives`.
+pub unsafe fn get_real_output_derivatives<M: Model>(
+    component: Component,
+    references: *const ValueReference,
+    count: usize,
+    orders: *const Integer,
+    values: *mut f64,
+) -> Status {
+    // SAFETY: the component and the arrays are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::GetRealOutputDerivatives, |instance| {
+            instance.get_real_output_derivatives(
+                elements("vr", references, count)?,
+                elements("order", orders, count)?,
+                elements_mut("value", values, count)?,
+            )
+        })
+    }
 }
 
 /// `fmi2SetRealInputDerivatives`.

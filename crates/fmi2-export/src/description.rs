@@ -26,6 +26,7 @@ pub struct ModelDescription {
 
 /// Optional functions of FMI 2.0 co-simulation (section 4.3.1) that depend on the model.
 #[derive(Clone, Copy, Debug)]
+#[allow(clippy::struct_excessive_bools, reason = "they are the standard's flags")]
 pub struct Capabilities {
     /// `canInterpolateInputs`: fmi2SetRealInputDerivatives.
     pub interpolate_inputs: bool,
@@ -33,6 +34,8 @@ pub struct Capabilities {
     pub get_and_set_state: bool,
     /// `canSerializeFMUstate`.
     pub serialize_state: bool,
+    /// `providesDirectionalDerivative`, and a `maxOutputDerivativeOrder` of 1.
+    pub directional_derivatives: bool,
 }
 
 /// One variable's attributes (FMI 2.0.5, section 2.2.7).

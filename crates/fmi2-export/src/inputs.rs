@@ -18,6 +18,11 @@ pub struct InputSignal<I> {
     derivatives: Box<[[f64; MAX_ORDER]]>,
     /// The highest order of which any input has a derivative; 0 when all are constant.
     order: usize,
+    /// By Real input: its slope at the end of the last step, 0 where it was set since.
+    slopes: Box<[f64]>,
+    /// The inputs at the end of the last step, as long as they have `moved` away from those that are set.
+    end: I,
+    moved: bool,
 }
 
 impl<I: Inputs> InputSignal<I> {
@@ -25,9 +30,12 @@ impl<I: Inputs> InputSignal<I> {
     pub fn constant(inputs: I) -> Self {
         let mut signal = Self {
             set: inputs.clone(),
+            end: inputs.clone(),
+            moved: false,
             bounded: inputs,
             derivatives: vec![[0.0; MAX_ORDER]; I::REALS.len()].into_boxed_slice(),
             order: 0,
+            slopes: vec![0.0; I::REALS.len()].into_boxed_slice(),
         };
         for position in 0..I::REALS.len() {
             signal.bounded.set_real(position, bound::<I>(position, signal.set.real(position)));
@@ -69,6 +77,8 @@ impl<I: Inputs> InputSignal<I> {
     pub(crate) fn set_value(&mut self, position: usize, value: f64) {
         self.set.set_real(position, value);
         self.bounded.set_real(position, bound::<I>(position, value));
+        self.slopes[position] = 0.0;
+        self.moved = false;
         if self.order > 0 {
             self.derivatives[position] = [0.0; MAX_ORDER];
             self.find_order();
@@ -77,6 +87,7 @@ impl<I: Inputs> InputSignal<I> {
 
     /// Takes the values of the inputs that are not Real.
     pub(crate) fn set_others(&mut self, inputs: &I) {
+        self.moved = false;
         self.set.clone_from(inputs);
         let reals = self.bounded.clone();
         self.bounded.clone_from(inputs);
@@ -91,12 +102,43 @@ impl<I: Inputs> InputSignal<I> {
         self.find_order();
     }
 
-    /// Forgets all derivatives.
-    pub(crate) fn clear_derivatives(&mut self) {
-        if self.order > 0 {
-            self.derivatives.fill([0.0; MAX_ORDER]);
-            self.order = 0;
+    /// Ends a step of a size (s): the derivatives are forgotten.
+    pub(crate) fn end_step(&mut self, size: f64) {
+        self.moved = self.order > 0;
+        if !self.moved {
+            self.slopes.fill(0.0);
+            return;
         }
+        self.end = self.at(size);
+        for (slope, derivatives) in self.slopes.iter_mut().zip(&self.derivatives) {
+            // Horner's scheme: d1 + h/1·(d2 + h/2·(d3 + …)).
+            *slope = (0..self.order)
+                .rev()
+                .fold(0.0, |sum, order| derivatives[order] + size / (order + 1) as f64 * sum);
+        }
+        self.derivatives.fill([0.0; MAX_ORDER]);
+        self.order = 0;
+    }
+
+    /// The inputs that belong to the present values: those of the end of the last step, or what was set
+    /// since.
+    pub(crate) fn latest(&self) -> &I {
+        if self.moved { &self.end } else { &self.bounded }
+    }
+
+    /// The slope of the Real input at a position: that of the derivatives which were set for the next
+    /// step, otherwise that with which the last step ended. 0 for an input that is held at a bound.
+    pub(crate) fn slope(&self, position: usize) -> f64 {
+        let derivatives = &self.derivatives[position];
+        let is_set = derivatives.iter().any(|&derivative| derivative != 0.0);
+        let slope = if is_set { derivatives[0] } else { self.slopes[position] };
+        if self.is_free(position) { slope } else { 0.0 }
+    }
+
+    /// Whether the Real input at a position is not held at a bound.
+    pub(crate) fn is_free(&self, position: usize) -> bool {
+        let input = &I::REALS[position];
+        (input.min..=input.max).contains(&self.set.real(position))
     }
 
     fn find_order(&mut self) {
@@ -110,9 +152,12 @@ impl<I: Inputs> InputSignal<I> {
 /// What was set; the rest follows from it.
 impl<I: Inputs> Persistent for InputSignal<I> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let Self { set, derivatives, bounded: _, order: _ } = self;
+        let Self { set, derivatives, slopes, end, moved, bounded: _, order: _ } = self;
         set.persist(archive)?;
         derivatives.persist(archive)?;
+        slopes.persist(archive)?;
+        end.persist(archive)?;
+        moved.persist(archive)?;
         self.bounded = Self::constant(self.set.clone()).bounded;
         self.find_order();
         Ok(())

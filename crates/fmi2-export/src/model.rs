@@ -38,6 +38,11 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     fn string(&self, reference: ValueReference) -> &str;
     /// Sets a String variable.
     fn set_string(&mut self, reference: ValueReference, value: &str);
+    /// Variables whose Real ones are all 0: a direction in which nothing changes.
+    fn zero() -> Self;
+    /// The direction in which the states go by their derivatives; nothing else changes.
+    #[must_use]
+    fn along_derivatives(&self) -> Self;
     /// The first state, otherwise derivative, otherwise Real output that is not finite.
     fn first_non_finite(&self) -> Option<ValueReference>;
 }
@@ -113,6 +118,41 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     /// since. A sampled model, whose outputs change at its samples only, leaves everything as it is.
     fn refresh(&mut self, variables: &mut Self::Variables, inputs: &InputsOf<Self>) {
         let _ = (variables, inputs);
+    }
+
+    /// How the calculated variables change, between steps, when inputs and states change along a
+    /// direction: the directional derivative of derivatives, locals and outputs.
+    ///
+    /// In `direction` the inputs stand as inputs and the states, as where they are set, in `start`; the
+    /// result has its derivatives in the places of the variables. Inputs that are held at a bound do not
+    /// change.
+    ///
+    /// # Errors
+    /// When there is no such derivative, or the model does not provide it
+    /// (`directional_derivatives` in its JSON).
+    fn differentiate(
+        &self,
+        variables: &Self::Variables,
+        inputs: &InputsOf<Self>,
+        direction: &Self::Variables,
+    ) -> Result<Self::Variables, Error> {
+        let _ = (variables, inputs, direction);
+        Err(Error::new("this model provides no derivatives"))
+    }
+
+    /// The same of what initialization computes, the states among it, when inputs, parameters and start
+    /// values change along a direction.
+    ///
+    /// # Errors
+    /// As [`Model::differentiate`].
+    fn differentiate_initialization(
+        &self,
+        variables: &Self::Variables,
+        inputs: &InputsOf<Self>,
+        direction: &Self::Variables,
+    ) -> Result<Self::Variables, Error> {
+        let _ = (variables, inputs, direction);
+        Err(Error::new("this model provides no derivatives of its initialization"))
     }
 
     /// Computes, after the memory was read from a serialized state, what was left out of it because it

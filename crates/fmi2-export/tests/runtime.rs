@@ -53,7 +53,12 @@ static DESCRIPTION: ModelDescription = ModelDescription {
         variable("text", DataType::String, Causality::Parameter, Variability::Tunable, Initial::Exact),
     ],
     log_categories: &["logStatusError", "logStatusWarning", "logEvents"],
-    capabilities: Capabilities { interpolate_inputs: true, get_and_set_state: true, serialize_state: true },
+    capabilities: Capabilities {
+        interpolate_inputs: true,
+        get_and_set_state: true,
+        serialize_state: true,
+        directional_derivatives: false,
+    },
 };
 
 #[derive(Clone, Default)]
@@ -128,6 +133,14 @@ impl Variables for AllVariables {
 
     fn set_string(&mut self, _reference: ValueReference, value: &str) {
         value.clone_into(&mut self.text);
+    }
+
+    fn zero() -> Self {
+        Self::default()
+    }
+
+    fn along_derivatives(&self) -> Self {
+        Self::default()
     }
 
     fn first_non_finite(&self) -> Option<ValueReference> {

@@ -57,6 +57,7 @@ pub(super) struct Capabilities {
     pub(super) interpolate_inputs: bool,
     pub(super) get_and_set_state: bool,
     pub(super) serialize_state: bool,
+    pub(super) directional_derivatives: bool,
 }
 
 /// A name and what it means.

@@ -424,7 +424,8 @@ fn combined(field: &Field<'_>) -> String {
         return format!("            {name}: self.{name}.clone(),\n");
     }
     let dimensions = field.json.dimensions.len();
-    let indices: String = (0..dimensions).map(|dimension| format!("[i{dimension}]")).collect();
+    let indices: Vec<_> = (0..dimensions).map(|dimension| format!("[i{dimension}]")).collect();
+    let indices = indices.concat();
     let element = format!("function(self.{name}{indices}, other.{name}{indices})");
     let value = (0..dimensions)
         .rev()

@@ -91,13 +91,13 @@ fn write_co_simulation(writer: &mut XmlWriter, model: &json::Model) -> io::Resul
         ("needsExecutionTool", false.to_string()),
         ("canHandleVariableCommunicationStepSize", capabilities.variable_communication_step_size.to_string()),
         ("canInterpolateInputs", capabilities.interpolate_inputs.to_string()),
-        ("maxOutputDerivativeOrder", 0.to_string()),
+        ("maxOutputDerivativeOrder", u8::from(capabilities.directional_derivatives).to_string()),
         ("canRunAsynchronuously", false.to_string()),
         ("canBeInstantiatedOnlyOncePerProcess", false.to_string()),
         ("canNotUseMemoryManagementFunctions", true.to_string()),
         ("canGetAndSetFMUstate", capabilities.get_and_set_state.to_string()),
         ("canSerializeFMUstate", capabilities.serialize_state.to_string()),
-        ("providesDirectionalDerivative", false.to_string()),
+        ("providesDirectionalDerivative", capabilities.directional_derivatives.to_string()),
     ];
     empty(writer, "CoSimulation", attributes)
 }

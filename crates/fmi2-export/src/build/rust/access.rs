@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 
 use super::super::resolve::{DataType, Role, Variable};
-use super::{ALLOW, Generator};
+use super::{ALLOW, Generator, Group};
 
 impl Generator<'_, '_> {
     pub(super) fn inputs_impl(&self) -> String {
@@ -92,13 +92,45 @@ impl Generator<'_, '_> {
         &self.inputs
     }}
 {accessors}
+    fn zero() -> Self {{
+        let Self {{ parameters, inputs, states, locals, outputs, .. }} = Self::default();
+        Self {{
+            parameters: {zero_parameters},
+            inputs: {zero_inputs},
+            start: {zero_states},
+            states: {zero_states},
+            derivatives: {zero_states},
+            locals: {zero_locals},
+            outputs: {zero_outputs},
+        }}
+    }}
+
+    fn along_derivatives(&self) -> Self {{
+        Self {{ start: self.derivatives, ..Self::zero() }}
+    }}
+
     fn first_non_finite(&self) -> Option<::fmi2_export::description::ValueReference> {{
 {finite}        None
     }}
 }}
 ",
             accessors = accessors.concat(),
+            zero_parameters = self.zero(Group::Parameters),
+            zero_inputs = self.zero(Group::Inputs),
+            zero_states = self.zero(Group::States),
+            zero_locals = self.zero(Group::Locals),
+            zero_outputs = self.zero(Group::Outputs),
         )
+    }
+
+    /// The variables of a group without changes, from its default, which bears the group's name.
+    fn zero(&self, group: Group) -> String {
+        let name = group.type_name().to_lowercase();
+        if self.model.parts.iter().any(|part| group.is_real_in(part)) {
+            format!("{name}.map(|_| 0.0)")
+        } else {
+            name
+        }
     }
 
     /// The arms of the getter and the setter of a type.
@@ -195,7 +227,12 @@ impl Generator<'_, '_> {
         xml: include_str!(\"modelDescription.xml\"),
         variables: &VARIABLES,
         log_categories: &LOG_CATEGORIES,
-        capabilities: Capabilities {{ interpolate_inputs: {}, get_and_set_state: {}, serialize_state: {} }},
+        capabilities: Capabilities {{
+            interpolate_inputs: {},
+            get_and_set_state: {},
+            serialize_state: {},
+            directional_derivatives: {},
+        }},
     }}
 }};
 ",
@@ -205,6 +242,7 @@ impl Generator<'_, '_> {
             model.capabilities.interpolate_inputs,
             model.capabilities.get_and_set_state,
             model.capabilities.serialize_state,
+            model.capabilities.directional_derivatives,
             categories = categories.concat(),
         )
     }

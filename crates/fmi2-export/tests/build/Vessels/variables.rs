@@ -681,6 +681,23 @@ impl ::fmi2_export::Variables for Variables {
         }
     }
 
+    fn zero() -> Self {
+        let Self { parameters, inputs, states, locals, outputs, .. } = Self::default();
+        Self {
+            parameters: parameters.map(|_| 0.0),
+            inputs: inputs.map(|_| 0.0),
+            start: states.map(|_| 0.0),
+            states: states.map(|_| 0.0),
+            derivatives: states.map(|_| 0.0),
+            locals: locals.map(|_| 0.0),
+            outputs: outputs.map(|_| 0.0),
+        }
+    }
+
+    fn along_derivatives(&self) -> Self {
+        Self { start: self.derivatives, ..Self::zero() }
+    }
+
     fn first_non_finite(&self) -> Option<::fmi2_export::description::ValueReference> {
         if !self.states.first.mass.is_finite() {
             return Some(7);
@@ -958,6 +975,11 @@ static DESCRIPTION: ::fmi2_export::description::ModelDescription = {
         xml: include_str!("modelDescription.xml"),
         variables: &VARIABLES,
         log_categories: &LOG_CATEGORIES,
-        capabilities: Capabilities { interpolate_inputs: true, get_and_set_state: true, serialize_state: true },
+        capabilities: Capabilities {
+            interpolate_inputs: true,
+            get_and_set_state: true,
+            serialize_state: true,
+            directional_derivatives: false,
+        },
     }
 };

@@ -1,0 +1,235 @@
+//! The exact derivatives against difference quotients, and what they are zero for against the declared
+//! dependencies.
+
+use std::collections::BTreeSet;
+
+use boost_fmu::plant::BoostPlant;
+use boost_fmu::plant::variables::{InitializationMode, States, Variables};
+use fmi2_export::description::{Causality, Initial, ValueReference};
+use fmi2_export::{Context, Experiment, Model, Variables as _};
+
+use crate::dependencies::{
+    Dependencies, declared, differences, name, random_point, reals, reference, unknowns_at,
+};
+use crate::random::Random;
+
+/// How far difference quotients of different widths may be apart, relatively.
+const AGREEMENT: f64 = 1e-4;
+
+/// A plant initialized at a point.
+fn initialized(point: &Variables) -> (BoostPlant, Variables) {
+    let (mut model, mut variables) = (BoostPlant::default(), point.clone());
+    let mut log = |_: &'static str, _: std::fmt::Arguments<'_>| {};
+    let mut context = Context::new(Experiment::default(), &mut log);
+    model.initialize(&mut variables, point.inputs(), &mut context).expect("there are values everywhere");
+    (model, variables)
+}
+
+/// The derivatives with respect to one known, of the initialization or of what follows from the states.
+fn derivatives(point: &Variables, known: ValueReference, of_initialization: bool) -> Variables {
+    let (model, variables) = initialized(point);
+    let mut direction = Variables::zero();
+    direction.set_real(known, 1.0);
+    let derivatives = if of_initialization {
+        model.differentiate_initialization(&variables, variables.inputs(), &direction)
+    } else {
+        model.differentiate(&variables, variables.inputs(), &direction)
+    };
+    derivatives.expect("there are derivatives")
+}
+
+/// A random point that starts in a mode, with the latch and the tank one way or the other.
+fn point(random: &mut Random, mode: InitializationMode, way: usize) -> Variables {
+    let mut point = random_point(random);
+    point.parameters.initialization.mode = mode;
+    point.parameters.valve.duty_latch = way.is_multiple_of(2);
+    point.parameters.tank.frozen = way / 2 % 2 == 1;
+    if mode == InitializationMode::Settled {
+        // In the midst of the stroke, at either stop, and where the tank limits the vacuum in the chamber.
+        let regimes = [(45.0, 3e4), (40.0, 3.2e4), (15.0, 3.1e4), (90.0, 3e4), (90.0, 7.5e4)];
+        let (duty, tank_pressure) = regimes[way % regimes.len()];
+        point.set_real(reference("hp_wastegate_pwm"), duty);
+        point.start.tank.pressure = tank_pressure;
+        point.states.tank.pressure = tank_pressure;
+    }
+    point
+}
+
+/// The knowns of the initialization: inputs, parameters, and the start values that hold in every mode.
+fn knowns_of_initialization() -> Vec<ValueReference> {
+    reals(|_, causality, initial| causality == Causality::Input || initial == Initial::Exact)
+}
+
+/// The inputs and the states.
+fn knowns_of_steps() -> Vec<ValueReference> {
+    reals(|reference, causality, _| causality == Causality::Input || States::NAMES.contains(&name(reference)))
+}
+
+/// What the model calculates, but for the states.
+fn calculated() -> Vec<ValueReference> {
+    reals(|_, causality, initial| {
+        causality == Causality::Output || causality == Causality::Local && initial == Initial::Calculated
+    })
+}
+
+/// Compares derivatives with central differences of the initialization. The quotients err by the rounding
+/// of what is subtracted, and by the third derivative: of two widths the one that fits better tells. They
+/// are taken for as good as they agree with each other; where they do not, there is a kink in between.
+fn compare(
+    point: &Variables,
+    knowns: &[ValueReference],
+    unknowns: &[ValueReference],
+    of_initialization: bool,
+) -> usize {
+    let base = unknowns_at(point, unknowns);
+    let mut compared = 0;
+    for &known in knowns {
+        let exact = derivatives(point, known, of_initialization);
+        let value = point.real(known);
+        let quotients = |share: f64| -> Vec<f64> {
+            let width = share * value.abs().max(1e-3);
+            let at = |there: f64| {
+                let mut moved = point.clone();
+                moved.set_real(known, there);
+                unknowns_at(&moved, unknowns)
+            };
+            let (up, down) = (at(value + width), at(value - width));
+            up.iter().zip(down).map(|(up, down)| (up - down) / (2.0 * width)).collect()
+        };
+        let (wide, narrow) = (quotients(1e-4), quotients(1e-5));
+        for (i, &unknown) in unknowns.iter().enumerate() {
+            let exact = exact.real(unknown);
+            // What a change of the known by itself does to the unknown, at least.
+            let scale = exact.abs().max(1e-2 * base[i].abs() / value.abs().max(1e-3));
+            if (wide[i] - narrow[i]).abs() > AGREEMENT * scale {
+                continue;
+            }
+            compared += 1;
+            let error = (exact - wide[i]).abs().min((exact - narrow[i]).abs());
+            assert!(
+                error <= AGREEMENT * scale,
+                "{} by {}: {exact:e}, but the quotients are {:e} and {:e}",
+                name(unknown),
+                name(known),
+                wide[i],
+                narrow[i]
+            );
+        }
+    }
+    compared
+}
+
+#[test]
+fn derivatives_are_those_of_the_equations() {
+    let (knowns, unknowns) = (knowns_of_steps(), calculated());
+    let mut random = Random(17);
+    let mut compared = 0;
+    for way in 0..4 {
+        // The latch holds the duty between periods, but takes it over in an initialization: off here.
+        let point = point(&mut random, InitializationMode::Given, 2 * way + 1);
+        compared += compare(&point, &knowns, &unknowns, false);
+    }
+    // All but a few at kinks and cancellations.
+    assert!(compared * 10 >= 9 * 4 * knowns.len() * unknowns.len(), "{compared}");
+}
+
+#[test]
+fn derivatives_of_the_initialization_are_those_of_its_result() {
+    let knowns = knowns_of_initialization();
+    let mut unknowns = calculated();
+    unknowns
+        .extend(reals(|_, causality, initial| causality == Causality::Local && initial == Initial::Approx));
+    for (mode, ways) in
+        [(InitializationMode::Given, 2), (InitializationMode::Running, 2), (InitializationMode::Settled, 3)]
+    {
+        let mut random = Random(23);
+        let mut compared = 0;
+        // A settled derivative is what rounding leaves of 0, and its quotient too.
+        let settled = mode == InitializationMode::Settled;
+        let told: Vec<_> = unknowns
+            .iter()
+            .copied()
+            .filter(|&unknown| !(settled && name(unknown).starts_with("der(")))
+            .collect();
+        for way in 0..ways {
+            compared += compare(&point(&mut random, mode, way), &knowns, &told, true);
+        }
+        assert!(compared * 10 >= 9 * ways * knowns.len() * told.len(), "{mode:?}: {compared}");
+    }
+}
+
+/// Notes which derivatives are not zero; `threshold` is relative to unknown and known.
+fn note(
+    observed: &mut Dependencies,
+    point: &Variables,
+    knowns: &[ValueReference],
+    of_initialization: bool,
+    threshold: f64,
+) {
+    let (_, variables) = initialized(point);
+    for &known in knowns {
+        let derivatives = derivatives(point, known, of_initialization);
+        for (&unknown, dependencies) in observed.iter_mut() {
+            let share =
+                threshold * variables.real(unknown).abs().max(1e-3) / point.real(known).abs().max(1e-3);
+            if derivatives.real(unknown).abs() > share {
+                dependencies.insert(known);
+            }
+        }
+    }
+}
+
+fn nothing_observed<'d>(unknowns: impl Iterator<Item = &'d ValueReference>) -> Dependencies {
+    unknowns.map(|&unknown| (unknown, BTreeSet::new())).collect()
+}
+
+#[test]
+fn declared_dependencies_are_where_derivatives_are_not_zero() {
+    let structure = declared();
+    let mut declared = structure["Outputs"].clone();
+    declared.extend(structure["Derivatives"].clone());
+    let mut observed = nothing_observed(declared.keys());
+    let mut random = Random(29);
+    for way in 0..40 {
+        note(
+            &mut observed,
+            &point(&mut random, InitializationMode::Given, way),
+            &knowns_of_steps(),
+            false,
+            0.0,
+        );
+    }
+    let (lacking, too_much) = differences(&declared, &observed);
+    assert!(lacking.is_empty(), "undeclared: {lacking:#?}");
+    assert!(too_much.is_empty(), "declared but not so: {too_much:#?}");
+}
+
+#[test]
+fn declared_initial_dependencies_are_where_derivatives_are_not_zero() {
+    let knowns = knowns_of_initialization();
+    let real_knowns: BTreeSet<_> = knowns.iter().copied().collect();
+    let mut declared = declared()["InitialUnknowns"].clone();
+    for dependencies in declared.values_mut() {
+        // The mode and other parameters that are no numbers have no derivatives.
+        dependencies.retain(|known| real_knowns.contains(known));
+    }
+    let mut observed = nothing_observed(declared.keys());
+    let mut random = Random(31);
+    for way in 0..20 {
+        for mode in [InitializationMode::Given, InitializationMode::Running] {
+            note(&mut observed, &point(&mut random, mode, way), &knowns, true, 0.0);
+        }
+    }
+    for way in 0..10 {
+        // Of a linear solution rounding leaves 1e-13 or so of what is exactly 0.
+        note(&mut observed, &point(&mut random, InitializationMode::Settled, way), &knowns, true, 1e-11);
+    }
+    let (lacking, _) = differences(&declared, &observed);
+    assert!(lacking.is_empty(), "undeclared: {lacking:#?}");
+    // The derivatives of a settled start are declared as functions of everything that the start is solved
+    // from: where there is no steady state they are no zeros.
+    declared.retain(|&unknown, _| !name(unknown).starts_with("der("));
+    observed.retain(|&unknown, _| !name(unknown).starts_with("der("));
+    let (_, too_much) = differences(&declared, &observed);
+    assert!(too_much.is_empty(), "declared but not so: {too_much:#?}");
+}
