@@ -69,13 +69,21 @@ pub struct Shortcoming {
 ///
 /// Where there is none, or none is found, the states that the transient from [`running`] reaches.
 #[must_use]
-pub fn settled(system: &System, inputs: &Inputs, tank_pressure: f64) -> Settled {
-    let mut system = *system;
+pub fn settled(parameters: &Parameters, inputs: &Inputs, tank_pressure: f64) -> Settled {
+    let mut system = System::new(parameters);
     system.freeze_tank(true);
     let start = running(&system, inputs, tank_pressure);
     let actuated = settle_actuation(&system, inputs, start);
     let rates = |unknowns: &[f64; UNKNOWNS]| settled_rates(&system, inputs, actuated, unknowns);
-    match steady_state::find(rates, unknowns_of(&actuated), &SCALES) {
+    let mut differentiated = System::new(&parameters.map(Dual64::from));
+    differentiated.freeze_tank(true);
+    let (constant_inputs, constant_states) = (inputs.map(Dual64::from), actuated.map(Dual64::from));
+    let rates_along = |unknowns: &[f64; UNKNOWNS], position: usize| {
+        let mut unknowns = unknowns.map(Dual64::from);
+        unknowns[position].eps = 1.0;
+        settled_rates(&differentiated, &constant_inputs, constant_states, &unknowns).map(|rate| rate.eps)
+    };
+    match steady_state::find(rates, rates_along, unknowns_of(&actuated), &SCALES) {
         Ok(unknowns) => Settled {
             states: settle_rod(&system, inputs, with_unknowns(actuated, &unknowns)),
             shortcoming: None,

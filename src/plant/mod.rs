@@ -29,6 +29,7 @@ pub mod flow_resistance;
 pub mod gas;
 pub mod initialization;
 pub mod intercooler;
+pub mod linearization;
 pub mod orifice;
 pub mod port;
 pub mod quantities;
@@ -120,7 +121,7 @@ impl Model for BoostPlant {
         let tank_pressure = variables.start.tank.pressure;
         variables.states = match variables.parameters.initialization.mode {
             InitializationMode::Settled => {
-                let settled = settled(&self.system, inputs, tank_pressure);
+                let settled = settled(&variables.parameters, inputs, tank_pressure);
                 warn_of_unsettled_start(&settled, inputs, context);
                 settled.states
             }

@@ -1,7 +1,6 @@
 //! The steady state of a system dx/dt = f(x) of a few unknowns, by pseudo-transient continuation.
 //!
-//! Each iteration is one implicit Euler step, linearised with a Jacobian from finite differences:
-//! (1/Δt − J)·Δx = f(x). While Δt is short this follows the transient from the guess and so finds the
+//! Each iteration is one linearised implicit Euler step, (1/Δt − J)·Δx = f(x). While Δt is short this follows the transient from the guess and so finds the
 //! steady state that the system itself would reach; as the changes become small Δt grows, and the
 //! iteration turns into Newton's, which ends at the precision of the arithmetic (Kelley and Keyes,
 //! Convergence analysis of pseudo-transient continuation, SIAM J. Numer. Anal. 35(2), 1998).
@@ -18,8 +17,6 @@ const LARGEST_CHANGE: f64 = 0.2;
 const LARGEST_CONTRACTION: f64 = 0.8;
 /// A change of the scaled unknowns below which Newton's iteration has converged but for rounding.
 const CONVERGED: f64 = 1e-10;
-/// The increment of the finite differences relative to the unknown, about the root of the rounding unit.
-const INCREMENT: f64 = 1e-8;
 /// Iterations after which the search is given up; tens are usual.
 const MOST_ITERATIONS: usize = 400;
 /// Newton iterations after convergence, of which the one with the smallest residual is taken.
@@ -36,12 +33,14 @@ pub enum Failure {
 
 /// Finds the steady state of positive unknowns.
 ///
-/// `derivatives` is f, `guess` where the search begins, `scales` the magnitude of each unknown.
+/// `derivatives` is f, `derivatives_along` its derivative with respect to the unknown at a position; `guess` is
+/// where the search begins, `scales` the magnitude of each unknown.
 ///
 /// # Errors
 /// When the system has no isolated steady state or none was found.
 pub fn find<const N: usize>(
     derivatives: impl Fn(&[f64; N]) -> [f64; N],
+    derivatives_along: impl Fn(&[f64; N], usize) -> [f64; N],
     guess: [f64; N],
     scales: &[f64; N],
 ) -> Result<[f64; N], Failure> {
@@ -49,20 +48,33 @@ pub fn find<const N: usize>(
         let slopes = derivatives(&std::array::from_fn(|i| y[i] * scales[i]));
         std::array::from_fn(|i| slopes[i] / scales[i])
     };
+    // The matrix 1/Δt − J, with `damping` = 1/Δt.
+    let damped = |y: &[f64; N], damping: f64| -> [[f64; N]; N] {
+        let x = std::array::from_fn(|i| y[i] * scales[i]);
+        let mut matrix = [[0.0; N]; N];
+        for column in 0..N {
+            let along = derivatives_along(&x, column);
+            for row in 0..N {
+                matrix[row][column] = -along[row] / scales[row] * scales[column];
+            }
+            matrix[column][column] += damping;
+        }
+        matrix
+    };
     let mut y: [f64; N] = std::array::from_fn(|i| guess[i] / scales[i]);
     let mut slopes = scaled(&y);
     let mut step = FIRST_STEP;
     for _ in 0..MOST_ITERATIONS {
         let newton = step >= NEWTON_STEP;
         let damping = if newton { 0.0 } else { 1.0 / step };
-        let change = match linear::solve(damped(&scaled, &y, &slopes, damping), slopes) {
+        let change = match linear::solve(damped(&y, damping), slopes) {
             Some(change) => change,
             None if newton => return Err(Failure::NotIsolated),
             None => return Err(Failure::NotConverged),
         };
         let settled = magnitude(&change) < CONVERGED;
         if newton && settled {
-            let polished = polish(&scaled, y)?;
+            let polished = polish(&scaled, &damped, y)?;
             return Ok(std::array::from_fn(|i| polished[i] * scales[i]));
         }
         let share = admissible_share(&y, &change);
@@ -87,6 +99,7 @@ pub fn find<const N: usize>(
 /// rounding, no longer the method, decides which iterate is best.
 fn polish<const N: usize>(
     scaled: &impl Fn(&[f64; N]) -> [f64; N],
+    damped: &impl Fn(&[f64; N], f64) -> [[f64; N]; N],
     mut y: [f64; N],
 ) -> Result<[f64; N], Failure> {
     let mut best = (f64::INFINITY, y);
@@ -96,31 +109,10 @@ fn polish<const N: usize>(
         if residual < best.0 {
             best = (residual, y);
         }
-        let change = linear::solve(damped(scaled, &y, &slopes, 0.0), slopes).ok_or(Failure::NotIsolated)?;
+        let change = linear::solve(damped(&y, 0.0), slopes).ok_or(Failure::NotIsolated)?;
         y = std::array::from_fn(|i| y[i] + change[i]);
     }
     Ok(best.1)
-}
-
-/// The matrix 1/Δt − J at the scaled unknowns, with `damping` = 1/Δt.
-fn damped<const N: usize>(
-    scaled: &impl Fn(&[f64; N]) -> [f64; N],
-    y: &[f64; N],
-    slopes: &[f64; N],
-    damping: f64,
-) -> [[f64; N]; N] {
-    let mut matrix = [[0.0; N]; N];
-    for column in 0..N {
-        let mut moved = *y;
-        moved[column] += INCREMENT * y[column].abs().max(1e-3);
-        let increment = moved[column] - y[column];
-        let moved_slopes = scaled(&moved);
-        for row in 0..N {
-            matrix[row][column] = -(moved_slopes[row] - slopes[row]) / increment;
-        }
-        matrix[column][column] += damping;
-    }
-    matrix
 }
 
 /// The share of a change that keeps within [`LARGEST_CHANGE`] and does not bring any unknown more than
@@ -144,21 +136,31 @@ mod tests {
     fn the_steady_state_that_the_transient_reaches_is_found() {
         // x' = (x − 1)(3 − x)(x − 5)·x: 1 and 5 repel or attract by turns; from 2.9 the flow goes to 1.
         let slope = |x: f64| -(x - 1.0) * (x - 3.0) * (x - 5.0);
-        let found = find(|x| [slope(x[0])], [2.9], &[1.0]).unwrap();
+        // The product rule, factor by factor.
+        let along = |x: &[f64; 1], _| {
+            let (a, b, c) = (x[0] - 1.0, x[0] - 3.0, x[0] - 5.0);
+            [-(b * c + a * c + a * b)]
+        };
+        let found = find(|x| [slope(x[0])], along, [2.9], &[1.0]).unwrap();
         assert!((found[0] - 1.0).abs() < 1e-14, "{found:?}");
-        let found = find(|x| [slope(x[0])], [3.1], &[1.0]).unwrap();
+        let found = find(|x| [slope(x[0])], along, [3.1], &[1.0]).unwrap();
         assert!((found[0] - 5.0).abs() < 1e-14, "{found:?}");
     }
 
     #[test]
     fn a_line_of_steady_states_is_not_isolated() {
-        let found = find(|x| [1.0 - x[0], 0.0], [0.5, 0.5], &[1.0, 1.0]);
+        let found = find(
+            |x| [1.0 - x[0], 0.0],
+            |_, column| [if column == 0 { -1.0 } else { 0.0 }, 0.0],
+            [0.5, 0.5],
+            &[1.0, 1.0],
+        );
         assert_eq!(found, Err(Failure::NotIsolated));
     }
 
     #[test]
     fn endless_growth_is_given_up() {
-        assert_eq!(find(|_| [1.0], [1.0], &[1.0]), Err(Failure::NotConverged));
-        assert_eq!(find(|x| [1.0 + x[0]], [1.0], &[1.0]), Err(Failure::NotConverged));
+        assert_eq!(find(|_| [1.0], |_, _| [0.0], [1.0], &[1.0]), Err(Failure::NotConverged));
+        assert_eq!(find(|x| [1.0 + x[0]], |_, _| [1.0], [1.0], &[1.0]), Err(Failure::NotConverged));
     }
 }

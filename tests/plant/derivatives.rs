@@ -4,7 +4,9 @@
 use std::collections::BTreeSet;
 
 use boost_fmu::plant::BoostPlant;
+use boost_fmu::plant::linearization::linearize;
 use boost_fmu::plant::variables::{InitializationMode, States, Variables};
+use boost_fmu::solver::linear::solve;
 use fmi2_export::description::{Causality, Initial, ValueReference};
 use fmi2_export::{Context, Experiment, Model, Variables as _};
 
@@ -232,4 +234,50 @@ fn declared_initial_dependencies_are_where_derivatives_are_not_zero() {
     observed.retain(|&unknown, _| !name(unknown).starts_with("der("));
     let (_, too_much) = differences(&declared, &observed);
     assert!(too_much.is_empty(), "declared but not so: {too_much:#?}");
+}
+
+/// The states that a settled rod with a frozen tank leaves to solve for.
+const KEPT: usize = States::COUNT - 3;
+
+#[test]
+fn a_linearization_follows_the_plant_near_a_steady_state() {
+    // The gain of boost over duty from A, B and C, against two settled starts that lie close together.
+    let settled = |duty: f64| {
+        let mut point = Variables::default();
+        point.set_real(reference("hp_wastegate_pwm"), duty);
+        point.parameters.tank.frozen = true;
+        initialized(&point).1
+    };
+    let here = settled(45.0);
+    let linear = linearize(&here.parameters, here.inputs(), &here.states);
+    let scales = States::from_array(here.states.to_array().map(|state| state.abs().max(1.0))).to_array();
+    assert!((0..States::COUNT).all(|i| linear.rates.to_array()[i].abs() < 1e-9 * scales[i]));
+    // 0 = A·Δx + B·Δu without the frozen tank and the friction, which a settled rod is without.
+    let kept: Vec<_> = (0..States::COUNT)
+        .filter(|&i| {
+            !["tank.pressure", "actuator.friction_force", "actuator.velocity"].contains(&States::NAMES[i])
+        })
+        .collect();
+    assert_eq!(kept.len(), KEPT);
+    let velocity = States::NAMES.iter().position(|&name| name == "actuator.velocity").unwrap();
+    // The rod's position is found from its acceleration, since its rate is the velocity itself.
+    let row = |i: usize| if States::NAMES[i] == "actuator.position" { velocity } else { i };
+    let duty = 0;
+    let matrix: [[f64; KEPT]; KEPT] = std::array::from_fn(|r| {
+        std::array::from_fn(|c| {
+            linear.state_matrix[row(kept[r])][kept[c]] * scales[kept[c]] / scales[kept[r]]
+        })
+    });
+    let right: [f64; KEPT] =
+        std::array::from_fn(|r| -linear.input_matrix[row(kept[r])][duty] / scales[kept[r]]);
+    let change = solve(matrix, right).expect("an isolated steady state");
+    let boost = 0;
+    let gain: f64 =
+        (0..KEPT).map(|i| linear.output_matrix[boost][kept[i]] * change[i] * scales[kept[i]]).sum();
+    let quotient =
+        (settled(45.0 + 1e-3).outputs.boost_pressure - settled(45.0 - 1e-3).outputs.boost_pressure) / 2e-3;
+    // The quotient's rounding, 1e-10 of 1e5 Pa over 2e-3 %.
+    assert!((gain - quotient).abs() < 1e-4 * quotient.abs(), "{gain} Pa/%, but {quotient} by two starts");
+    assert!(quotient < -500.0);
+    assert!(linear.feedthrough_matrix[boost].iter().all(|&share| share == 0.0));
 }
