@@ -10,10 +10,10 @@ pub const MAX_ORDER: usize = 8;
 /// The inputs as functions of the time since the step's begin.
 #[derive(Clone, Debug)]
 pub struct InputSignal<I> {
-    /// The values at the step's begin as they were set.
-    set: I,
-    /// The same within their bounds.
+    /// The inputs at the step's begin, within their bounds.
     bounded: I,
+    /// By Real input: the value as it was set.
+    set: Box<[f64]>,
     /// By Real input: the derivatives of order 1, 2, ….
     derivatives: Box<[[f64; MAX_ORDER]]>,
     /// The highest order of which any input has a derivative; 0 when all are constant.
@@ -29,7 +29,7 @@ impl<I: Inputs> InputSignal<I> {
     /// Inputs that hold their values.
     pub fn constant(inputs: I) -> Self {
         let mut signal = Self {
-            set: inputs.clone(),
+            set: (0..I::REALS.len()).map(|position| inputs.real(position)).collect(),
             end: inputs.clone(),
             moved: false,
             bounded: inputs,
@@ -37,9 +37,7 @@ impl<I: Inputs> InputSignal<I> {
             order: 0,
             slopes: vec![0.0; I::REALS.len()].into_boxed_slice(),
         };
-        for position in 0..I::REALS.len() {
-            signal.bounded.set_real(position, bound::<I>(position, signal.set.real(position)));
-        }
+        signal.bound_all();
         signal
     }
 
@@ -66,33 +64,39 @@ impl<I: Inputs> InputSignal<I> {
                     .rev()
                     .fold(0.0, |sum, order| offset / (order + 1) as f64 * (derivatives[order] + sum));
                 if rise != 0.0 {
-                    inputs.set_real(position, bound::<I>(position, self.set.real(position) + rise));
+                    inputs.set_real(position, bound::<I>(position, self.set[position] + rise));
                 }
             }
         }
         inputs
     }
 
-    /// Takes a new value of a Real input; its derivatives are forgotten.
-    pub(crate) fn set_value(&mut self, position: usize, value: f64) {
-        self.set.set_real(position, value);
-        self.bounded.set_real(position, bound::<I>(position, value));
+    /// Takes a new value of a Real input; its derivatives are forgotten. Answers whether it is held at a
+    /// bound.
+    #[allow(clippy::float_cmp, reason = "a value that is not bounded is the same")]
+    pub(crate) fn set_value(&mut self, position: usize, value: f64) -> bool {
+        let bounded = bound::<I>(position, value);
+        self.set[position] = value;
+        self.bounded.set_real(position, bounded);
         self.slopes[position] = 0.0;
         self.moved = false;
         if self.order > 0 {
             self.derivatives[position] = [0.0; MAX_ORDER];
             self.find_order();
         }
+        bounded != value
     }
 
     /// Takes the values of the inputs that are not Real.
     pub(crate) fn set_others(&mut self, inputs: &I) {
         self.moved = false;
-        self.set.clone_from(inputs);
-        let reals = self.bounded.clone();
         self.bounded.clone_from(inputs);
-        for position in 0..I::REALS.len() {
-            self.bounded.set_real(position, reals.real(position));
+        self.bound_all();
+    }
+
+    fn bound_all(&mut self) {
+        for (position, &value) in self.set.iter().enumerate() {
+            self.bounded.set_real(position, bound::<I>(position, value));
         }
     }
 
@@ -138,7 +142,7 @@ impl<I: Inputs> InputSignal<I> {
     /// Whether the Real input at a position is not held at a bound.
     pub(crate) fn is_free(&self, position: usize) -> bool {
         let input = &I::REALS[position];
-        (input.min..=input.max).contains(&self.set.real(position))
+        (input.min..=input.max).contains(&self.set[position])
     }
 
     fn find_order(&mut self) {
@@ -149,16 +153,16 @@ impl<I: Inputs> InputSignal<I> {
     }
 }
 
-/// What was set; the rest follows from it.
+/// All but what follows from the rest.
 impl<I: Inputs> Persistent for InputSignal<I> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let Self { set, derivatives, slopes, end, moved, bounded: _, order: _ } = self;
+        let Self { bounded, set, derivatives, slopes, end, moved, order: _ } = self;
+        bounded.persist(archive)?;
         set.persist(archive)?;
         derivatives.persist(archive)?;
         slopes.persist(archive)?;
         end.persist(archive)?;
         moved.persist(archive)?;
-        self.bounded = Self::constant(self.set.clone()).bounded;
         self.find_order();
         Ok(())
     }

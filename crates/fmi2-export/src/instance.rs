@@ -433,25 +433,33 @@ impl<M: Model> Instance<M> {
             Phase::StepComplete => is_input || variable.variability == Variability::Tunable,
             Phase::Terminated | Phase::Error => false,
         };
-        if !settable || variable.variability == Variability::Constant {
-            return Err(Error::new(format!(
-                "{} (a {}, {}) cannot be set in the state {phase}",
-                variable.name, variable.causality, variable.variability
-            )));
+        let settable = settable && variable.variability != Variability::Constant;
+        if settable && value.is_finite() && (is_input || (variable.min..=variable.max).contains(&value)) {
+            Ok(())
+        } else {
+            Err(self.why_not_set(variable, value, settable))
         }
-        if !value.is_finite() {
-            return Err(Error::new(format!("{} for the variable {}", Shown(value), variable.name)));
-        }
-        if !is_input && !(variable.min..=variable.max).contains(&value) {
-            return Err(Error::new(format!(
+    }
+
+    /// Why a variable is not set to a value.
+    #[cold]
+    fn why_not_set(&self, variable: &VariableDescription, value: f64, settable: bool) -> Error {
+        Error::new(if !settable {
+            format!(
+                "{} (a {}, {}) cannot be set in the state {}",
+                variable.name, variable.causality, variable.variability, self.memory.phase
+            )
+        } else if !value.is_finite() {
+            format!("{} for the variable {}", Shown(value), variable.name)
+        } else {
+            format!(
                 "{} for the variable {} is outside its range {} to {}",
                 Shown(value),
                 variable.name,
                 Shown(variable.min),
                 Shown(variable.max)
-            )));
-        }
-        Ok(())
+            )
+        })
     }
 
     /// Notes that a variable was set; warns once of an input that is out of its bounds.
@@ -463,26 +471,29 @@ impl<M: Model> Instance<M> {
             memory.parameters_changed = true;
             return Status::Ok;
         }
-        match variable.real_input {
-            Some(position) => memory.inputs.set_value(position, value),
-            None => memory.inputs.set_others(memory.variables.inputs()),
-        }
-        let outside = !(variable.min..=variable.max).contains(&value);
+        let outside = if let Some(position) = variable.real_input {
+            memory.inputs.set_value(position, value)
+        } else {
+            memory.inputs.set_others(memory.variables.inputs());
+            !(variable.min..=variable.max).contains(&value)
+        };
         let told = std::mem::replace(&mut memory.out_of_bounds[reference as usize], outside);
-        if outside && !told {
-            self.logger.message(
-                WARNING,
-                format_args!(
-                    "{} for the input {} is outside its range {} to {}; the nearest bound is used",
-                    Shown(value),
-                    variable.name,
-                    Shown(variable.min),
-                    Shown(variable.max)
-                ),
-            );
-            return Status::Warning;
-        }
-        Status::Ok
+        if outside && !told { self.warn_of_bounds(variable, value) } else { Status::Ok }
+    }
+
+    #[cold]
+    fn warn_of_bounds(&self, variable: &VariableDescription, value: f64) -> Status {
+        self.logger.message(
+            WARNING,
+            format_args!(
+                "{} for the input {} is outside its range {} to {}; the nearest bound is used",
+                Shown(value),
+                variable.name,
+                Shown(variable.min),
+                Shown(variable.max)
+            ),
+        );
+        Status::Warning
     }
 
     /// Sets values: checks all before it changes any. `as_number` is a value as ranges see it.
