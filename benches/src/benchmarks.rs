@@ -1,0 +1,526 @@
+//! What is measured: each subject in some groups, once for each that it is compared with.
+
+use std::hint::black_box;
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use boost_fmu::controller::BoostController;
+use boost_fmu::controller::variables::{FeedbackStructure, Inputs as ControllerInputs};
+use boost_fmu::plant::BoostPlant;
+use boost_fmu::plant::system::System;
+use boost_fmu::plant::variables::{InitializationMode, Inputs, Parameters, States, Variables};
+use fmi2_export::Variables as _;
+use fmi2_export::c_types::ValueReference;
+use fmi2_export::description::Causality;
+
+use crate::closed_loop::{Fmus, Models, controller_library};
+use crate::direct::Direct;
+use crate::experiment::{Experiment, STEP, Stretch, steps};
+use crate::library::Instance;
+use crate::plant::{Fmu, Plant, RungeKutta, library};
+use crate::reference::Reference;
+
+/// What is measured.
+pub trait Subject {
+    /// Brings it to where what is measured begins.
+    fn prepare(&mut self) {}
+    /// What is measured.
+    fn run(&mut self);
+}
+
+/// A subject before it is made, which may take a while.
+pub struct Benchmark {
+    /// What is done.
+    pub group: String,
+    /// Who does it: `fmu`, `direct` or `reference`.
+    pub by: &'static str,
+    /// How often it is done in one run.
+    pub elements: u64,
+    /// Whether its instructions are worth counting, too.
+    pub counted: bool,
+    make: Box<dyn Fn() -> Box<dyn Subject>>,
+}
+
+impl Benchmark {
+    fn new<S: Subject + 'static>(
+        group: impl Into<String>,
+        by: &'static str,
+        elements: usize,
+        make: impl Fn() -> S + 'static,
+    ) -> Self {
+        Self {
+            group: group.into(),
+            by,
+            elements: elements as u64,
+            counted: true,
+            make: Box::new(move || Box::new(make())),
+        }
+    }
+
+    fn timed_only(self) -> Self {
+        Self { counted: false, ..self }
+    }
+
+    /// Makes the subject.
+    #[must_use]
+    pub fn make(&self) -> Box<dyn Subject> {
+        (self.make)()
+    }
+}
+
+/// Steps of 1 ms, in s.
+const SHORT_STEP: f64 = 1e-3;
+/// How often what is short is done in one run, so that reading the clock does not count.
+const OFTEN: usize = 1000;
+/// How many values are got and set at once.
+const VALUES: usize = 10;
+
+/// Everything that is measured, in the order of the table.
+#[must_use]
+pub fn all() -> Vec<Benchmark> {
+    let mut all = vec![
+        Benchmark::new("right-hand side", "direct", OFTEN, || {
+            Rates::new(System::new(&Parameters::default()))
+        }),
+        Benchmark::new("right-hand side", "reference", OFTEN, || {
+            Rates::new(Reference::new(&Parameters::default()))
+        }),
+    ];
+    for stretch in [Stretch::QUIET, Stretch::VOLTAGE, Stretch::DUTY, Stretch::LOAD] {
+        let group = format!("plant 12.5 ms {}", stretch.name);
+        all.extend(plant_steps(&group, stretch, STEP));
+    }
+    for stretch in [Stretch::QUIET, Stretch::DUTY] {
+        let group = format!("plant 1 ms {}", stretch.name);
+        all.extend(plant_steps(&group, stretch, SHORT_STEP));
+    }
+    all.extend(plant_steps("plant 12.5 ms whole", Stretch::WHOLE, STEP).map(Benchmark::timed_only));
+    all.extend([
+        Benchmark::new("plant 12.5 ms slowest", "fmu", 1, SlowestStep::<Fmu>::new).timed_only(),
+        Benchmark::new("plant 12.5 ms slowest", "direct", 1, SlowestStep::<Direct<BoostPlant>>::new)
+            .timed_only(),
+        Benchmark::new("plant 12.5 ms slowest", "reference", 1, SlowestStep::<RungeKutta>::new).timed_only(),
+    ]);
+    // Between samples: of one a second, as long as the benchmark lasts.
+    let default = FeedbackStructure::ModelReference;
+    for (group, size, sample_time, structure) in [
+        ("controller 12.5 ms", STEP, STEP, default),
+        // What the controller in Python has.
+        ("controller 12.5 ms paper", STEP, STEP, FeedbackStructure::Paper),
+        ("controller 1 ms", SHORT_STEP, STEP, default),
+        ("controller empty", 1e-7, 1.0, default),
+    ] {
+        all.extend([
+            Benchmark::new(group, "fmu", OFTEN, move || FmuController::new(size, sample_time, structure)),
+            Benchmark::new(group, "direct", OFTEN, move || {
+                DirectController::new(size, sample_time, structure)
+            }),
+        ]);
+    }
+    all.extend([
+        Benchmark::new("get ten Reals", "fmu", OFTEN, || FmuGet(FmuReals::new(Causality::Output))),
+        Benchmark::new("get ten Reals", "direct", OFTEN, || DirectGet(DirectReals::new(Causality::Output))),
+        Benchmark::new("set ten Reals", "fmu", OFTEN, || FmuSet(FmuReals::new(Causality::Input))),
+        Benchmark::new("set ten Reals", "direct", OFTEN, || DirectSet(DirectReals::new(Causality::Input))),
+    ]);
+    for (group, mode) in [
+        ("instantiate running", InitializationMode::Running),
+        ("instantiate settled", InitializationMode::Settled),
+    ] {
+        all.extend([
+            Benchmark::new(group, "fmu", 1, move || FmuStart { mode, instance: None }),
+            Benchmark::new(group, "direct", 1, move || DirectStart { mode, plant: None }),
+        ]);
+    }
+    all.extend([
+        Benchmark::new("closed loop", "fmu", 1, Both::<Fmus>::default).timed_only(),
+        Benchmark::new("closed loop", "direct", 1, Both::<Models>::default).timed_only(),
+    ]);
+    all
+}
+
+/// A right-hand side.
+trait RightHandSide {
+    fn rates(&self, states: &States, inputs: &Inputs) -> States;
+}
+
+impl RightHandSide for System {
+    fn rates(&self, states: &States, inputs: &Inputs) -> States {
+        self.evaluate(inputs, states).derivatives
+    }
+}
+
+impl RightHandSide for Reference {
+    fn rates(&self, states: &States, inputs: &Inputs) -> States {
+        self.right_hand_side(states, inputs)
+    }
+}
+
+/// A right-hand side all over the recorded experiment.
+struct Rates<R> {
+    system: R,
+    points: Vec<(States, Inputs)>,
+}
+
+impl<R> Rates<R> {
+    fn new(system: R) -> Self {
+        let recorded = Experiment::recorded();
+        let every = recorded.inputs.len() / OFTEN;
+        let mut plant = Direct::<BoostPlant>::given(&recorded.states, &recorded.inputs[0]);
+        let mut points = Vec::new();
+        for (row, inputs) in recorded.inputs.iter().enumerate() {
+            if row % every == 0 && points.len() < OFTEN {
+                points.push((plant.variables.states, *inputs));
+            }
+            Plant::set(&mut plant, inputs);
+            plant.step(STEP);
+        }
+        Self { system, points }
+    }
+}
+
+impl<R: RightHandSide> Subject for Rates<R> {
+    fn run(&mut self) {
+        for (states, inputs) in &self.points {
+            black_box(self.system.rates(black_box(states), black_box(inputs)));
+        }
+    }
+}
+
+/// The plant over a stretch of the recorded experiment, by each.
+fn plant_steps(group: &str, stretch: Stretch, size: f64) -> [Benchmark; 3] {
+    let count = steps(stretch.count, size);
+    [
+        Benchmark::new(group, "fmu", count, move || PlantSteps::<Fmu>::new(&stretch, size)),
+        Benchmark::new(group, "direct", count, move || PlantSteps::<Direct<BoostPlant>>::new(&stretch, size)),
+        Benchmark::new(group, "reference", count, move || PlantSteps::<RungeKutta>::new(&stretch, size)),
+    ]
+}
+
+/// The states at the begin of each step of the recorded experiment.
+fn states_at(row: usize) -> States {
+    static STATES: OnceLock<Vec<States>> = OnceLock::new();
+    STATES.get_or_init(|| {
+        let recorded = Experiment::recorded();
+        let mut plant = Direct::<BoostPlant>::given(&recorded.states, &recorded.inputs[0]);
+        let begin = |inputs| {
+            let states = plant.variables.states;
+            Plant::set(&mut plant, inputs);
+            plant.step(STEP);
+            states
+        };
+        recorded.inputs.iter().map(begin).collect()
+    })[row]
+}
+
+/// Steps through a stretch of the recorded experiment.
+struct PlantSteps<P: Plant> {
+    plant: P,
+    begin: P::Saved,
+    changes: Vec<Option<Inputs>>,
+    size: f64,
+}
+
+impl<P: Plant> PlantSteps<P> {
+    fn new(stretch: &Stretch, size: f64) -> Self {
+        let recorded = Experiment::recorded();
+        // Half a second of steps before, for a method that chooses its steps by those before.
+        let first = stretch.first.saturating_sub(40);
+        let before = Stretch { name: "", first, count: stretch.first - first };
+        let states = if first == 0 { recorded.states } else { states_at(first) };
+        let mut plant = P::given(&states, &recorded.inputs[first]);
+        pass(&mut plant, &recorded.changes(&before, size), size);
+        let begin = plant.save();
+        Self { plant, begin, changes: recorded.changes(stretch, size), size }
+    }
+}
+
+fn pass(plant: &mut impl Plant, changes: &[Option<Inputs>], size: f64) {
+    for change in changes {
+        if let Some(inputs) = change {
+            plant.set(inputs);
+        }
+        plant.step(size);
+    }
+}
+
+impl<P: Plant> Subject for PlantSteps<P> {
+    fn prepare(&mut self) {
+        self.plant.restore(&self.begin);
+    }
+
+    fn run(&mut self) {
+        pass(&mut self.plant, &self.changes, self.size);
+    }
+}
+
+/// The step of the recorded experiment that takes the FMU longest.
+fn slowest_step() -> usize {
+    static SLOWEST: OnceLock<usize> = OnceLock::new();
+    *SLOWEST.get_or_init(|| {
+        let recorded = Experiment::recorded();
+        let mut plant = Fmu::given(&recorded.states, &recorded.inputs[0]);
+        let begin = plant.save();
+        // What else the machine does, it does at other steps in each pass.
+        let mut least = vec![Duration::MAX; recorded.inputs.len()];
+        for _ in 0..10 {
+            plant.restore(&begin);
+            for (inputs, least) in recorded.inputs.iter().zip(&mut least) {
+                plant.set(inputs);
+                let start = Instant::now();
+                plant.step(STEP);
+                *least = start.elapsed().min(*least);
+            }
+        }
+        let (slowest, time) =
+            least.iter().enumerate().max_by_key(|&(_, time)| time).expect("there are steps");
+        println!("the slowest step begins at {} s: {time:?}", slowest as f64 * STEP);
+        slowest
+    })
+}
+
+/// The slowest step of the recorded experiment.
+struct SlowestStep<P: Plant> {
+    plant: P,
+    begin: P::Saved,
+}
+
+impl<P: Plant> SlowestStep<P> {
+    fn new() -> Self {
+        let recorded = Experiment::recorded();
+        let mut plant = P::given(&recorded.states, &recorded.inputs[0]);
+        let slowest = slowest_step();
+        for inputs in &recorded.inputs[..slowest] {
+            plant.set(inputs);
+            plant.step(STEP);
+        }
+        plant.set(&recorded.inputs[slowest]);
+        let begin = plant.save();
+        Self { plant, begin }
+    }
+}
+
+impl<P: Plant> Subject for SlowestStep<P> {
+    fn prepare(&mut self) {
+        self.plant.restore(&self.begin);
+    }
+
+    fn run(&mut self) {
+        self.plant.step(STEP);
+    }
+}
+
+/// The controller's inputs: an error that does not vanish.
+const REFERENCE: f64 = 150e3;
+const MEASUREMENT: f64 = 149e3;
+
+/// Steps of the controller's FMU.
+struct FmuController {
+    controller: Instance<'static>,
+    size: f64,
+}
+
+impl FmuController {
+    fn new(size: f64, sample_time: f64, structure: FeedbackStructure) -> Self {
+        let library = controller_library();
+        let mut controller = library.instantiate();
+        let references = library.references(&["sample_time", "boost_reference", "boost_pressure"]);
+        controller.set(&references, &[sample_time, REFERENCE, MEASUREMENT]);
+        controller.set_integer(library.references(&["structure"])[0], structure.value());
+        controller.enter_initialization();
+        controller.exit_initialization();
+        controller.step(size);
+        Self { controller, size }
+    }
+}
+
+impl Subject for FmuController {
+    fn run(&mut self) {
+        for _ in 0..OFTEN {
+            self.controller.step(self.size);
+        }
+    }
+}
+
+/// Steps of the controller's model.
+struct DirectController {
+    controller: Direct<BoostController>,
+    size: f64,
+}
+
+impl DirectController {
+    fn new(size: f64, sample_time: f64, structure: FeedbackStructure) -> Self {
+        let inputs = ControllerInputs {
+            boost_reference: REFERENCE,
+            boost_pressure: MEASUREMENT,
+            ..ControllerInputs::default()
+        };
+        let mut controller = Direct::<BoostController>::new(inputs, |variables| {
+            variables.parameters.sample_time = sample_time;
+            variables.parameters.structure = structure;
+        });
+        controller.step(size);
+        Self { controller, size }
+    }
+}
+
+impl Subject for DirectController {
+    fn run(&mut self) {
+        for _ in 0..OFTEN {
+            self.controller.step(self.size);
+        }
+    }
+}
+
+/// The value references of the plant's first Real variables of a causality.
+fn references(causality: Causality) -> [ValueReference; VALUES] {
+    let names: Vec<_> = library().named(causality).take(VALUES).collect();
+    library().references(&names).try_into().expect("there are as many")
+}
+
+/// Values of the plant's FMU, after a step.
+struct FmuReals {
+    plant: Fmu,
+    references: [ValueReference; VALUES],
+    values: [f64; VALUES],
+}
+
+impl FmuReals {
+    fn new(causality: Causality) -> Self {
+        let references = references(causality);
+        let mut plant = Fmu::given(&States::default(), &Inputs::default());
+        plant.step(STEP);
+        let mut values = [0.0; VALUES];
+        plant.instance.get(&references, &mut values);
+        Self { plant, references, values }
+    }
+}
+
+/// Gets them.
+struct FmuGet(FmuReals);
+
+impl Subject for FmuGet {
+    fn run(&mut self) {
+        for _ in 0..OFTEN {
+            self.0.plant.instance.get(black_box(&self.0.references), &mut self.0.values);
+            black_box(&self.0.values);
+        }
+    }
+}
+
+/// Sets them.
+struct FmuSet(FmuReals);
+
+impl Subject for FmuSet {
+    fn run(&mut self) {
+        for _ in 0..OFTEN {
+            self.0.plant.instance.set(black_box(&self.0.references), black_box(&self.0.values));
+        }
+    }
+}
+
+/// Values of the plant's variables, by the generated accessors.
+struct DirectReals {
+    variables: Variables,
+    references: [ValueReference; VALUES],
+    values: [f64; VALUES],
+}
+
+impl DirectReals {
+    fn new(causality: Causality) -> Self {
+        let references = references(causality);
+        let variables = Direct::<BoostPlant>::given(&States::default(), &Inputs::default()).variables;
+        Self { values: references.map(|reference| variables.real(reference)), variables, references }
+    }
+}
+
+/// Reads them.
+struct DirectGet(DirectReals);
+
+impl Subject for DirectGet {
+    fn run(&mut self) {
+        for _ in 0..OFTEN {
+            for (value, &reference) in self.0.values.iter_mut().zip(black_box(&self.0.references)) {
+                *value = self.0.variables.real(reference);
+            }
+            black_box(&self.0.values);
+        }
+    }
+}
+
+/// Writes them.
+struct DirectSet(DirectReals);
+
+impl Subject for DirectSet {
+    fn run(&mut self) {
+        for _ in 0..OFTEN {
+            for (&value, &reference) in black_box(&self.0.values).iter().zip(black_box(&self.0.references)) {
+                self.0.variables.set_real(reference, value);
+            }
+            black_box(&self.0.variables);
+        }
+    }
+}
+
+/// From nothing to a plant's FMU that is ready for its first step.
+struct FmuStart {
+    mode: InitializationMode,
+    instance: Option<Instance<'static>>,
+}
+
+impl Subject for FmuStart {
+    fn prepare(&mut self) {
+        self.instance = None;
+    }
+
+    fn run(&mut self) {
+        let mut instance = library().instantiate();
+        instance.set_integer(library().references(&["initialization.mode"])[0], self.mode.value());
+        instance.enter_initialization();
+        instance.exit_initialization();
+        self.instance = Some(instance);
+    }
+}
+
+/// The same of the model.
+struct DirectStart {
+    mode: InitializationMode,
+    plant: Option<Box<Direct<BoostPlant>>>,
+}
+
+impl Subject for DirectStart {
+    fn prepare(&mut self) {
+        self.plant = None;
+    }
+
+    fn run(&mut self) {
+        let change = |variables: &mut Variables| variables.parameters.initialization.mode = self.mode;
+        self.plant = Some(Box::new(Direct::new(Inputs::default(), change)));
+    }
+}
+
+/// Controller and plant through the steps of the paper's Fig. 13.
+#[derive(Default)]
+struct Both<L> {
+    control: Option<L>,
+}
+
+impl Subject for Both<Fmus> {
+    fn prepare(&mut self) {
+        self.control = Some(Fmus::default());
+    }
+
+    fn run(&mut self) {
+        black_box(self.control.as_mut().expect("it was prepared").run());
+    }
+}
+
+impl Subject for Both<Models> {
+    fn prepare(&mut self) {
+        self.control = Some(Models::default());
+    }
+
+    fn run(&mut self) {
+        black_box(self.control.as_mut().expect("it was prepared").run());
+    }
+}

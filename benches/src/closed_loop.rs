@@ -1,0 +1,176 @@
+//! The closed loop over the steps of the paper's Fig. 13, as `benches/python/closed_loop.py` has it: 124 s at
+//! 80 Hz, in each step the controller first.
+
+use std::sync::OnceLock;
+
+use boost_fmu::controller::BoostController;
+use boost_fmu::controller::variables::Inputs as ControllerInputs;
+use boost_fmu::plant::BoostPlant;
+use boost_fmu::plant::variables::Inputs as PlantInputs;
+use fmi2_export::c_types::ValueReference;
+use fmi2_export::description::Causality;
+
+use crate::direct::Direct;
+use crate::library::{Instance, Library};
+use crate::plant;
+
+/// The size of a step in s.
+const STEP: f64 = 1.0 / 80.0;
+
+/// How many steps there are.
+pub const STEPS: u32 = 124 * 80;
+
+/// From which step on boost pressure shall be what (Pa).
+const REFERENCES: [(u32, f64); 11] = [
+    (0, 125e3),
+    (5 * 80, 135e3),
+    (15 * 80, 150e3),
+    (25 * 80, 170e3),
+    (38 * 80, 185e3),
+    (52 * 80, 170e3),
+    (64 * 80, 150e3),
+    (76 * 80, 135e3),
+    (88 * 80, 125e3),
+    (100 * 80, 145e3),
+    (112 * 80, 125e3),
+];
+
+fn boost_reference(step: u32) -> f64 {
+    REFERENCES[REFERENCES.partition_point(|&(begin, _)| begin <= step) - 1].1
+}
+
+/// The exported library of the controller, which is loaded once.
+pub fn controller_library() -> &'static Library {
+    static LIBRARY: OnceLock<Library> = OnceLock::new();
+    LIBRARY.get_or_init(Library::load::<BoostController>)
+}
+
+/// Value references of what one takes from the other, and room for the values.
+#[derive(Debug)]
+struct Wires {
+    sources: Vec<ValueReference>,
+    targets: Vec<ValueReference>,
+    values: Vec<f64>,
+}
+
+impl Wires {
+    /// Outputs and inputs of equal names.
+    fn between(source: &Library, target: &Library) -> Self {
+        let inputs: Vec<_> = target.named(Causality::Input).collect();
+        let names: Vec<_> = source.named(Causality::Output).filter(|name| inputs.contains(name)).collect();
+        Self {
+            sources: source.references(&names),
+            targets: target.references(&names),
+            values: vec![0.0; names.len()],
+        }
+    }
+
+    fn transfer(&mut self, source: &mut Instance<'_>, target: &mut Instance<'_>) {
+        source.get(&self.sources, &mut self.values);
+        target.set(&self.targets, &self.values);
+    }
+}
+
+/// Both FMUs under a master that exchanges values by their references.
+#[derive(Debug)]
+pub struct Fmus {
+    controller: Instance<'static>,
+    plant: Instance<'static>,
+    measurements: Wires,
+    commands: Wires,
+    reference: Vec<ValueReference>,
+    boost: Vec<ValueReference>,
+    duty: Vec<ValueReference>,
+}
+
+impl Default for Fmus {
+    /// At rest where the controller begins.
+    fn default() -> Self {
+        let (controllers, plants) = (controller_library(), plant::library());
+        let mut this = Self {
+            controller: controllers.instantiate(),
+            plant: plants.instantiate(),
+            measurements: Wires::between(plants, controllers),
+            commands: Wires::between(controllers, plants),
+            reference: controllers.references(&["boost_reference"]),
+            boost: plants.references(&["boost_pressure"]),
+            duty: controllers.references(&["hp_wastegate_pwm"]),
+        };
+        this.controller.enter_initialization();
+        this.plant.enter_initialization();
+        this.commands.transfer(&mut this.controller, &mut this.plant);
+        this.controller.exit_initialization();
+        this.plant.exit_initialization();
+        this
+    }
+}
+
+impl Fmus {
+    /// The whole experiment: boost pressure (Pa) and duty (%) after each step.
+    pub fn run(&mut self) -> Vec<[f64; 2]> {
+        let mut rows = Vec::with_capacity(STEPS as usize);
+        for step in 0..STEPS {
+            self.controller.set(&self.reference, &[boost_reference(step)]);
+            self.measurements.transfer(&mut self.plant, &mut self.controller);
+            self.controller.step(STEP);
+            self.commands.transfer(&mut self.controller, &mut self.plant);
+            self.plant.step(STEP);
+            let mut row = [0.0; 2];
+            self.plant.get(&self.boost, &mut row[..1]);
+            self.controller.get(&self.duty, &mut row[1..]);
+            rows.push(row);
+        }
+        rows
+    }
+}
+
+/// Both models called directly.
+#[derive(Clone)]
+pub struct Models {
+    controller: Direct<BoostController>,
+    plant: Direct<BoostPlant>,
+}
+
+impl Default for Models {
+    /// At rest where the controller begins.
+    fn default() -> Self {
+        let controller = Direct::<BoostController>::new(ControllerInputs::default(), |_| {});
+        let plant = Direct::new(commands(&controller), |_| {});
+        Self { controller, plant }
+    }
+}
+
+impl Models {
+    /// The whole experiment: boost pressure (Pa) and duty (%) after each step.
+    pub fn run(&mut self) -> Vec<[f64; 2]> {
+        let mut rows = Vec::with_capacity(STEPS as usize);
+        for step in 0..STEPS {
+            let measured = &self.plant.variables.outputs;
+            self.controller.set(ControllerInputs {
+                boost_reference: boost_reference(step),
+                boost_pressure: measured.boost_pressure,
+                tank_pressure: measured.tank_pressure,
+                supply_voltage_measured: measured.supply_voltage_measured,
+                ..*self.controller.inputs.initial()
+            });
+            self.controller.step(STEP);
+            self.plant.set(commands(&self.controller));
+            self.plant.step(STEP);
+            let duty = self.controller.variables.outputs.hp_wastegate_pwm;
+            rows.push([self.plant.variables.outputs.boost_pressure, duty]);
+        }
+        rows
+    }
+}
+
+/// The plant's inputs that the controller puts out; the others keep their start values.
+fn commands(controller: &Direct<BoostController>) -> PlantInputs {
+    let outputs = &controller.variables.outputs;
+    PlantInputs {
+        hp_wastegate_pwm: outputs.hp_wastegate_pwm,
+        vacuum_pump: outputs.vacuum_pump,
+        lp_wastegate: outputs.lp_wastegate,
+        hp_bypass: outputs.hp_bypass,
+        ..PlantInputs::default()
+    }
+}

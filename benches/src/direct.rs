@@ -1,0 +1,50 @@
+//! A model called directly: what a loop in Rust costs without FMI.
+
+use fmi2_export::{Context, Experiment, InputSignal, InputsOf, Model, Step};
+
+/// A model with what surrounds it.
+#[derive(Clone)]
+pub struct Direct<M: Model> {
+    /// The model.
+    pub model: M,
+    /// Its variables.
+    pub variables: M::Variables,
+    /// Its inputs from now on.
+    pub inputs: InputSignal<InputsOf<M>>,
+    /// The end of the last step in s.
+    pub time: f64,
+}
+
+impl<M: Model> Direct<M> {
+    /// A model that was initialized at time 0 with its inputs and changed variables.
+    ///
+    /// # Panics
+    /// When it cannot be initialized.
+    pub fn new(inputs: InputsOf<M>, change: impl FnOnce(&mut M::Variables)) -> Self {
+        let (mut model, mut variables) = (M::default(), M::Variables::default());
+        change(&mut variables);
+        M::check_parameters(&variables).expect("the parameters are consistent");
+        let inputs = InputSignal::constant(inputs);
+        let mut log = |_, _: std::fmt::Arguments<'_>| {};
+        let mut context = Context::new(Experiment::default(), &mut log);
+        model.initialize(&mut variables, inputs.initial(), &mut context).expect("initialization succeeds");
+        Self { model, variables, inputs, time: 0.0 }
+    }
+
+    /// Takes new inputs.
+    pub fn set(&mut self, inputs: InputsOf<M>) {
+        self.inputs = InputSignal::constant(inputs);
+    }
+
+    /// One communication step of a size in s.
+    ///
+    /// # Panics
+    /// When it fails.
+    pub fn step(&mut self, size: f64) {
+        let mut log = |_, _: std::fmt::Arguments<'_>| {};
+        let mut context = Context::new(Experiment::default(), &mut log);
+        let step = Step { start: self.time, size, inputs: &self.inputs };
+        self.model.step(&mut self.variables, &step, &mut context).expect("the step succeeds");
+        self.time += size;
+    }
+}

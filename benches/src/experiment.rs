@@ -1,0 +1,89 @@
+//! The recorded experiment of 40 s, `tests/data/plant_trace.csv`, and stretches of it.
+//!
+//! Until 20 s a controller is at work (steps of its reference at 2, 10 and 18 s, of the voltage at 8, 12
+//! and 16 s), until 30 s the speed rises, and then the duty goes from rail to rail.
+
+use std::sync::OnceLock;
+
+use boost_fmu::plant::variables::{Inputs, States};
+
+use crate::bench::{inputs_of, numbers, states_of};
+
+/// The experiment's step in s.
+pub const STEP: f64 = 0.0125;
+
+/// The whole experiment.
+#[derive(Debug)]
+pub struct Experiment {
+    /// The states at its start.
+    pub states: States,
+    /// The inputs during each step.
+    pub inputs: Vec<Inputs>,
+}
+
+impl Experiment {
+    /// The experiment, which is read once.
+    ///
+    /// # Panics
+    /// When the file is not what it was.
+    pub fn recorded() -> &'static Self {
+        static RECORDED: OnceLock<Experiment> = OnceLock::new();
+        RECORDED.get_or_init(|| {
+            let mut lines = include_str!("../../tests/data/plant_trace.csv").lines();
+            let first = lines.next().and_then(|line| line.strip_prefix("# x0: "));
+            let states = states_of(&numbers(first.expect("the initial state"), ' '));
+            // The heading has no numbers.
+            let rows = lines.map(|line| numbers(line, ',')).filter(|row| !row.is_empty());
+            Self { states, inputs: rows.map(|row| inputs_of(&row[1..11])).collect() }
+        })
+    }
+
+    /// The inputs of a stretch, one for each step of a size in s: those that change.
+    #[must_use]
+    pub fn changes(&self, stretch: &Stretch, size: f64) -> Vec<Option<Inputs>> {
+        let inputs = &self.inputs[stretch.first..stretch.first + stretch.count];
+        let mut held = None;
+        (0..steps(stretch.count, size))
+            .map(|step| {
+                // Half a step in: away from the rounding at its begin.
+                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+                let row = ((step as f64 + 0.5) * size / STEP) as usize;
+                let changes = held != Some(inputs[row]);
+                held = Some(inputs[row]);
+                changes.then_some(inputs[row])
+            })
+            .collect()
+    }
+}
+
+/// How many steps of a size in s go into as many of the experiment's.
+#[must_use]
+pub fn steps(count: usize, size: f64) -> usize {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let steps = (count as f64 * STEP / size).round() as usize;
+    steps
+}
+
+/// A part of the experiment.
+#[derive(Clone, Copy, Debug)]
+pub struct Stretch {
+    /// What happens in it.
+    pub name: &'static str,
+    /// Its first step.
+    pub first: usize,
+    /// How many steps it has.
+    pub count: usize,
+}
+
+impl Stretch {
+    /// Nothing changes, a second after the last step of the duty.
+    pub const QUIET: Self = Self { name: "quiet", first: 2800, count: 80 };
+    /// The voltage falls by 0.9 V, and the controller compensates.
+    pub const VOLTAGE: Self = Self { name: "voltage", first: 640, count: 20 };
+    /// The duty goes from 100 % to 0.
+    pub const DUTY: Self = Self { name: "duty", first: 2560, count: 20 };
+    /// The throttle shuts to 30 %, and the duty falls.
+    pub const LOAD: Self = Self { name: "load", first: 2880, count: 20 };
+    /// All of it.
+    pub const WHOLE: Self = Self { name: "whole", first: 0, count: 3200 };
+}

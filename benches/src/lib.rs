@@ -1,0 +1,22 @@
+//! What the models and their FMUs cost, and what to compare it with.
+//!
+//! [`benchmarks::all`] lists what is measured, each by several: the exported library through the C
+//! functions of FMI 2.0 ([`library`]), the model called directly ([`direct`]), and for the plant the
+//! straightforward right-hand side under a plain Runge-Kutta method ([`mod@reference`]). `src/time.rs` measures
+//! how long they take, `src/count.rs` lets valgrind count their instructions. `bash benches/run` does both and
+//! prints the table.
+
+pub mod benchmarks;
+pub mod closed_loop;
+pub mod direct;
+pub mod experiment;
+pub mod library;
+pub mod plant;
+pub mod reference;
+
+#[path = "../../tests/plant/bench.rs"]
+#[allow(dead_code, missing_docs, clippy::pedantic, reason = "the plant's tests use the rest")]
+mod bench;
+#[cfg(test)]
+#[path = "../../tests/support/random.rs"]
+mod random;

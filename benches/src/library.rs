@@ -1,0 +1,237 @@
+//! The exported libraries, called through the C functions of FMI 2.0 as an importer calls them.
+
+use std::env;
+use std::ffi::{CString, c_char, c_int};
+use std::path::PathBuf;
+use std::ptr;
+
+use fmi2_export::c_types::{
+    Boolean, CO_SIMULATION, CallbackFunctions, Component, FALSE, FmuState, Integer, Status, TRUE,
+    ValueReference,
+};
+use fmi2_export::description::{Causality, VariableDescription};
+use fmi2_export::{Model, Variables};
+
+/// Declares the functions that are called, by their names in the standard.
+macro_rules! functions {
+    ($($name:ident: $symbol:literal ($($argument:ty),*) $(-> $answer:ty)?;)*) => {
+        /// The library of an FMU.
+        #[derive(Debug)]
+        pub struct Library {
+            $($name: unsafe extern "C" fn($($argument),*) $(-> $answer)?,)*
+            guid: CString,
+            /// What its value references stand for.
+            variables: &'static [VariableDescription],
+            /// Last, so that it is unloaded when nothing points into it any more.
+            _loaded: libloading::Library,
+        }
+
+        impl Library {
+            /// The library of a model, as the export made it.
+            ///
+            /// # Panics
+            /// When it was not exported, or by another version of the models.
+            #[must_use]
+            pub fn load<M: Model>() -> Self {
+                let description = M::Variables::DESCRIPTION;
+                let path = path(description.model_identifier);
+                // SAFETY: the library is an export of this workspace; loading it runs nothing.
+                let loaded = unsafe { libloading::Library::new(&path) };
+                let loaded = loaded.unwrap_or_else(|error| {
+                    panic!("{}: {error}; export first: cargo run --release -- export", path.display())
+                });
+                Self {
+                    // SAFETY: the types are those of the standard, by which the library declares them.
+                    $($name: *unsafe { loaded.get($symbol) }.expect("every function is there"),)*
+                    guid: CString::new(description.guid).expect("no NUL in it"),
+                    variables: description.variables,
+                    _loaded: loaded,
+                }
+            }
+        }
+    };
+}
+
+functions! {
+    instantiate: b"fmi2Instantiate\0" (
+        *const c_char, c_int, *const c_char, *const c_char, *const CallbackFunctions, Boolean, Boolean
+    ) -> Component;
+    free_instance: b"fmi2FreeInstance\0" (Component);
+    setup_experiment: b"fmi2SetupExperiment\0" (Component, Boolean, f64, f64, Boolean, f64) -> Status;
+    enter_initialization_mode: b"fmi2EnterInitializationMode\0" (Component) -> Status;
+    exit_initialization_mode: b"fmi2ExitInitializationMode\0" (Component) -> Status;
+    get_real: b"fmi2GetReal\0" (Component, *const ValueReference, usize, *mut f64) -> Status;
+    set_real: b"fmi2SetReal\0" (Component, *const ValueReference, usize, *const f64) -> Status;
+    set_integer: b"fmi2SetInteger\0" (Component, *const ValueReference, usize, *const Integer) -> Status;
+    get_fmu_state: b"fmi2GetFMUstate\0" (Component, *mut FmuState) -> Status;
+    set_fmu_state: b"fmi2SetFMUstate\0" (Component, FmuState) -> Status;
+    do_step: b"fmi2DoStep\0" (Component, f64, f64, Boolean) -> Status;
+}
+
+/// Where the export has cargo put a library, and packs it from: in the folder of this program's profile.
+fn path(model_identifier: &str) -> PathBuf {
+    let program = env::current_exe().expect("the program has a place");
+    let mut folder = program.parent().expect("it is in a folder");
+    // That of benches and of what else is named after a hash.
+    if folder.ends_with("deps") {
+        folder = folder.parent().expect("cargo's folder is around it");
+    }
+    folder.join(format!("{}{model_identifier}{}", env::consts::DLL_PREFIX, env::consts::DLL_SUFFIX))
+}
+
+/// Checks an answer as masters do.
+fn check(status: Status) {
+    assert_eq!(status, Status::Ok);
+}
+
+impl Library {
+    /// The value references of variables.
+    ///
+    /// # Panics
+    /// When there is no variable of a name.
+    #[must_use]
+    pub fn references(&self, names: &[&str]) -> Vec<ValueReference> {
+        let reference = |name| {
+            let position = self.variables.iter().position(|variable| variable.name == name);
+            let position = position.unwrap_or_else(|| panic!("there is no variable {name}"));
+            ValueReference::try_from(position).expect("there are few variables")
+        };
+        names.iter().map(|name| reference(*name)).collect()
+    }
+
+    /// The names of the variables of a causality, in their order.
+    pub fn named(&self, causality: Causality) -> impl Iterator<Item = &'static str> {
+        let variables: &'static [_] = self.variables;
+        variables.iter().filter(move |variable| variable.causality == causality).map(|v| v.name)
+    }
+
+    /// Makes an instance.
+    ///
+    /// # Panics
+    /// When the library refuses.
+    #[must_use]
+    pub fn instantiate(&self) -> Instance<'_> {
+        let callbacks = CallbackFunctions {
+            logger: None,
+            allocate_memory: None,
+            free_memory: None,
+            step_finished: None,
+            component_environment: ptr::null_mut(),
+        };
+        // SAFETY: strings and callbacks outlive the call; null stands for the resources, of which there are
+        // none.
+        let component = unsafe {
+            (self.instantiate)(
+                c"benchmark".as_ptr(),
+                CO_SIMULATION,
+                self.guid.as_ptr(),
+                ptr::null(),
+                &raw const callbacks,
+                FALSE,
+                FALSE,
+            )
+        };
+        assert!(!component.is_null());
+        Instance { library: self, component, time: 0.0 }
+    }
+}
+
+/// An instance of an FMU.
+#[derive(Debug)]
+pub struct Instance<'a> {
+    /// What it is an instance of.
+    pub library: &'a Library,
+    component: Component,
+    /// The end of its last step in s.
+    pub time: f64,
+}
+
+impl Drop for Instance<'_> {
+    fn drop(&mut self) {
+        // SAFETY: the component is the library's and was not freed.
+        unsafe { (self.library.free_instance)(self.component) }
+    }
+}
+
+impl Instance<'_> {
+    /// Enters the initialization mode for an experiment that starts at 0.
+    pub fn enter_initialization(&mut self) {
+        // SAFETY: as in `drop`; so are the calls below, and their arrays have the lengths that are told.
+        unsafe {
+            check((self.library.setup_experiment)(self.component, FALSE, 0.0, 0.0, FALSE, 0.0));
+            check((self.library.enter_initialization_mode)(self.component));
+        }
+    }
+
+    /// Leaves the initialization mode.
+    pub fn exit_initialization(&mut self) {
+        // SAFETY: see above.
+        check(unsafe { (self.library.exit_initialization_mode)(self.component) });
+    }
+
+    /// Gets Real values.
+    ///
+    /// # Panics
+    /// When there are not as many as references, or the library refuses.
+    pub fn get(&mut self, references: &[ValueReference], values: &mut [f64]) {
+        assert_eq!(references.len(), values.len());
+        // SAFETY: see above.
+        check(unsafe {
+            (self.library.get_real)(
+                self.component,
+                references.as_ptr(),
+                references.len(),
+                values.as_mut_ptr(),
+            )
+        });
+    }
+
+    /// Sets Real values.
+    ///
+    /// # Panics
+    /// When there are not as many as references, or the library refuses.
+    pub fn set(&mut self, references: &[ValueReference], values: &[f64]) {
+        assert_eq!(references.len(), values.len());
+        // SAFETY: see above.
+        check(unsafe {
+            (self.library.set_real)(self.component, references.as_ptr(), references.len(), values.as_ptr())
+        });
+    }
+
+    /// Sets an Integer or Enumeration.
+    pub fn set_integer(&mut self, reference: ValueReference, value: i32) {
+        // SAFETY: see above.
+        check(unsafe {
+            (self.library.set_integer)(self.component, &raw const reference, 1, &raw const value)
+        });
+    }
+
+    /// One step of a size in s.
+    pub fn step(&mut self, size: f64) {
+        // SAFETY: see above.
+        check(unsafe { (self.library.do_step)(self.component, self.time, size, TRUE) });
+        self.time += size;
+    }
+
+    /// Saves everything; the state goes with the instance.
+    pub fn save(&mut self) -> State {
+        let mut state = ptr::null_mut();
+        // SAFETY: see above; a null state asks for a new one.
+        check(unsafe { (self.library.get_fmu_state)(self.component, &raw mut state) });
+        State { state, time: self.time }
+    }
+
+    /// Goes back to what was saved.
+    pub fn restore(&mut self, saved: &State) {
+        // SAFETY: see above; the library knows the states that are its own.
+        check(unsafe { (self.library.set_fmu_state)(self.component, saved.state) });
+        self.time = saved.time;
+    }
+}
+
+/// A saved state of an instance.
+#[derive(Debug)]
+pub struct State {
+    state: FmuState,
+    time: f64,
+}
