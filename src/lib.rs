@@ -6,6 +6,7 @@
 //! compiled into an FMU of its own by a crate that contains nothing but the export.
 
 pub mod controller;
+pub mod elementary;
 pub mod plant;
 pub mod solver;
 

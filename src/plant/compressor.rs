@@ -7,30 +7,30 @@
 //! continued as an odd function, which is the back flow of surge. Efficiency is a parabola over Φ, and
 //! "effective": mechanical and heat losses are in it.
 
-use std::f64::consts::PI;
-
-use super::gas::{Gas, signed_root, smooth_max};
+use super::gas::{Gas, Volume, signed_root, smooth_max};
 use super::scalar::Scalar;
 
 /// A compressor.
 #[derive(Clone, Copy, Debug)]
 pub struct Compressor<D = f64> {
-    /// Diameter of the impeller in m.
-    pub diameter: D,
-    /// Head coefficient at zero flow, `Ψ_m`.
-    pub peak_head_coefficient: D,
+    /// Radius of the impeller in m.
+    pub radius: D,
+    /// Area of the impeller's circle over the gas constant, in m² kg K/J.
+    pub inlet_area_by_gas_constant: D,
+    /// Twice the specific heat over the head coefficient at zero flow, `2·c_p/Ψ_m`, in J/(kg K).
+    pub head_slope: D,
     /// Flow coefficient at zero head, `Φ_m`.
     pub peak_flow_coefficient: D,
     /// Best efficiency.
     pub peak_efficiency: D,
-    /// Flow coefficient of the best efficiency.
-    pub peak_efficiency_flow_coefficient: D,
+    /// Reciprocal of the flow coefficient of the best efficiency.
+    pub by_peak_efficiency_flow_coefficient: D,
     /// Smallest efficiency.
     pub minimum_efficiency: D,
     /// Width in m²/s² of the transition between forward and backward flow.
     pub head_smoothing: D,
-    /// Volume behind the compressor in m³.
-    pub outlet_volume: D,
+    /// The volume behind the compressor.
+    pub outlet_volume: Volume<D>,
     /// The gas.
     pub air: Gas<D>,
 }
@@ -55,18 +55,17 @@ impl<D: Scalar> Compressor<D> {
     pub fn compress(&self, inlet: (D, D), outlet_pressure: D, speed: D) -> Compression<D> {
         let (pressure, temperature) = inlet;
         let specific_heat = self.air.specific_heat;
-        let tip_speed_squared = (self.diameter * 0.5 * speed).powi(2);
+        let tip_speed_squared = (self.radius * speed).powi(2);
         // Isentropic rise of temperature; its product with the specific heat is Δh_is.
         let rise = temperature * ((outlet_pressure / pressure).power(self.air.isentropic_exponent) - 1.0);
         // The square of (tip speed times Φ/Φ_m), by the parabola of the speed lines.
-        let flow_speed_squared = tip_speed_squared - specific_heat * 2.0 * rise / self.peak_head_coefficient;
+        let flow_speed_squared = tip_speed_squared - self.head_slope * rise;
         let flow_speed = self.peak_flow_coefficient * signed_root(flow_speed_squared, self.head_smoothing);
-        let area = self.diameter * self.diameter * (0.25 * PI);
-        let mass_flow = pressure / (self.air.gas_constant * temperature) * area * flow_speed;
+        let mass_flow = pressure / temperature * self.inlet_area_by_gas_constant * flow_speed;
 
         // 10 m/s keeps the flow coefficient finite at standstill.
         let flow_coefficient = flow_speed / (tip_speed_squared + 100.0).sqrt();
-        let off_peak = flow_coefficient / self.peak_efficiency_flow_coefficient - 1.0;
+        let off_peak = flow_coefficient * self.by_peak_efficiency_flow_coefficient - 1.0;
         let efficiency = smooth_max(
             self.peak_efficiency * (-off_peak * off_peak + 1.0),
             self.minimum_efficiency,

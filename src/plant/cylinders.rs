@@ -21,8 +21,8 @@ pub struct Cylinders<D = f64> {
     pub stroke: D,
     /// Factor of the volumetric efficiency.
     pub volumetric_efficiency_factor: D,
-    /// Stoichiometric air to fuel ratio.
-    pub stoichiometric_air_fuel_ratio: D,
+    /// Fuel per air in a stoichiometric mixture.
+    pub fuel_air_ratio: D,
     /// Lower heating value of the fuel in J/kg.
     pub lower_heating_value: D,
     /// Indicated efficiency.
@@ -87,7 +87,7 @@ impl<D: Scalar> Cylinders<D> {
         let density = pressure / (self.air.gas_constant * temperature);
         // One filling in two revolutions: rpm / 120 cycles a second.
         let air = volumetric_efficiency * self.displacement * engine_speed / 120.0 * density;
-        let fuel = air / self.stoichiometric_air_fuel_ratio;
+        let fuel = air * self.fuel_air_ratio;
         let exhaust = air + fuel;
         CylinderFlows {
             volumetric_efficiency,

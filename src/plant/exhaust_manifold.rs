@@ -1,5 +1,6 @@
 //! The exhaust manifold: a volume in which the gas loses heat to ambient.
 
+use super::gas::Volume;
 use super::scalar::Scalar;
 
 /// An exhaust manifold.
@@ -7,8 +8,8 @@ use super::scalar::Scalar;
 pub struct ExhaustManifold<D = f64> {
     /// Heat transfer to ambient in W/K.
     pub heat_transfer: D,
-    /// Volume in m³.
-    pub volume: D,
+    /// Its volume.
+    pub volume: Volume<D>,
     /// Specific heat of the gas in J/(kg K).
     pub specific_heat: D,
 }
@@ -22,6 +23,7 @@ impl<D: Scalar> ExhaustManifold<D> {
     pub fn temperature(&self, gas: (D, D), ambient_temperature: D) -> D {
         // 1 mW/K keeps the exponent finite without flow.
         let heat_capacity_flow = gas.0.at_least(0.0) * self.specific_heat + 1e-3;
-        ambient_temperature + (gas.1 - ambient_temperature) * (-self.heat_transfer / heat_capacity_flow).exp()
+        ambient_temperature
+            + (gas.1 - ambient_temperature) * (-self.heat_transfer / heat_capacity_flow).exponential()
     }
 }

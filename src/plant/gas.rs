@@ -28,11 +28,26 @@ impl<D: Scalar> Gas<D> {
         }
     }
 
-    /// dp/dt in Pa/s of a volume (m³) at a temperature (K) into which `mass_flow` (kg/s) goes on balance:
-    /// the ideal gas law, with the variation of temperature neglected (paper, eq. (3)).
+    /// A volume (m³) that holds the gas.
     #[must_use]
-    pub fn pressure_rate(&self, temperature: D, volume: D, mass_flow: D) -> D {
-        self.gas_constant * temperature / volume * mass_flow
+    pub fn volume(&self, volume: D) -> Volume<D> {
+        Volume { stiffness: self.gas_constant / volume }
+    }
+}
+
+/// A volume that holds a gas.
+#[derive(Clone, Copy, Debug)]
+pub struct Volume<D = f64> {
+    /// R/V in J/(kg K m³).
+    stiffness: D,
+}
+
+impl<D: Scalar> Volume<D> {
+    /// dp/dt in Pa/s at a temperature (K) when `mass_flow` (kg/s) goes in on balance: the ideal gas law, with
+    /// the variation of temperature neglected (paper, eq. (3)).
+    #[must_use]
+    pub fn pressure_rate(&self, temperature: D, mass_flow: D) -> D {
+        self.stiffness * temperature * mass_flow
     }
 }
 

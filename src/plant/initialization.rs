@@ -103,7 +103,7 @@ fn settled_rates<D: Scalar>(
     unknowns: &[D; UNKNOWNS],
 ) -> [D; UNKNOWNS] {
     let states = settle_rod(system, inputs, with_unknowns(actuated, unknowns));
-    unknowns_of(&system.evaluate(inputs, &states).derivatives)
+    unknowns_of(&system.evaluate(inputs, &states).derivatives())
 }
 
 /// The settled states with their derivatives along the direction in which parameters, inputs and the
@@ -203,7 +203,7 @@ fn with_unknowns<D: Copy>(mut states: States<D>, unknowns: &[D; UNKNOWNS]) -> St
 /// time in s; where the integration diverges the states it began with, and 0.
 fn follow_transient(system: &System, inputs: &Inputs, start: States) -> (States, f64) {
     let rates = |x: &[f64; States::COUNT]| -> [f64; States::COUNT] {
-        system.evaluate(inputs, &States::from_array(*x)).derivatives.to_array()
+        system.evaluate(inputs, &States::from_array(*x)).derivatives().to_array()
     };
     let scales = start.to_array().map(|x| x.abs().max(1.0));
     let mut x = start.to_array();

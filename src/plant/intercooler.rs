@@ -1,6 +1,7 @@
 //! The intercooler: a flow resistance and a heat exchanger with constant effectiveness.
 
 use super::flow_resistance::FlowResistance;
+use super::gas::Volume;
 use super::scalar::Scalar;
 
 /// An intercooler.
@@ -10,8 +11,8 @@ pub struct Intercooler<D = f64> {
     pub resistance: FlowResistance<D>,
     /// Share of the temperature difference to the coolant that is removed.
     pub effectiveness: D,
-    /// Volume in m³ from here to the throttle.
-    pub volume: D,
+    /// The volume from here to the throttle.
+    pub volume: Volume<D>,
 }
 
 impl<D: Scalar> Intercooler<D> {

@@ -40,7 +40,7 @@ pub fn linearize(parameters: &Parameters, inputs: &Inputs, states: &States) -> L
         let states = states.combine(state_seeds, &mut Dual64::new);
         let evaluation = system.evaluate(&inputs, &states);
         let outputs = quantities(&system, &inputs, &states, &evaluation).0;
-        (evaluation.derivatives, outputs)
+        (evaluation.derivatives(), outputs)
     };
     let (no_inputs, no_states) = (inputs.map(|_| 0.0), states.map(|_| 0.0));
     let by_states: [_; States::COUNT] = std::array::from_fn(|i| {

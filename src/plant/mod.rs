@@ -17,7 +17,7 @@
 //! parameter's description says where its value is from.
 //!
 //! [`BoostPlant`] gives the assembly time: it starts an experiment (see [`initialization`]), integrates
-//! over communication steps (see [`crate::solver`]) and fills in the variables that were declared in
+//! over communication steps (see [`integration`]) and fills in the variables that were declared in
 //! `modelDescription/plant.json`.
 
 pub mod actuator;
@@ -28,6 +28,7 @@ pub mod exhaust_manifold;
 pub mod flow_resistance;
 pub mod gas;
 pub mod initialization;
+pub mod integration;
 pub mod intercooler;
 pub mod linearization;
 pub mod orifice;
@@ -46,34 +47,43 @@ pub mod variables {
     fmi2_export::include_variables!("BoostPlant");
 }
 
-use fmi2_export::{Context, Error, InputSignal, Model, Step, Variables as _};
+use fmi2_export::{Context, Error, Experiment, InputSignal, Model, Step, Variables as _};
 use num_dual::Dual64;
 
 use self::duty_latch::DutyLatch;
 use self::initialization::{Settled, differentiate_settled, running, settled};
+use self::integration::{Interval, Pace, Signal};
 use self::quantities::quantities;
-use self::system::System;
+use self::system::{GasPath, System};
 use self::variables::{InitializationMode, Inputs, Parameters, States, Variables};
 use crate::LONGEST_STEP;
-use crate::solver::runge_kutta;
 use crate::solver::steady_state::Failure;
 
 /// The largest ratio of Dahl's stiffness to the Coulomb force in 1/m, with a margin for rounding: beyond
-/// it the friction force changes faster than the fixed step of the integration resolves.
+/// it the friction force changes faster than the reference implementation, which steps by 1/2400 s, resolves.
 const STIFFEST_FRICTION: f64 = 2000.0 * (1.0 + 1e-9);
+
+/// The smallest tolerance; below it, rounding is what decides about a step. The smallest value of
+/// `solver.relative_tolerance`, too.
+const SMALLEST_TOLERANCE: f64 = 1e-8;
 
 /// The plant as a co-simulation model.
 #[derive(Clone, Debug)]
 pub struct BoostPlant {
     system: System,
     latch: DutyLatch,
+    pace: Pace,
 }
 
-fmi2_export::persistent!(BoostPlant { latch; derived system });
+fmi2_export::persistent!(BoostPlant { latch, pace; derived system });
 
 impl Default for BoostPlant {
     fn default() -> Self {
-        Self { system: System::new(&Parameters::default()), latch: DutyLatch::default() }
+        Self {
+            system: System::new(&Parameters::default()),
+            latch: DutyLatch::default(),
+            pace: Pace::default(),
+        }
     }
 }
 
@@ -118,6 +128,7 @@ impl Model for BoostPlant {
     ) -> Result<(), Error> {
         self.system = System::new(&variables.parameters);
         self.latch = DutyLatch::new(inputs.hp_wastegate_pwm);
+        self.pace = Pace::default();
         let tank_pressure = variables.start.tank.pressure;
         variables.states = match variables.parameters.initialization.mode {
             InitializationMode::Settled => {
@@ -142,30 +153,29 @@ impl Model for BoostPlant {
         let parameters = &variables.parameters;
         self.system.freeze_tank(parameters.tank.frozen);
         let mut states = variables.states.to_array();
+        let tolerance = tolerance(parameters, context.experiment);
         let mut done = 0.0;
         if parameters.valve.duty_latch {
             let begin = step.start - context.experiment.start_time;
             let frequency = parameters.valve.pwm_frequency;
             while let Some(instant) = self.latch.next_before(begin + step.size, frequency) {
                 let next = (instant - begin).max(done);
-                self.integrate(&mut states, variables, step, done, next)?;
+                let interval = Interval { from: done, to: next, tolerance };
+                self.integrate(&mut states, variables, step, interval)?;
                 self.latch.take(step.inputs.initial().hp_wastegate_pwm);
                 done = next;
             }
         }
-        self.integrate(&mut states, variables, step, done, step.size)?;
+        let interval = Interval { from: done, to: step.size, tolerance };
+        let gas_path = self.integrate(&mut states, variables, step, interval)?;
         variables.states = States::from_array(states);
-        self.refresh(variables, &step.inputs.at(step.size));
+        self.show(variables, &step.inputs.at(step.size), gas_path.as_ref());
         Ok(())
     }
 
     fn refresh(&mut self, variables: &mut Variables, inputs: &Inputs) {
         self.system.freeze_tank(variables.parameters.tank.frozen);
-        let inputs = self.as_held(variables, *inputs);
-        let evaluation = self.system.evaluate(&inputs, &variables.states);
-        variables.derivatives = evaluation.derivatives;
-        (variables.outputs, variables.locals) =
-            quantities(&self.system, &inputs, &variables.states, &evaluation);
+        self.show(variables, inputs, None);
     }
 
     fn differentiate(
@@ -223,42 +233,54 @@ impl BoostPlant {
         inputs
     }
 
-    /// Advances the states from one time to another, in s after the step's begin.
+    /// Fills in what belongs to the states and inputs; `gas_path` is what the gas path does, where that is
+    /// known.
+    fn show(&self, variables: &mut Variables, inputs: &Inputs, gas_path: Option<&GasPath>) {
+        let inputs = self.as_held(variables, *inputs);
+        let evaluation = match gas_path {
+            Some(gas_path) => self.system.evaluate_actuation(&inputs, &variables.states, *gas_path),
+            None => self.system.evaluate(&inputs, &variables.states),
+        };
+        variables.derivatives = evaluation.derivatives();
+        (variables.outputs, variables.locals) =
+            quantities(&self.system, &inputs, &variables.states, &evaluation);
+    }
+
+    /// Advances the states over an interval, its times in s after the step's begin. Returns what the gas path
+    /// does at its end, where that is known.
     fn integrate(
-        &self,
+        &mut self,
         states: &mut [f64; States::COUNT],
         variables: &Variables,
         step: &Step<'_, Inputs>,
-        from: f64,
-        to: f64,
-    ) -> Result<(), Error> {
-        if to <= from {
-            return Ok(());
+        interval: Interval,
+    ) -> Result<Option<GasPath>, Error> {
+        if interval.to <= interval.from {
+            return Ok(None);
         }
         let signal: &InputSignal<Inputs> = step.inputs;
-        let constant = signal.is_constant().then(|| self.as_held(variables, *signal.initial()));
-        let count = runge_kutta::substeps(to - from);
-        #[allow(clippy::cast_precision_loss)] // Below 2^53 substeps.
-        let duration = (to - from) / count as f64;
-        for substep in 0..count {
-            #[allow(clippy::cast_precision_loss)]
-            let begin = from + substep as f64 * duration;
-            let derivatives = |offset: f64, x: &[f64; States::COUNT]| {
-                let inputs = constant.unwrap_or_else(|| self.as_held(variables, signal.at(begin + offset)));
-                self.system.evaluate(&inputs, &States::from_array(*x)).derivatives.to_array()
-            };
-            runge_kutta::step(derivatives, states, duration);
-            if let Some(position) = states.iter().position(|x| !x.is_finite()) {
-                return Err(Error::new(format!(
-                    "{} has become {:?} at {:?} s: the integration diverges, the equations are too stiff for \
-                     its step with these parameters and inputs",
-                    States::NAMES[position],
-                    states[position],
-                    step.start + begin + duration
-                )));
+        let initial = self.as_held(variables, *signal.initial());
+        let (is_constant, latched) = (signal.is_constant(), variables.parameters.valve.duty_latch);
+        let held = self.latch.held;
+        let at = |time: f64| {
+            if is_constant {
+                return initial;
             }
-        }
-        Ok(())
+            let mut inputs = signal.at(time);
+            if latched {
+                inputs.hp_wastegate_pwm = held;
+            }
+            inputs
+        };
+        self.pace.advance(&self.system, Signal { at, is_constant }, states, interval).map_err(|failure| {
+            Error::new(format!(
+                "{} cannot be integrated beyond {:?} s: even the shortest step misses the tolerance of {:?} of \
+                 full scale; the equations are too stiff with these parameters and inputs",
+                States::NAMES[failure.state],
+                step.start + failure.time,
+                interval.tolerance
+            ))
+        })
     }
 }
 
@@ -268,10 +290,16 @@ fn derivatives_of(system: &System<Dual64>, inputs: &Inputs<Dual64>, states: &Sta
     let (outputs, locals) = quantities(system, inputs, states, &evaluation);
     let mut derivatives = Variables::zero();
     derivatives.states = states.map(|state| state.eps);
-    derivatives.derivatives = evaluation.derivatives.map(|rate| rate.eps);
+    derivatives.derivatives = evaluation.derivatives().map(|rate| rate.eps);
     derivatives.locals = locals.map(|local| local.eps);
     derivatives.outputs = outputs.map(|output| output.eps);
     derivatives
+}
+
+/// The tolerance of the integration: the parameter's, or the importer's where that is smaller.
+fn tolerance(parameters: &Parameters, experiment: Experiment) -> f64 {
+    let asked = experiment.tolerance.unwrap_or(f64::INFINITY);
+    parameters.solver.relative_tolerance.min(asked).max(SMALLEST_TOLERANCE)
 }
 
 /// Tells of inputs for which the experiment does not start at rest.

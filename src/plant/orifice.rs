@@ -18,6 +18,8 @@ pub struct Orifice<D = f64> {
     factor: D,
     /// `Π_c`, below which the flow is choked.
     critical_ratio: D,
+    /// `Ψ(Π_c)`.
+    choked: D,
     /// `Π_l`, above which the function is linear.
     linear_ratio: D,
     /// `Ψ(Π_l)/(1 − Π_l)`.
@@ -33,9 +35,11 @@ impl<D: Scalar> Orifice<D> {
             gas,
             factor: ratio * 2.0 / (ratio - 1.0),
             critical_ratio: ((ratio + 1.0).recip() * 2.0).power(gas.isentropic_exponent.recip()),
+            choked: 0.0.into(),
             linear_ratio,
             linear_slope: 0.0.into(),
         };
+        orifice.choked = orifice.isentropic(orifice.critical_ratio);
         orifice.linear_slope = orifice.isentropic(linear_ratio) / (-linear_ratio + 1.0);
         orifice
     }
@@ -45,8 +49,10 @@ impl<D: Scalar> Orifice<D> {
     pub fn flow_function(&self, pressure_ratio: D) -> D {
         if pressure_ratio > self.linear_ratio {
             self.linear_slope * (-pressure_ratio + 1.0)
+        } else if pressure_ratio >= self.critical_ratio {
+            self.isentropic(pressure_ratio)
         } else {
-            self.isentropic(pressure_ratio.at_least(self.critical_ratio))
+            self.choked
         }
     }
 

@@ -8,8 +8,8 @@ use super::scalar::Scalar;
 pub struct Shaft<D = f64> {
     /// Moment of inertia in kg m².
     pub inertia: D,
-    /// Viscous friction of the bearings in N m s.
-    pub bearing_damping: D,
+    /// Viscous friction of the bearings over the moment of inertia, in 1/s.
+    pub damping_by_inertia: D,
 }
 
 impl<D: Scalar> Shaft<D> {
@@ -19,8 +19,8 @@ impl<D: Scalar> Shaft<D> {
     /// the smoothing of its equations leaves at standstill must not drive the shaft backwards.
     #[must_use]
     pub fn acceleration(&self, speed: D, turbine_power: D, compressor_power: D) -> D {
-        let net_power = turbine_power - compressor_power * (speed / 100.0).at_least(0.0).at_most(1.0);
+        let net_power = turbine_power - compressor_power * (speed * 0.01).at_least(0.0).at_most(1.0);
         net_power / (self.inertia * smooth_max(speed, 0.0.into(), 100.0.into()))
-            - self.bearing_damping * speed / self.inertia
+            - self.damping_by_inertia * speed
     }
 }

@@ -15,12 +15,14 @@
 //! Volumes between the components carry pressures as states; temperatures are static, those of the gas
 //! that flows in.
 
+use std::f64::consts::PI;
+
 use super::actuator::{Actuator, Forces};
 use super::compressor::{Compression, Compressor};
 use super::cylinders::{CylinderFlows, Cylinders};
 use super::exhaust_manifold::ExhaustManifold;
 use super::flow_resistance::FlowResistance;
-use super::gas::{Gas, mixed_temperature};
+use super::gas::{Gas, Volume, mixed_temperature};
 use super::intercooler::Intercooler;
 use super::orifice::Orifice;
 use super::port::{Port, PortFlow};
@@ -45,39 +47,45 @@ const EXHAUST_MIXING_WIDTH: f64 = 1e-5;
 /// All components with their parameters, and the constants that follow from these.
 #[derive(Clone, Copy, Debug)]
 pub struct System<D = f64> {
-    air: Gas<D>,
-    exhaust_gas: Gas<D>,
     supply: Supply<D>,
     pub(super) valve: SolenoidValve<D>,
     tank: VacuumTank<D>,
     pub(super) actuator: Actuator<D>,
     air_filter: FlowResistance<D>,
-    air_filter_volume: D,
+    air_filter_volume: Volume<D>,
     lp_compressor: Compressor<D>,
     hp_compressor: Compressor<D>,
     hp_bypass: Port<D>,
     intercooler: Intercooler<D>,
     surge_valve: Port<D>,
     throttle: Port<D>,
-    intake_manifold_volume: D,
+    intake_manifold_volume: Volume<D>,
     pub(super) cylinders: Cylinders<D>,
     exhaust_manifold: ExhaustManifold<D>,
     hp_turbine: Turbine<D>,
     hp_wastegate: Port<D>,
-    interstage_volume: D,
+    interstage_volume: Volume<D>,
     lp_turbine: Turbine<D>,
     lp_wastegate: Port<D>,
     exhaust: FlowResistance<D>,
-    exhaust_volume: D,
+    exhaust_volume: Volume<D>,
     hp_shaft: Shaft<D>,
     lp_shaft: Shaft<D>,
 }
 
-/// What every component does at an instant.
+/// How many states the actuation has: the first ones of [`States`] (sensor, plunger, tank, chamber,
+/// position, velocity, friction).
+pub const ACTUATION: usize = 7;
+/// How many states the gas path has: the rest of [`States`] (pressures in the direction of the flow, then
+/// the shafts of high and low pressure).
+pub const GAS_PATH: usize = 10;
+const _: () = assert!(ACTUATION + GAS_PATH == States::COUNT);
+
+/// What the actuation does at an instant.
 #[derive(Clone, Copy, Debug)]
-pub struct Evaluation<D = f64> {
+pub struct Actuation<D = f64> {
     /// The states' derivatives.
-    pub derivatives: States<D>,
+    pub derivatives: [D; ACTUATION],
     /// Voltage at the valve in V.
     pub voltage: D,
     /// Duty in percent at nominal voltage that the commanded one is worth.
@@ -92,6 +100,13 @@ pub struct Evaluation<D = f64> {
     pub forces: Forces<D>,
     /// Opening of the high-pressure wastegate, from 0 to 1.
     pub hp_wastegate_opening: D,
+}
+
+/// What the gas path does at an instant.
+#[derive(Clone, Copy, Debug)]
+pub struct GasPath<D = f64> {
+    /// The states' derivatives.
+    pub derivatives: [D; GAS_PATH],
     /// Flow through the air filter in kg/s.
     pub air_filter: D,
     /// The low-pressure compressor.
@@ -130,6 +145,26 @@ pub struct Evaluation<D = f64> {
     pub exhaust: D,
 }
 
+/// What every component does at an instant.
+#[derive(Clone, Copy, Debug)]
+pub struct Evaluation<D = f64> {
+    /// Fig. 3 of the paper.
+    pub actuation: Actuation<D>,
+    /// Fig. 2 of the paper.
+    pub gas_path: GasPath<D>,
+}
+
+impl<D: Scalar> Evaluation<D> {
+    /// The states' derivatives.
+    #[must_use]
+    pub fn derivatives(&self) -> States<D> {
+        let (actuation, gas_path) = (self.actuation.derivatives, self.gas_path.derivatives);
+        States::from_array(std::array::from_fn(|i| {
+            if i < ACTUATION { actuation[i] } else { gas_path[i - ACTUATION] }
+        }))
+    }
+}
+
 impl<D: Scalar> System<D> {
     /// Builds the components.
     #[must_use]
@@ -144,25 +179,22 @@ impl<D: Scalar> System<D> {
         let air_orifice = Orifice::new(air, p.restrictions.linear_pressure_ratio);
         let exhaust_orifice = Orifice::new(exhaust_gas, p.restrictions.linear_pressure_ratio);
         Self {
-            air,
-            exhaust_gas,
             supply: Supply {
                 pump_voltage_drop: p.pump.voltage_drop,
                 sensor_time_constant: p.supply_sensor.time_constant,
             },
             valve: valve(p, Orifice::new(air, p.valve.linear_pressure_ratio)),
             tank: VacuumTank {
-                volume: p.tank.volume,
+                volume: air.volume(p.tank.volume),
                 frozen: p.tank.frozen,
                 pump_mass_flow: p.pump.mass_flow,
-                air,
             },
             actuator: actuator(p, air),
             air_filter: FlowResistance {
                 resistance: p.air_filter.flow_resistance,
                 linear_pressure: p.air_filter.linear_pressure,
             },
-            air_filter_volume: p.air_filter.volume,
+            air_filter_volume: air.volume(p.air_filter.volume),
             lp_compressor: compressor(&p.lp_compressor, air),
             hp_compressor: compressor(&p.hp_compressor, air),
             hp_bypass: port(&p.hp_bypass_port, air_orifice),
@@ -172,15 +204,15 @@ impl<D: Scalar> System<D> {
                     linear_pressure: p.intercooler.linear_pressure,
                 },
                 effectiveness: p.intercooler.effectiveness,
-                volume: p.intercooler.volume,
+                volume: air.volume(p.intercooler.volume),
             },
             surge_valve: port(&p.surge_valve_port, air_orifice),
             throttle: Port { open_area: p.throttle_body.area, orifice: air_orifice },
-            intake_manifold_volume: p.intake_manifold.volume,
+            intake_manifold_volume: air.volume(p.intake_manifold.volume),
             cylinders: cylinders(p, air, exhaust_gas),
             exhaust_manifold: ExhaustManifold {
                 heat_transfer: p.exhaust_manifold.heat_transfer,
-                volume: p.exhaust_manifold.volume,
+                volume: exhaust_gas.volume(p.exhaust_manifold.volume),
                 specific_heat: p.exhaust_gas.specific_heat,
             },
             hp_turbine: turbine(&p.hp_turbine, exhaust_gas),
@@ -188,14 +220,14 @@ impl<D: Scalar> System<D> {
                 open_area: p.hp_wastegate_port.area * p.hp_wastegate_port.discharge_coefficient,
                 orifice: exhaust_orifice,
             },
-            interstage_volume: p.interstage_exhaust.volume,
+            interstage_volume: exhaust_gas.volume(p.interstage_exhaust.volume),
             lp_turbine: turbine(&p.lp_turbine, exhaust_gas),
             lp_wastegate: port(&p.lp_wastegate_port, exhaust_orifice),
             exhaust: FlowResistance {
                 resistance: p.exhaust.flow_resistance,
                 linear_pressure: p.exhaust.linear_pressure,
             },
-            exhaust_volume: p.exhaust.volume,
+            exhaust_volume: exhaust_gas.volume(p.exhaust.volume),
             hp_shaft: shaft(&p.hp_shaft),
             lp_shaft: shaft(&p.lp_shaft),
         }
@@ -216,29 +248,80 @@ impl<D: Scalar> System<D> {
 
     /// Everything at an instant.
     #[must_use]
-    #[allow(clippy::too_many_lines)] // One line a component: the figure above in words.
     pub fn evaluate(&self, inputs: &Inputs<D>, states: &States<D>) -> Evaluation<D> {
-        let ambient = (inputs.ambient_pressure, inputs.ambient_temperature);
-        let p_tank = states.tank.pressure.at_least(LOWEST_PRESSURE);
-        let p_act = states.actuator.chamber_pressure.at_least(LOWEST_PRESSURE);
-        let p_af = states.air_filter.pressure.at_least(LOWEST_PRESSURE);
-        let p_1 = states.lp_compressor.outlet_pressure.at_least(LOWEST_PRESSURE);
-        let p_2 = states.hp_compressor.outlet_pressure.at_least(LOWEST_PRESSURE);
-        let p_ic = states.intercooler.outlet_pressure.at_least(LOWEST_PRESSURE);
-        let p_im = states.intake_manifold.pressure.at_least(LOWEST_PRESSURE);
-        let p_em = states.exhaust_manifold.pressure.at_least(LOWEST_PRESSURE);
-        let p_it = states.interstage_exhaust.pressure.at_least(LOWEST_PRESSURE);
-        let p_t = states.exhaust.pressure.at_least(LOWEST_PRESSURE);
-        let (w_hp, w_lp) = (states.hp_shaft.speed, states.lp_shaft.speed);
-        let (x, v) = (states.actuator.position, states.actuator.velocity);
+        let (actuation, gas_path) = halves(states);
+        let actuation = self.actuate(inputs, &actuation, Self::exhaust_difference(&gas_path));
+        let gas_path = self.breathe(inputs, &gas_path, actuation.hp_wastegate_opening);
+        Evaluation { actuation, gas_path }
+    }
 
-        // Actuation (fig. 3).
+    /// Everything at an instant at which it is known what the gas path does.
+    #[must_use]
+    pub fn evaluate_actuation(
+        &self,
+        inputs: &Inputs<D>,
+        states: &States<D>,
+        gas_path: GasPath<D>,
+    ) -> Evaluation<D> {
+        let (actuation, gas_path_states) = halves(states);
+        let actuation = self.actuate(inputs, &actuation, Self::exhaust_difference(&gas_path_states));
+        Evaluation { actuation, gas_path }
+    }
+
+    /// The pressure difference in Pa across the high-pressure wastegate, for the states of the gas path.
+    #[must_use]
+    pub fn exhaust_difference(states: &[D; GAS_PATH]) -> D {
+        let [_, _, _, _, _, p_em, p_it, ..] = states.map(|pressure| pressure.at_least(LOWEST_PRESSURE));
+        p_em - p_it
+    }
+
+    /// The actuation (fig. 3) at an instant. Of the gas path it knows the pressure difference in Pa across
+    /// the high-pressure wastegate alone.
+    #[must_use]
+    pub fn actuate(
+        &self,
+        inputs: &Inputs<D>,
+        states: &[D; ACTUATION],
+        exhaust_difference: D,
+    ) -> Actuation<D> {
+        let ambient = (inputs.ambient_pressure, inputs.ambient_temperature);
+        let [measured, plunger_duty, p_tank, p_act, x, v, friction_force] = *states;
+        let (p_tank, p_act) = (p_tank.at_least(LOWEST_PRESSURE), p_act.at_least(LOWEST_PRESSURE));
+
         let (voltage, commanded_duty) = self.command(inputs);
-        let valve = self.valve.flows(states.valve.plunger_duty, ambient, p_act, p_tank);
+        let valve = self.valve.flows(plunger_duty, ambient, p_act, p_tank);
         let pumped = self.tank.drawn_mass_flow(inputs.vacuum_pump, p_tank);
         let chamber_volume = self.actuator.volume(x);
-        let forces = self.actuator.forces(x, v, ambient.0, p_act, p_em - p_it);
-        let hp_wastegate_opening = self.actuator.opening(x);
+        let forces = self.actuator.forces(x, v, ambient.0, p_act, exhaust_difference);
+        Actuation {
+            derivatives: [
+                self.supply.measured_rate(voltage, measured),
+                self.valve.plunger_rate(commanded_duty, plunger_duty),
+                self.tank.pressure_rate(ambient.1, valve.leakage + valve.tank - pumped),
+                self.actuator.pressure_rate(p_act, ambient.1, chamber_volume, v, valve.ambient - valve.tank),
+                v,
+                self.actuator.acceleration(&forces, friction_force, v),
+                self.actuator.friction_rate(friction_force, v),
+            ],
+            voltage,
+            commanded_duty,
+            valve,
+            pumped,
+            chamber_volume,
+            forces,
+            hp_wastegate_opening: self.actuator.opening(x),
+        }
+    }
+
+    /// The gas path (fig. 2) at an instant. Of the actuation it knows the high-pressure wastegate's opening
+    /// (0 … 1) alone.
+    #[must_use]
+    #[allow(clippy::too_many_lines)] // One line a component: the figure above in words.
+    pub fn breathe(&self, inputs: &Inputs<D>, states: &[D; GAS_PATH], hp_wastegate_opening: D) -> GasPath<D> {
+        let ambient = (inputs.ambient_pressure, inputs.ambient_temperature);
+        let [p_af, p_1, p_2, p_ic, p_im, p_em, p_it, p_t, ..] =
+            states.map(|pressure| pressure.at_least(LOWEST_PRESSURE));
+        let [.., w_hp, w_lp] = *states;
 
         // Air path (fig. 2, upper half).
         let air_filter = self.air_filter.mass_flow(ambient, (p_af, ambient.1));
@@ -276,60 +359,33 @@ impl<D: Scalar> System<D> {
         );
         let exhaust = self.exhaust.mass_flow((p_t, t_t), ambient);
 
-        // The balances of the volumes, the rod and the shafts.
-        let (air, gas) = (&self.air, &self.exhaust_gas);
-        let mut rates = states.map(|_| D::from(0.0));
-        rates.supply_sensor.voltage = self.supply.measured_rate(voltage, states.supply_sensor.voltage);
-        rates.valve.plunger_duty = self.valve.plunger_rate(commanded_duty, states.valve.plunger_duty);
-        rates.tank.pressure = self.tank.pressure_rate(ambient.1, valve.leakage + valve.tank - pumped);
-        rates.actuator.chamber_pressure =
-            self.actuator.pressure_rate(p_act, ambient.1, chamber_volume, v, valve.ambient - valve.tank);
-        rates.actuator.position = v;
-        rates.actuator.velocity = self.actuator.acceleration(&forces, states.actuator.friction_force, v);
-        rates.actuator.friction_force = self.actuator.friction_rate(states.actuator.friction_force, v);
-        rates.air_filter.pressure =
-            air.pressure_rate(ambient.1, self.air_filter_volume, air_filter - lpc.mass_flow);
-        rates.lp_compressor.outlet_pressure = air.pressure_rate(
-            lpc.outlet_temperature,
-            self.lp_compressor.outlet_volume,
-            lpc.mass_flow - hpc.mass_flow - bypass.mass_flow + surge_valve.mass_flow,
-        );
-        rates.hp_compressor.outlet_pressure = air.pressure_rate(
-            t_2m,
-            self.hp_compressor.outlet_volume,
-            hpc.mass_flow + bypass.mass_flow - intercooler,
-        );
-        rates.intercooler.outlet_pressure = air.pressure_rate(
-            t_ic,
-            self.intercooler.volume,
-            intercooler - throttle.mass_flow - surge_valve.mass_flow,
-        );
-        rates.intake_manifold.pressure =
-            air.pressure_rate(t_ic, self.intake_manifold_volume, throttle.mass_flow - cylinders.air);
-        rates.exhaust_manifold.pressure = gas.pressure_rate(
-            t_em,
-            self.exhaust_manifold.volume,
-            cylinders.exhaust - hpt.mass_flow - hp_wastegate.mass_flow,
-        );
-        rates.interstage_exhaust.pressure = gas.pressure_rate(
-            t_it,
-            self.interstage_volume,
-            hpt.mass_flow + hp_wastegate.mass_flow - lpt.mass_flow - lp_wastegate.mass_flow,
-        );
-        rates.exhaust.pressure =
-            gas.pressure_rate(t_t, self.exhaust_volume, lpt.mass_flow + lp_wastegate.mass_flow - exhaust);
-        rates.hp_shaft.speed = self.hp_shaft.acceleration(w_hp, hpt.power, hpc.power);
-        rates.lp_shaft.speed = self.lp_shaft.acceleration(w_lp, lpt.power, lpc.power);
-
-        Evaluation {
-            derivatives: rates,
-            voltage,
-            commanded_duty,
-            valve,
-            pumped,
-            chamber_volume,
-            forces,
-            hp_wastegate_opening,
+        // The balances of the volumes and the shafts.
+        let derivatives = [
+            self.air_filter_volume.pressure_rate(ambient.1, air_filter - lpc.mass_flow),
+            self.lp_compressor.outlet_volume.pressure_rate(
+                lpc.outlet_temperature,
+                lpc.mass_flow - hpc.mass_flow - bypass.mass_flow + surge_valve.mass_flow,
+            ),
+            self.hp_compressor
+                .outlet_volume
+                .pressure_rate(t_2m, hpc.mass_flow + bypass.mass_flow - intercooler),
+            self.intercooler
+                .volume
+                .pressure_rate(t_ic, intercooler - throttle.mass_flow - surge_valve.mass_flow),
+            self.intake_manifold_volume.pressure_rate(t_ic, throttle.mass_flow - cylinders.air),
+            self.exhaust_manifold
+                .volume
+                .pressure_rate(t_em, cylinders.exhaust - hpt.mass_flow - hp_wastegate.mass_flow),
+            self.interstage_volume.pressure_rate(
+                t_it,
+                hpt.mass_flow + hp_wastegate.mass_flow - lpt.mass_flow - lp_wastegate.mass_flow,
+            ),
+            self.exhaust_volume.pressure_rate(t_t, lpt.mass_flow + lp_wastegate.mass_flow - exhaust),
+            self.hp_shaft.acceleration(w_hp, hpt.power, hpc.power),
+            self.lp_shaft.acceleration(w_lp, lpt.power, lpc.power),
+        ];
+        GasPath {
+            derivatives,
             air_filter,
             lp_compressor: lpc,
             hp_compressor: hpc,
@@ -350,6 +406,12 @@ impl<D: Scalar> System<D> {
             exhaust,
         }
     }
+}
+
+/// The states of the actuation and of the gas path.
+fn halves<D: Scalar>(states: &States<D>) -> ([D; ACTUATION], [D; GAS_PATH]) {
+    let states = states.to_array();
+    (std::array::from_fn(|i| states[i]), std::array::from_fn(|i| states[ACTUATION + i]))
 }
 
 fn valve<D: Scalar>(p: &Parameters<D>, orifice: Orifice<D>) -> SolenoidValve<D> {
@@ -395,7 +457,7 @@ fn cylinders<D: Scalar>(p: &Parameters<D>, air: Gas<D>, exhaust_gas: Gas<D>) -> 
         bore: p.cylinders.bore,
         stroke: p.cylinders.stroke,
         volumetric_efficiency_factor: p.cylinders.volumetric_efficiency_factor,
-        stoichiometric_air_fuel_ratio: p.cylinders.stoichiometric_air_fuel_ratio,
+        fuel_air_ratio: p.cylinders.stoichiometric_air_fuel_ratio.recip(),
         lower_heating_value: p.cylinders.lower_heating_value,
         indicated_efficiency: p.cylinders.indicated_efficiency,
         ignition_retard_loss: p.cylinders.ignition_retard_loss,
@@ -412,14 +474,15 @@ fn cylinders<D: Scalar>(p: &Parameters<D>, air: Gas<D>, exhaust_gas: Gas<D>) -> 
 
 fn compressor<D: Scalar>(p: &CompressorParameters<D>, air: Gas<D>) -> Compressor<D> {
     Compressor {
-        diameter: p.diameter,
-        peak_head_coefficient: p.peak_head_coefficient,
+        radius: p.diameter * 0.5,
+        inlet_area_by_gas_constant: p.diameter * p.diameter * (0.25 * PI) / air.gas_constant,
+        head_slope: air.specific_heat * 2.0 / p.peak_head_coefficient,
         peak_flow_coefficient: p.peak_flow_coefficient,
         peak_efficiency: p.peak_efficiency,
-        peak_efficiency_flow_coefficient: p.peak_efficiency_flow_coefficient,
+        by_peak_efficiency_flow_coefficient: p.peak_efficiency_flow_coefficient.recip(),
         minimum_efficiency: p.minimum_efficiency,
         head_smoothing: p.head_smoothing,
-        outlet_volume: p.outlet_volume,
+        outlet_volume: air.volume(p.outlet_volume),
         air,
     }
 }
@@ -431,10 +494,11 @@ fn port<D: Scalar>(p: &PortParameters<D>, orifice: Orifice<D>) -> Port<D> {
 fn turbine<D: Scalar>(p: &TurbineParameters<D>, gas: Gas<D>) -> Turbine<D> {
     Turbine {
         flow_capacity: p.flow_capacity,
-        diameter: p.diameter,
+        radius: p.diameter * 0.5,
         peak_efficiency: p.peak_efficiency,
         flow_exponent: p.flow_exponent,
-        peak_efficiency_speed_ratio: p.peak_efficiency_speed_ratio,
+        by_peak_efficiency_speed_ratio: p.peak_efficiency_speed_ratio.recip(),
+        by_specific_heat: gas.specific_heat.recip(),
         minimum_efficiency: p.minimum_efficiency,
         flow_smoothing: p.flow_smoothing,
         gas,
@@ -442,5 +506,5 @@ fn turbine<D: Scalar>(p: &TurbineParameters<D>, gas: Gas<D>) -> Turbine<D> {
 }
 
 fn shaft<D: Scalar>(p: &ShaftParameters<D>) -> Shaft<D> {
-    Shaft { inertia: p.inertia, bearing_damping: p.bearing_damping }
+    Shaft { inertia: p.inertia, damping_by_inertia: p.bearing_damping / p.inertia }
 }

@@ -9,14 +9,16 @@ use super::scalar::Scalar;
 pub struct Turbine<D = f64> {
     /// Flow parameter W·√T/p at a large pressure ratio, in kg √K/(s Pa).
     pub flow_capacity: D,
-    /// Diameter of the wheel in m.
-    pub diameter: D,
+    /// Radius of the wheel in m.
+    pub radius: D,
     /// Best efficiency.
     pub peak_efficiency: D,
     /// Exponent of the pressure ratio in the flow characteristic.
     pub flow_exponent: D,
-    /// Blade speed ratio of the best efficiency.
-    pub peak_efficiency_speed_ratio: D,
+    /// Reciprocal of the blade speed ratio of the best efficiency.
+    pub by_peak_efficiency_speed_ratio: D,
+    /// Reciprocal of the specific heat, in kg K/J.
+    pub by_specific_heat: D,
     /// Smallest efficiency.
     pub minimum_efficiency: D,
     /// Width of the transition between forward and backward flow.
@@ -47,17 +49,17 @@ impl<D: Scalar> Turbine<D> {
     pub fn expand(&self, inlet: (D, D), outlet_pressure: D, speed: D) -> Expansion<D> {
         let (pressure, temperature) = inlet;
         let pressure_ratio = outlet_pressure / pressure;
-        let drive = -pressure_ratio.power(self.flow_exponent) + 1.0;
+        let [drop, temperature_ratio] =
+            pressure_ratio.powers([self.flow_exponent, self.gas.isentropic_exponent]);
+        let drive = -drop + 1.0;
         let mass_flow =
             self.flow_capacity * pressure / temperature.sqrt() * signed_root(drive, self.flow_smoothing);
 
-        let isentropic = self.gas.specific_heat
-            * temperature
-            * (-pressure_ratio.power(self.gas.isentropic_exponent) + 1.0);
+        let isentropic = self.gas.specific_heat * temperature * (-temperature_ratio + 1.0);
         // Enthalpy in J/kg; the width keeps the blade speed ratio finite without expansion.
         let enthalpy = smooth_max(isentropic, 0.0.into(), 100.0.into());
-        let speed_ratio = self.diameter * 0.5 * speed / (enthalpy * 2.0).sqrt();
-        let off_peak = speed_ratio / self.peak_efficiency_speed_ratio - 1.0;
+        let speed_ratio = self.radius * speed / (enthalpy * 2.0).sqrt();
+        let off_peak = speed_ratio * self.by_peak_efficiency_speed_ratio - 1.0;
         let efficiency = smooth_max(
             self.peak_efficiency * (-off_peak * off_peak + 1.0),
             self.minimum_efficiency,
@@ -67,7 +69,7 @@ impl<D: Scalar> Turbine<D> {
             mass_flow,
             speed_ratio,
             efficiency,
-            outlet_temperature: temperature - efficiency * enthalpy / self.gas.specific_heat,
+            outlet_temperature: temperature - efficiency * enthalpy * self.by_specific_heat,
             power: smooth_max(mass_flow, 0.0.into(), 1e-5.into()) * enthalpy * efficiency,
         }
     }

@@ -5,7 +5,7 @@
 //! band, its flow fades with the pressure; without this a pump that is left on would drive the tank's
 //! pressure through zero.
 
-use super::gas::Gas;
+use super::gas::Volume;
 use super::scalar::Scalar;
 
 /// The pressure in Pa below which the pump's flow fades.
@@ -14,14 +14,12 @@ const PUMP_FADES_BELOW: f64 = 1000.0;
 /// A vacuum tank with a pump.
 #[derive(Clone, Copy, Debug)]
 pub struct VacuumTank<D = f64> {
-    /// Volume in m³.
-    pub volume: D,
+    /// Its volume.
+    pub volume: Volume<D>,
     /// Whether the pressure is held as it is.
     pub frozen: bool,
     /// Flow in kg/s that the running pump draws.
     pub pump_mass_flow: D,
-    /// The gas in the tank.
-    pub air: Gas<D>,
 }
 
 impl<D: Scalar> VacuumTank<D> {
@@ -35,6 +33,6 @@ impl<D: Scalar> VacuumTank<D> {
     /// in K.
     #[must_use]
     pub fn pressure_rate(&self, temperature: D, mass_flow: D) -> D {
-        if self.frozen { 0.0.into() } else { self.air.pressure_rate(temperature, self.volume, mass_flow) }
+        if self.frozen { 0.0.into() } else { self.volume.pressure_rate(temperature, mass_flow) }
     }
 }

@@ -30,6 +30,44 @@ pub fn solve<const N: usize>(mut matrix: [[f64; N]; N], mut right_side: [f64; N]
     right_side.iter().all(|x| x.is_finite()).then_some(right_side)
 }
 
+/// The inverse of a matrix, by Gauss-Jordan elimination with partial pivoting.
+///
+/// `None` when the matrix is singular to working precision or not finite.
+#[must_use]
+pub fn inverse<const N: usize>(mut matrix: [[f64; N]; N]) -> Option<[[f64; N]; N]> {
+    // In place: the columns that become those of the unit matrix hold those of the inverse instead.
+    let mut pivots = [0; N];
+    for column in 0..N {
+        let pivot =
+            (column..N).max_by(|&a, &b| matrix[a][column].abs().total_cmp(&matrix[b][column].abs()))?;
+        if !(matrix[pivot][column].abs() > f64::MIN_POSITIVE && matrix[pivot][column].is_finite()) {
+            return None;
+        }
+        matrix.swap(column, pivot);
+        pivots[column] = pivot;
+        let reciprocal = matrix[column][column].recip();
+        matrix[column][column] = 1.0;
+        let row = matrix[column].map(|element| element * reciprocal);
+        matrix[column] = row;
+        for (index, other) in matrix.iter_mut().enumerate() {
+            if index != column {
+                let factor = other[column];
+                other[column] = 0.0;
+                for (element, above) in other.iter_mut().zip(&row) {
+                    *element -= factor * above;
+                }
+            }
+        }
+    }
+    // Rows were exchanged before the inversion, so columns are after it.
+    for column in (0..N).rev() {
+        for row in &mut matrix {
+            row.swap(column, pivots[column]);
+        }
+    }
+    matrix.iter().flatten().all(|x| x.is_finite()).then_some(matrix)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -46,7 +84,21 @@ mod tests {
     }
 
     #[test]
+    fn a_matrix_times_its_inverse_is_one() {
+        let matrix = [[0.0, 2.0, 1.0], [1.0, -1.0, 0.0], [3.0, 0.0, -2.0]];
+        let inverse = inverse(matrix).unwrap();
+        for (row, factors) in matrix.iter().enumerate() {
+            for column in 0..3 {
+                let product: f64 = factors.iter().zip(&inverse).map(|(a, row)| a * row[column]).sum();
+                // A handful of operations on numbers of order 1.
+                assert!((product - f64::from(u8::from(row == column))).abs() < 1e-14);
+            }
+        }
+    }
+
+    #[test]
     fn a_singular_system_is_refused() {
+        assert_eq!(inverse([[1.0, 2.0], [2.0, 4.0]]), None);
         assert_eq!(solve([[1.0, 2.0], [2.0, 4.0]], [1.0, 1.0]), None);
         assert_eq!(solve([[f64::NAN]], [1.0]), None);
     }

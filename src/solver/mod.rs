@@ -1,6 +1,37 @@
-//! Numerical methods, generic over the number of unknowns and free of allocation: the integrator of the
+//! Numerical methods, generic over the number of unknowns and free of allocation: the integrators of the
 //! plant's communication steps and the solver of its steady state. They know nothing of engines.
+//!
+//! The integrators are single steps: [`rosenbrock`] for what is stiff, [`bogacki_shampine`] where no
+//! linearization is at hand, [`runge_kutta`] with a fixed step. [`step_size`] judges a step's error and says
+//! how long the next one should be.
 
+pub mod bogacki_shampine;
+pub mod cubic;
 pub mod linear;
+pub mod rosenbrock;
 pub mod runge_kutta;
 pub mod steady_state;
+pub mod step_size;
+
+/// Where a step of an integrator leads.
+#[derive(Clone, Copy, Debug)]
+pub struct Trial<const N: usize> {
+    /// The states at the step's end.
+    pub states: [f64; N],
+    /// Their derivatives there: where the step is taken, those at the begin of the next.
+    pub slopes: [f64; N],
+    /// What the method estimates to be the error of the states.
+    pub error: [f64; N],
+}
+
+/// `states` moved along a sum of slopes, each with its weight.
+#[inline]
+fn moved<const N: usize, const M: usize>(
+    states: &[f64; N],
+    duration: f64,
+    slopes: [(&[f64; N], f64); M],
+) -> [f64; N] {
+    std::array::from_fn(|i| {
+        states[i] + duration * slopes.iter().map(|(slopes, weight)| weight * slopes[i]).sum::<f64>()
+    })
+}

@@ -70,7 +70,7 @@ fn with_an_early_duty_it_makes_no_difference() {
         bench.variables.states.to_array()
     };
     for (held, direct) in run(true).into_iter().zip(run(false)) {
-        // Periods of 7.5 substeps are cut into 8: only the method's error differs.
-        assert!((held - direct).abs() <= 1e-5 * direct.abs().max(1.0), "{held} and {direct}");
+        // Each period is integrated on its own: only the method's error differs, 0.01 % at most.
+        assert!((held - direct).abs() <= 1e-4 * direct.abs().max(1.0), "{held} and {direct}");
     }
 }

@@ -1,6 +1,8 @@
 //! A recorded experiment of 40 s with closed loop, steps of voltage, a ramp of speed, duty from rail to
 //! rail and a step of the throttle, integrated by the reference with a tolerance of 1e-11.
 
+use boost_fmu::plant::variables::Inputs;
+
 use crate::bench::{
     Bench, FULL_SCALES, OUTPUT_FULL_SCALES, inputs_of, numbers, reference_outputs, reference_states,
     states_of,
@@ -37,4 +39,21 @@ fn the_recorded_experiment_is_reproduced() {
         };
         assert!(deviation < tolerance, "quantity {i} deviates by {deviation:e} of its full scale");
     }
+}
+
+#[test]
+fn the_smaller_tolerance_counts() {
+    let run = |parameter: f64, importer: Option<f64>| {
+        let mut bench = Bench::new(Inputs::default(), |parameters, _| {
+            parameters.solver.relative_tolerance = parameter;
+        });
+        bench.experiment.tolerance = importer;
+        bench.inputs.hp_wastegate_pwm = 80.0;
+        bench.run(0.5);
+        bench.variables.states.to_array().map(f64::to_bits)
+    };
+    let fine = run(1e-6, None);
+    assert_eq!(run(1e-3, Some(1e-6)), fine);
+    assert_eq!(run(1e-6, Some(1e-3)), fine);
+    assert_ne!(run(1e-3, None), fine);
 }

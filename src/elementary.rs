@@ -1,0 +1,105 @@
+//! Logarithm, exponential function and powers to base 2 of `f64`, cheaper than the standard library's.
+//!
+//! Those are correct to the last bit or two on every platform's own terms; these are correct to 1e-14 (see
+//! the tests), the same to the bit on every platform, and can be inlined, so that several of them run at
+//! the same time.
+
+use std::f64::consts::{LN_2, LOG2_E};
+
+/// The exponents' bias.
+const BIAS: u64 = 1023;
+const MANTISSA_BITS: u32 = 52;
+const MANTISSA: u64 = (1 << MANTISSA_BITS) - 1;
+
+/// The logarithm to base 2.
+///
+/// With a power of 2 split off, the rest m is within √½ and √2, and ln m = 2·artanh s with
+/// s = (m − 1)/(m + 1), |s| ≤ 0.172, of which nine terms of the series leave 1e-16.
+#[must_use]
+#[inline]
+pub fn log2(x: f64) -> f64 {
+    if !(f64::MIN_POSITIVE..f64::INFINITY).contains(&x) {
+        return x.log2();
+    }
+    let bits = x.to_bits();
+    // The exponent of the nearest power of 2 as seen from √½·2ⁿ.
+    let shifted = bits.wrapping_add(0x3FF0_0000_0000_0000 - std::f64::consts::FRAC_1_SQRT_2.to_bits());
+    #[allow(clippy::cast_possible_wrap)] // 11 bits.
+    let exponent = (shifted >> MANTISSA_BITS) as i64 - BIAS as i64;
+    let m = f64::from_bits((shifted & MANTISSA).wrapping_add(std::f64::consts::FRAC_1_SQRT_2.to_bits()));
+    let s = (m - 1.0) / (m + 1.0);
+    let z = s * s;
+    let z2 = z * z;
+    let z4 = z2 * z2;
+    let low = (1.0 + z * (1.0 / 3.0)) + z2 * (1.0 / 5.0 + z * (1.0 / 7.0));
+    let high = (1.0 / 9.0 + z * (1.0 / 11.0)) + z2 * (1.0 / 13.0 + z * (1.0 / 15.0));
+    let sum = low + z4 * (high + z4 * (1.0 / 17.0));
+    exponent as f64 + 2.0 * LOG2_E * s * sum
+}
+
+/// 2 to a power.
+///
+/// With the nearest integer split off, the rest r is within ±½, and of the series of exp(r·ln 2) twelve
+/// terms leave 1e-14.
+#[must_use]
+#[inline]
+pub fn exp2(x: f64) -> f64 {
+    /// Added and taken away, it rounds to an integer, which stands in the lowest bits meanwhile.
+    const ROUNDER: f64 = 1.5 * (1_u64 << MANTISSA_BITS) as f64;
+    if !(x > -1021.0 && x < 1023.0) {
+        return x.exp2();
+    }
+    let rounded = x + ROUNDER;
+    let r = (x - (rounded - ROUNDER)) * LN_2;
+    let r2 = r * r;
+    let r4 = r2 * r2;
+    let c0 = (1.0 + r) + r2 * (1.0 / 2.0 + r * (1.0 / 6.0));
+    let c4 = (1.0 / 24.0 + r * (1.0 / 120.0)) + r2 * (1.0 / 720.0 + r * (1.0 / 5040.0));
+    let c8 = (1.0 / 40_320.0 + r * (1.0 / 362_880.0)) + r2 * (1.0 / 3_628_800.0 + r * (1.0 / 39_916_800.0));
+    let sum = c0 + r4 * (c4 + r4 * c8);
+    // 2ⁿ·sum by its exponent.
+    f64::from_bits(sum.to_bits().wrapping_add(rounded.to_bits() << MANTISSA_BITS))
+}
+
+/// A positive number to a power.
+#[must_use]
+#[inline]
+pub fn power(base: f64, exponent: f64) -> f64 {
+    exp2(exponent * log2(base))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn they_are_as_exact_as_stated() {
+        // The standard library's are correct to 1e-15.
+        for n in -200_000_i32..=200_000 {
+            let x = f64::from(n) * 1.234e-3;
+            let error = exp2(x) / x.exp2() - 1.0;
+            assert!(error.abs() < 1e-14, "2^{x}: {error}");
+        }
+        for n in 1..400_000 {
+            let x = f64::from(n) * 1.234e-5;
+            let error = log2(x) - x.log2();
+            assert!(error.abs() <= 2e-15 * x.log2().abs(), "log2 {x}: {error}");
+        }
+        assert!((log2(std::f64::consts::SQRT_2) - 0.5).abs() < 1e-15 && log2(1.0) == 0.0);
+        for n in -2000..2000 {
+            let (base, exponent) = ((0.5 * f64::from(n)).exp2(), 0.285_714);
+            let error = power(base, exponent) / base.powf(exponent) - 1.0;
+            assert!(error.abs() < 1e-13, "{base}: {error}");
+        }
+    }
+
+    #[test]
+    fn beyond_their_range_they_are_the_library_s() {
+        for x in [0.0, -1.0, f64::INFINITY, f64::NAN, 1e-310] {
+            assert_eq!(log2(x).to_bits(), x.log2().to_bits());
+        }
+        for x in [-1e9, -1060.0, 1024.0, f64::INFINITY, f64::NAN] {
+            assert_eq!(exp2(x).to_bits(), x.exp2().to_bits());
+        }
+    }
+}

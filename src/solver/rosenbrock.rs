@@ -1,0 +1,333 @@
+//! Linearly implicit (Rosenbrock) methods for stiff systems, of second and of third order.
+//!
+//! - [`Linearization::second_order`]: ROS2 (Verwer, Spee, Blom and Hundsdorfer, A second-order Rosenbrock
+//!   method applied to photochemical dispersion problems, SIAM Journal on Scientific Computing 20(4), 1999),
+//!   two evaluations and two linear solutions a step.
+//! - [`Linearization::third_order`]: ROS34PW2 (Rang and Angermann, New Rosenbrock W-methods of order 3 for
+//!   partial differential algebraic equations of index 1, BIT Numerical Mathematics 45, 2005), four and four.
+//!
+//! Both are L-stable: modes that are much faster than the step are damped, not followed. And both keep their
+//! order with any matrix A in the place of the Jacobian (W-methods), so that one, made from differences,
+//! serves for many steps, and its inverse for all steps of about the same length.
+
+use fmi2_export::Error;
+use fmi2_export::persistence::{Archive, Persistent};
+
+use super::linear;
+
+/// The power with which the estimated errors of both fall.
+pub const ERROR_ORDER: u32 = 3;
+/// γ of the method of second order, 1 − 1/√2.
+const GAMMA_2: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
+/// γ of the method of third order.
+const GAMMA_3: f64 = 0.435_866_521_508_459;
+/// Size of the differences relative to the scale of a state, about the root of the rounding unit.
+const INCREMENT: f64 = 1e-7;
+/// By how much, relatively, a step may be longer or shorter than the one that the inverse was made for.
+const SIMILAR: f64 = 0.1;
+
+/// What the methods solve linear equations with.
+#[derive(Clone, Copy, Debug)]
+pub struct Linearization<const N: usize> {
+    /// The Jacobian, about: the derivatives' derivatives, by rows.
+    jacobian: [[f64; N]; N],
+    /// For how many more steps; 0: there is none.
+    serves: u32,
+    /// Whether no step was taken with it.
+    is_fresh: bool,
+    /// The inverse of 1 − γ·h·A, by columns.
+    inverse: [[f64; N]; N],
+    /// The product γ·h that it was made for; 0: there is none.
+    weight: f64,
+}
+
+impl<const N: usize> Persistent for Linearization<N> {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        let Self { jacobian, serves, is_fresh, inverse, weight } = self;
+        jacobian.persist(archive)?;
+        serves.persist(archive)?;
+        is_fresh.persist(archive)?;
+        inverse.persist(archive)?;
+        weight.persist(archive)
+    }
+}
+
+impl<const N: usize> Default for Linearization<N> {
+    fn default() -> Self {
+        Self { jacobian: [[0.0; N]; N], serves: 0, is_fresh: false, inverse: [[0.0; N]; N], weight: 0.0 }
+    }
+}
+
+/// Where a step begins.
+#[derive(Clone, Copy, Debug)]
+pub struct Begin<'a, const N: usize> {
+    /// The time.
+    pub time: f64,
+    /// The states.
+    pub states: &'a [f64; N],
+    /// Their derivatives.
+    pub slopes: &'a [f64; N],
+    /// The derivatives' partial derivatives with respect to time, about.
+    pub drift: &'a [f64; N],
+}
+
+impl<const N: usize> Linearization<N> {
+    /// Whether it must be made anew before the next step.
+    #[must_use]
+    pub fn is_used_up(&self) -> bool {
+        self.serves == 0
+    }
+
+    /// Counts a step that was taken.
+    pub fn count(&mut self) {
+        self.is_fresh = false;
+        self.serves = self.serves.saturating_sub(1);
+    }
+
+    /// Has it made anew before the next step, unless no step was taken since: then it is of this place.
+    pub fn discard(&mut self) {
+        if !self.is_fresh {
+            self.serves = 0;
+        }
+    }
+
+    /// Makes it at states where the derivatives are `slopes`, to serve for some steps; `scales` is the
+    /// magnitude of each state.
+    pub fn renew(
+        &mut self,
+        mut derivatives: impl FnMut(&[f64; N]) -> [f64; N],
+        states: &[f64; N],
+        slopes: &[f64; N],
+        scales: &[f64; N],
+        serves: u32,
+    ) {
+        for column in 0..N {
+            let mut moved = *states;
+            moved[column] += INCREMENT * scales[column];
+            let reciprocal = (moved[column] - states[column]).recip();
+            let moved_slopes = derivatives(&moved);
+            for row in 0..N {
+                self.jacobian[row][column] = (moved_slopes[row] - slopes[row]) * reciprocal;
+            }
+        }
+        (self.serves, self.is_fresh) = (serves, true);
+        self.weight = 0.0;
+    }
+
+    /// Makes ready for a step of second order and of a length. Whether that can be.
+    #[must_use]
+    pub fn prepare_second_order(&mut self, length: f64) -> bool {
+        self.prepare(GAMMA_2 * length)
+    }
+
+    /// Makes ready for a step of third order and of a length. Whether that can be.
+    #[must_use]
+    pub fn prepare_third_order(&mut self, length: f64) -> bool {
+        self.prepare(GAMMA_3 * length)
+    }
+
+    fn prepare(&mut self, weight: f64) -> bool {
+        if (self.weight - weight).abs() <= SIMILAR * weight {
+            return true;
+        }
+        // Transposed, as is its inverse then.
+        let mut matrix: [[f64; N]; N] =
+            std::array::from_fn(|column| std::array::from_fn(|row| -weight * self.jacobian[row][column]));
+        for (i, column) in matrix.iter_mut().enumerate() {
+            column[i] += 1.0;
+        }
+        let Some(inverse) = linear::inverse(matrix) else { return false };
+        (self.inverse, self.weight) = (inverse, weight);
+        true
+    }
+
+    /// The product of the inverse and a vector.
+    #[inline]
+    fn solve(&self, vector: [f64; N]) -> [f64; N] {
+        let mut product = [0.0; N];
+        // Column by column, so that the sums of all rows run at the same time.
+        for (column, x) in self.inverse.iter().zip(vector) {
+            for (sum, element) in product.iter_mut().zip(column) {
+                *sum += element * x;
+            }
+        }
+        product
+    }
+
+    /// The states after a step of second order, of the length that was last prepared for.
+    ///
+    /// `derivatives` computes dx/dt at a time. The error is known with the derivatives at the step's end
+    /// alone, see [`Linearization::second_order_error`].
+    #[inline]
+    pub fn second_order(
+        &self,
+        mut derivatives: impl FnMut(f64, &[f64; N]) -> [f64; N],
+        begin: &Begin<'_, N>,
+        length: f64,
+    ) -> [f64; N] {
+        let Begin { time, states, slopes, drift } = begin;
+        let drifted = drift.map(|drift| GAMMA_2 * length * drift);
+        let k1 = self.solve(std::array::from_fn(|i| slopes[i] + drifted[i]));
+        let moved = std::array::from_fn(|i| states[i] + length * k1[i]);
+        let f2 = derivatives(time + length, &moved);
+        let k2 = self.solve(std::array::from_fn(|i| f2[i] - drifted[i] - 2.0 * k1[i]));
+        std::array::from_fn(|i| states[i] + length * (1.5 * k1[i] + 0.5 * k2[i]))
+    }
+
+    /// The estimated error of a step of second order from the states and their derivatives at both its ends.
+    /// `bend` is f(t) − 2·f(t + h/2) + f(t + h), about, with the states of the begin.
+    ///
+    /// It compares with the trapezoidal rule. That errs as much as the method where the derivatives depend on
+    /// time alone, hence the `bend`; and it does not damp what the method damps, so stiff modes are taken out
+    /// of the difference, twice.
+    #[inline]
+    #[must_use]
+    pub fn second_order_error(
+        &self,
+        states: [&[f64; N]; 2],
+        slopes: [&[f64; N]; 2],
+        bend: &[f64; N],
+        length: f64,
+    ) -> [f64; N] {
+        self.solve(self.solve(std::array::from_fn(|i| {
+            let mean_slope = 0.5 * (slopes[0][i] + slopes[1][i]) + bend[i] / 3.0;
+            states[1][i] - states[0][i] - length * mean_slope
+        })))
+    }
+
+    /// The states after a step of third order, of the length that was last prepared for, and their estimated
+    /// error: how far they are from those of a method of second order that is embedded.
+    ///
+    /// `derivatives` computes dx/dt at a time.
+    #[inline]
+    pub fn third_order(
+        &self,
+        mut derivatives: impl FnMut(f64, &[f64; N]) -> [f64; N],
+        begin: &Begin<'_, N>,
+        length: f64,
+    ) -> ([f64; N], [f64; N]) {
+        // The printed coefficients (α, Γ, b) for the sums u = Γ·k instead of k, which spares products with A:
+        // α·Γ⁻¹, γ·(1/γ − Γ⁻¹), b·Γ⁻¹ and, for the error, (b − b̂)·Γ⁻¹.
+        let Begin { time, states, slopes, drift } = begin;
+        let solve = |slopes: &[f64; N], drift_weight: f64, others: [f64; N]| {
+            self.solve(std::array::from_fn(|i| {
+                GAMMA_3 * length * (slopes[i] + drift_weight * length * drift[i]) + others[i]
+            }))
+        };
+        let u1 = solve(slopes, GAMMA_3, [0.0; N]);
+        let moved = std::array::from_fn(|i| states[i] + 2.0 * u1[i]);
+        let f2 = derivatives(time + 2.0 * GAMMA_3 * length, &moved);
+        let u2 = solve(&f2, -GAMMA_3, u1.map(|u1| -2.0 * u1));
+        let moved = std::array::from_fn(|i| {
+            states[i] + 1.419_217_317_455_764_7 * u1[i] - 0.259_232_211_672_969_7 * u2[i]
+        });
+        let f3 = derivatives(time + 0.731_579_957_788_852_4 * length, &moved);
+        let others =
+            std::array::from_fn(|i| -1.823_996_994_774_513_6 * u1[i] + 0.124_305_652_566_720_08 * u2[i]);
+        let u3 = solve(&f3, -0.413_333_376_233_886_5, others);
+        let moved: [f64; N] = std::array::from_fn(|i| {
+            states[i] + 4.184_760_482_319_16 * u1[i] - 0.285_192_017_355_495_9 * u2[i]
+                + 2.294_280_360_279_042 * u3[i]
+        });
+        let f4 = derivatives(time + length, &moved);
+        let others = std::array::from_fn(|i| {
+            -2.775_676_116_302_468_4 * u1[i] - 2.961_983_662_554_788_4 * u2[i]
+                + 1.250_979_895_056_060_4 * u3[i]
+        });
+        let u4 = solve(&f4, 0.0, others);
+        let end = std::array::from_fn(|i| moved[i] + u4[i]);
+        let error = std::array::from_fn(|i| {
+            0.277_749_947_647_967_95 * u1[i] - 1.403_239_895_175_999 * u2[i]
+                + 1.772_630_127_667_550_6 * u3[i]
+                + 0.5 * u4[i]
+        });
+        (end, error)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Integrates x' = λ·(x − y − cos t) + y·cos t − sin t, y' = y·cos t to 2 with a Jacobian from the begin
+    /// that serves to the end. The errors: the solution is y = exp(sin t), x = y + cos t.
+    fn error(third: bool, stiffness: f64, steps: u32) -> [f64; 2] {
+        let exact = |t: f64| [t.sin().exp() + t.cos(), t.sin().exp()];
+        let rates = |t: f64, z: &[f64; 2]| {
+            [stiffness * (z[0] - z[1] - t.cos()) + z[1] * t.cos() - t.sin(), z[1] * t.cos()]
+        };
+        let length = 2.0 / f64::from(steps);
+        let mut states = exact(0.0);
+        let mut linearization = Linearization::default();
+        linearization.renew(|z| rates(0.0, z), &states, &rates(0.0, &states), &[1.0; 2], steps);
+        for step in 0..steps {
+            let time = f64::from(step) * length;
+            let slopes = rates(time, &states);
+            let later = rates(time + 1e-6, &states);
+            let drift = std::array::from_fn(|i| (later[i] - slopes[i]) / 1e-6);
+            let begin = Begin { time, states: &states, slopes: &slopes, drift: &drift };
+            states = if third {
+                assert!(linearization.prepare_third_order(length));
+                linearization.third_order(rates, &begin, length).0
+            } else {
+                assert!(linearization.prepare_second_order(length));
+                linearization.second_order(rates, &begin, length)
+            };
+        }
+        let exact = exact(2.0);
+        [states[0] - exact[0], states[1] - exact[1]]
+    }
+
+    #[test]
+    fn the_errors_fall_with_the_order_though_the_jacobian_is_an_old_one() {
+        for (third, expected) in [(false, 4.0), (true, 8.0)] {
+            let ratio = error(third, -1.0, 80)[1] / error(third, -1.0, 160)[1];
+            // The power of 2 but for the next order's term.
+            assert!((ratio / expected - 1.0).abs() < 0.15, "the error falls by {ratio}");
+        }
+    }
+
+    #[test]
+    fn a_mode_that_is_a_million_times_as_fast_is_damped() {
+        for third in [false, true] {
+            let [fast, slow] = error(third, -1e6, 40);
+            // An explicit method has an error of 1e100 here.
+            assert!(fast.abs() < 5e-3 && slow.abs() < 5e-3, "{fast}, {slow}");
+        }
+    }
+
+    #[test]
+    fn the_estimates_fall_with_the_third_power_and_are_of_the_errors_size() {
+        // x' = x·cos t from 1 at t = 1: x = exp(sin t − sin 1).
+        let rates = |t: f64, x: &[f64; 1]| [x[0] * t.cos()];
+        let first_step = |length: f64| {
+            let mut linearization = Linearization::default();
+            let (states, slopes, drift) = ([1.0], rates(1.0, &[1.0]), [-1.0_f64.sin()]);
+            linearization.renew(|x| rates(1.0, x), &states, &slopes, &[1.0], 1);
+            let begin = Begin { time: 1.0, states: &states, slopes: &slopes, drift: &drift };
+            assert!(linearization.prepare_second_order(length));
+            let second = linearization.second_order(rates, &begin, length);
+            let slopes = [&slopes, &rates(1.0 + length, &second)];
+            let bend = [1.0_f64.cos() - 2.0 * (1.0 + 0.5 * length).cos() + (1.0 + length).cos()];
+            let second_error = linearization.second_order_error([&states, &second], slopes, &bend, length);
+            assert!(linearization.prepare_third_order(length));
+            let (third, third_error) = linearization.third_order(rates, &begin, length);
+            let exact = ((1.0 + length).sin() - 1.0_f64.sin()).exp();
+            [(second[0] - exact, second_error[0]), (third[0] - exact, third_error[0])]
+        };
+        let (long, short) = (first_step(0.1), first_step(0.05));
+        for (long, short) in long.into_iter().zip(short) {
+            // That of the third order's is of the embedded method, which is less exact.
+            assert!(long.0.abs() <= 3.0 * long.1.abs(), "{long:?}");
+            let ratio = long.1 / short.1;
+            assert!((6.0..10.0).contains(&ratio), "the estimate falls by {ratio}");
+        }
+    }
+
+    #[test]
+    fn a_matrix_that_has_no_inverse_is_told() {
+        let mut linearization = Linearization::default();
+        linearization.renew(|_| [f64::NAN], &[0.0], &[0.0], &[1.0], 5);
+        assert!(!linearization.prepare_second_order(1.0));
+    }
+}

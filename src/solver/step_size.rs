@@ -1,0 +1,137 @@
+//! The length of an integrator's steps: long where its error is small, and no longer than its stability
+//! bears.
+//!
+//! A step is taken when no state's estimated error exceeds its tolerance. The next length follows from the
+//! errors of the last two steps (a proportional-integral controller: Gustafsson, Lundh and Söderlind, A PI
+//! stepsize control for the numerical solution of ordinary differential equations, BIT 28, 1988). Where
+//! stability limits the step, a controller that sees the last error alone oscillates around the limit and
+//! rejects every third step.
+
+use crate::elementary::{exp2, log2};
+
+/// How far below the length that would just meet the tolerance the next step stays.
+const SAFETY: f64 = 0.9;
+/// The largest change of the length from one step to the next, in either direction.
+const LARGEST_CHANGE: f64 = 5.0;
+/// How much longer than proposed a step may be, so that rounding of its end does not make two of it.
+const ROUNDING: f64 = 1e-6;
+/// The error relative to the tolerance below which nothing more can be learned from it.
+const SMALLEST_ERROR: f64 = 1e-4;
+
+/// Controls the length of the steps of one integrator.
+#[derive(Clone, Copy, Debug)]
+pub struct StepSize {
+    /// The length of the next step.
+    pub next: f64,
+    /// The inverse order of the error estimate.
+    order: f64,
+    /// Logarithm to base 2 of the last taken step's error relative to the tolerance.
+    last_error: f64,
+    rejected: bool,
+}
+
+impl StepSize {
+    /// A control that begins with steps of a length; the error of these falls with the power `order`.
+    #[must_use]
+    pub fn new(first: f64, order: u32) -> Self {
+        Self { next: first, order: f64::from(order).recip(), last_error: 0.0, rejected: false }
+    }
+
+    /// The length of the next step, when `left` is still to go: the longest that leads to the end in equal
+    /// steps. What was computed for one length then serves again.
+    #[must_use]
+    pub fn within(&self, left: f64) -> f64 {
+        left / (left / (self.next * (1.0 + ROUNDING))).ceil().max(1.0)
+    }
+
+    /// Judges a step of a length by its error relative to the tolerance. Whether it is to be taken.
+    ///
+    /// Where it was cut short, what it allows is less than what was proposed before; then that stands.
+    pub fn judge(&mut self, length: f64, error: f64) -> bool {
+        let seen = log2(error.max(SMALLEST_ERROR));
+        if error <= 1.0 {
+            let ratio = exp2(self.order * (0.4 * self.last_error - 0.7 * seen));
+            let most = if self.rejected { 1.0 } else { LARGEST_CHANGE };
+            let allowed = length * (SAFETY * ratio).clamp(LARGEST_CHANGE.recip(), most);
+            let cut_short = length < self.next;
+            self.next = if cut_short && !self.rejected { self.next.max(allowed) } else { allowed };
+            self.last_error = seen;
+            self.rejected = false;
+            true
+        } else {
+            let ratio = if error.is_finite() { SAFETY * exp2(-self.order * seen) } else { 0.0 };
+            self.next = length * ratio.max(LARGEST_CHANGE.recip());
+            self.rejected = true;
+            false
+        }
+    }
+}
+
+/// The largest error of states relative to its tolerance, of which `weights` are the reciprocals; infinite
+/// where an error or a state is no number.
+#[must_use]
+pub fn relative_error<const N: usize>(states: &[f64; N], error: &[f64; N], weights: &[f64; N]) -> f64 {
+    let mut largest = 0.0_f64;
+    let mut sum = 0.0;
+    for ((state, error), weight) in states.iter().zip(error).zip(weights) {
+        let relative = (error * weight).abs();
+        largest = largest.max(relative);
+        sum += relative + 0.0 * state;
+    }
+    // The maximum passes over what is no number; the sum does not.
+    if sum.is_finite() { largest } else { f64::INFINITY }
+}
+
+/// The place of the largest error relative to its tolerance, or of the first state or error that is no
+/// number.
+#[must_use]
+pub fn largest_error<const N: usize>(states: &[f64; N], error: &[f64; N], weights: &[f64; N]) -> usize {
+    let relative = |i: usize| {
+        let relative = (error[i] * weights[i]).abs() + 0.0 * states[i];
+        if relative.is_nan() { f64::INFINITY } else { relative }
+    };
+    (0..N).rev().max_by(|&a, &b| relative(a).total_cmp(&relative(b))).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_steps_to_an_end_are_equal_and_not_longer_than_proposed() {
+        let steps = StepSize::new(0.3, 3);
+        assert!((steps.within(1.0) - 0.25).abs() < 1e-15);
+        assert!((steps.within(0.3) - 0.3).abs() < f64::EPSILON && (steps.within(1e-9) - 1e-9).abs() < 1e-24);
+        // The end carries rounding.
+        assert!((steps.within(0.3 + 1e-9) - 0.3).abs() < 2e-9);
+    }
+
+    #[test]
+    fn large_errors_are_rejected_and_small_ones_lengthen_the_step() {
+        let mut steps = StepSize::new(0.1, 3);
+        assert!(!steps.judge(0.1, 8.0));
+        // The third root of 8 with the margin.
+        assert!((steps.next - 0.045).abs() < 1e-12, "{}", steps.next);
+        assert!(steps.judge(steps.next, 0.5) && steps.next < 0.0451, "not longer right after a rejection");
+        assert!(steps.judge(steps.next, 0.01) && steps.next > 0.0451);
+        assert!(!steps.judge(steps.next, f64::INFINITY) && steps.next > 0.0);
+    }
+
+    #[test]
+    fn a_short_step_to_an_end_does_not_shorten_those_after_it() {
+        let mut steps = StepSize::new(0.1, 3);
+        assert!(steps.judge(1e-6, 1e-9));
+        assert!((steps.next - 0.1).abs() < f64::EPSILON);
+    }
+
+    #[test]
+    fn what_is_no_number_is_an_infinite_error_and_found() {
+        let (one, nan) = ([1.0, 1.0], [1.0, f64::NAN]);
+        assert!((relative_error(&one, &[1.0, -3.0], &[2.0, 1.0]) - 3.0).abs() < f64::EPSILON);
+        assert_eq!(largest_error(&one, &[1.0, -3.0], &[2.0, 1.0]), 1);
+        for (states, error) in [(&one, &nan), (&nan, &one), (&[1.0, f64::INFINITY], &one)] {
+            assert!(relative_error(states, error, &one).is_infinite());
+            assert_eq!(largest_error(states, error, &one), 1);
+        }
+    }
+}
