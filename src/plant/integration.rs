@@ -59,6 +59,10 @@ const FIRST_STEP: f64 = 1e-3;
 const LONGEST_STEP: f64 = 0.025;
 /// The length in s below which a step that does not meet its tolerance is given up.
 const SMALLEST_STEP: f64 = 1e-9;
+/// How many steps may be tried in an interval: so many, …
+const MOST_TRIALS: f64 = 100_000.0;
+/// … and so many for each second. Where more are needed, who waits would take it for the end of all things.
+const MOST_TRIALS_PER_SECOND: f64 = 100_000.0;
 /// The difference of times, relative to a step, for the actuation's derivatives with respect to time.
 const TIME_DIFFERENCE: f64 = 1e-3;
 /// How many steps the actuation may be ahead.
@@ -143,6 +147,14 @@ pub struct Interval {
     pub tolerance: f64,
 }
 
+impl Interval {
+    /// Whether no more steps are tried after one that was taken or not.
+    fn is_given_up(&self, steps: &StepSize, taken: bool) -> bool {
+        let most = MOST_TRIALS + MOST_TRIALS_PER_SECOND * (self.to - self.from);
+        steps.tried as f64 > most || !taken && steps.next < SMALLEST_STEP
+    }
+}
+
 /// The inputs during an interval.
 #[derive(Clone, Copy, Debug)]
 pub struct Signal<F> {
@@ -157,7 +169,8 @@ impl Pace {
     /// that is known.
     ///
     /// # Errors
-    /// Where a step does not meet the tolerance however short it is; the states are then worthless.
+    /// Where a step does not meet the tolerance however short it is, or too many are needed; the states are
+    /// then worthless.
     pub fn advance(
         &mut self,
         system: &System,
@@ -194,11 +207,13 @@ impl Pace {
             let left = interval.to - time;
             let length = steps.within(left).min(LONGEST_STEP);
             let trial = bogacki_shampine::step(derivatives, time, states, &slopes, length);
-            if steps.judge(length, relative_error(&trial.states, &trial.error, &weights)) {
+            let taken = steps.judge(length, relative_error(&trial.states, &trial.error, &weights));
+            if interval.is_given_up(&steps, taken) {
+                return Err(Failure { time, state: largest_error(&trial.states, &trial.error, &weights) });
+            }
+            if taken {
                 time = if length >= left { interval.to } else { time + length };
                 (*states, slopes) = (trial.states, trial.slopes);
-            } else if steps.next < SMALLEST_STEP {
-                return Err(Failure { time, state: largest_error(&trial.states, &trial.error, &weights) });
             }
         }
         self.actuation_step = steps.next.min(LONGEST_STEP);
@@ -284,12 +299,18 @@ impl Pace {
                             (ahead.steps.next.min(LONGEST_STEP), ahead.linearization);
                         return Ok(gas_path);
                     }
+                    if interval.is_given_up(&steps, true) {
+                        return Err(Failure {
+                            time,
+                            state: ACTUATION + largest_error(&x, &errors, &weights),
+                        });
+                    }
                     continue;
                 }
             } else {
                 steps.judge(length, error);
             }
-            if steps.next < SMALLEST_STEP {
+            if interval.is_given_up(&steps, false) {
                 return Err(Failure { time, state: ACTUATION + largest_error(&x, &errors, &weights) });
             }
             self.gas_path.discard();
@@ -381,20 +402,25 @@ impl<'a, F: Fn(f64) -> Inputs> Ahead<'a, F> {
                     self.count += 1;
                     (self.time, self.states, self.slopes) = (time, next, slopes);
                     self.linearization.count();
+                    if self.interval.is_given_up(&self.steps, true) {
+                        return Err(self.failure(&errors));
+                    }
                     continue;
                 }
             } else {
                 self.steps.judge(length, error);
             }
-            if self.steps.next < SMALLEST_STEP {
-                return Err(Failure {
-                    time: self.time,
-                    state: largest_error(&self.states, &errors, &self.weights),
-                });
+            if self.interval.is_given_up(&self.steps, false) {
+                return Err(self.failure(&errors));
             }
             self.linearization.discard();
         }
         Ok(())
+    }
+
+    /// Why it does not go on after a step with these errors.
+    fn failure(&self, errors: &[f64; ACTUATION]) -> Failure {
+        Failure { time: self.time, state: largest_error(&self.states, errors, &self.weights) }
     }
 
     /// The wastegate's opening at a time between that of the gas path and the own.

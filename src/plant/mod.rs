@@ -274,8 +274,9 @@ impl BoostPlant {
         };
         self.pace.advance(&self.system, Signal { at, is_constant }, states, interval).map_err(|failure| {
             Error::new(format!(
-                "{} cannot be integrated beyond {:?} s: even the shortest step misses the tolerance of {:?} of \
-                 full scale; the equations are too stiff with these parameters and inputs",
+                "{} cannot be integrated beyond {:?} s: even the shortest steps, or as many as are tried, miss \
+                 the tolerance of {:?} of full scale; the equations are too stiff with these parameters and \
+                 inputs",
                 States::NAMES[failure.state],
                 step.start + failure.time,
                 interval.tolerance

@@ -23,6 +23,8 @@ const SMALLEST_ERROR: f64 = 1e-4;
 pub struct StepSize {
     /// The length of the next step.
     pub next: f64,
+    /// How many steps were judged.
+    pub tried: u64,
     /// The inverse order of the error estimate.
     order: f64,
     /// Logarithm to base 2 of the last taken step's error relative to the tolerance.
@@ -34,7 +36,7 @@ impl StepSize {
     /// A control that begins with steps of a length; the error of these falls with the power `order`.
     #[must_use]
     pub fn new(first: f64, order: u32) -> Self {
-        Self { next: first, order: f64::from(order).recip(), last_error: 0.0, rejected: false }
+        Self { next: first, tried: 0, order: f64::from(order).recip(), last_error: 0.0, rejected: false }
     }
 
     /// The length of the next step, when `left` is still to go: the longest that leads to the end in equal
@@ -48,6 +50,7 @@ impl StepSize {
     ///
     /// Where it was cut short, what it allows is less than what was proposed before; then that stands.
     pub fn judge(&mut self, length: f64, error: f64) -> bool {
+        self.tried += 1;
         let seen = log2(error.max(SMALLEST_ERROR));
         if error <= 1.0 {
             let ratio = exp2(self.order * (0.4 * self.last_error - 0.7 * seen));
