@@ -146,7 +146,7 @@ trait RightHandSide {
 
 impl RightHandSide for System {
     fn rates(&self, states: &States, inputs: &Inputs) -> States {
-        self.evaluate(inputs, states).derivatives
+        self.evaluate(inputs, states).derivatives()
     }
 }
 
