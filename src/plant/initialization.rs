@@ -8,7 +8,7 @@
 use num_dual::Dual64;
 
 use super::scalar::Scalar;
-use super::system::System;
+use super::system::{ACTUATION, GAS_PATH, GAS_PATH_SCALES, System, halves};
 use super::variables::{Inputs, Parameters, States};
 use crate::solver::steady_state::{self, Failure};
 use crate::solver::{linear, runge_kutta};
@@ -22,10 +22,9 @@ const AT_REST: f64 = 1e-9;
 /// some 1e-10, a transient that is being followed far more.
 const SETTLED: f64 = 1e-8;
 
-/// The settled unknowns: the pressures of the gas path in its order, and the speeds of the shafts.
-const UNKNOWNS: usize = 10;
-/// Their magnitudes in Pa and rad/s.
-const SCALES: [f64; UNKNOWNS] = [1e5, 2e5, 2e5, 2e5, 2e5, 2e5, 1.5e5, 1e5, 2e4, 1e4];
+/// With how many steps a second a transient is followed. The fastest modes of the plant, the volumes around
+/// the throttle at about 1600 1/s, leave the method a quarter of its limit of stability then.
+const TRANSIENT_STEPS: u32 = 2400;
 
 /// The states of an engine that has just been started, with the vacuum tank at a pressure in Pa.
 #[must_use]
@@ -74,18 +73,16 @@ pub fn settled(parameters: &Parameters, inputs: &Inputs, tank_pressure: f64) -> 
     system.freeze_tank(true);
     let start = running(&system, inputs, tank_pressure);
     let actuated = settle_actuation(&system, inputs, start);
-    let rates = |unknowns: &[f64; UNKNOWNS]| settled_rates(&system, inputs, actuated, unknowns);
+    let rates = |unknowns: &[f64; GAS_PATH]| settled_rates(&system, inputs, actuated, unknowns);
     let mut differentiated = System::new(&parameters.map(Dual64::from));
     differentiated.freeze_tank(true);
     let (constant_inputs, constant_states) = (inputs.map(Dual64::from), actuated.map(Dual64::from));
-    let rates_along = |unknowns: &[f64; UNKNOWNS], position: usize| {
-        let mut unknowns = unknowns.map(Dual64::from);
-        unknowns[position].eps = 1.0;
-        settled_rates(&differentiated, &constant_inputs, constant_states, &unknowns).map(|rate| rate.eps)
+    let rates_along = |unknowns: &[f64; GAS_PATH], position: usize| {
+        settled_rates_along(&differentiated, &constant_inputs, &constant_states, unknowns, position)
     };
-    match steady_state::find(rates, rates_along, unknowns_of(&actuated), &SCALES) {
+    match steady_state::find(rates, rates_along, halves(&actuated).1, &GAS_PATH_SCALES) {
         Ok(unknowns) => Settled {
-            states: settle_rod(&system, inputs, with_unknowns(actuated, &unknowns)),
+            states: settle_rod(&system, inputs, with_gas_path(actuated, &unknowns)),
             shortcoming: None,
         },
         Err(failure) => {
@@ -95,15 +92,28 @@ pub fn settled(parameters: &Parameters, inputs: &Inputs, tank_pressure: f64) -> 
     }
 }
 
-/// The rates of the unknowns where everything else is settled.
+/// The rates of the gas path where everything else is settled.
 fn settled_rates<D: Scalar>(
     system: &System<D>,
     inputs: &Inputs<D>,
     actuated: States<D>,
-    unknowns: &[D; UNKNOWNS],
-) -> [D; UNKNOWNS] {
-    let states = settle_rod(system, inputs, with_unknowns(actuated, unknowns));
-    unknowns_of(&system.evaluate(inputs, &states).derivatives())
+    unknowns: &[D; GAS_PATH],
+) -> [D; GAS_PATH] {
+    let states = settle_rod(system, inputs, with_gas_path(actuated, unknowns));
+    system.evaluate(inputs, &states).gas_path.derivatives
+}
+
+/// Their derivatives with respect to the unknown at a position.
+fn settled_rates_along(
+    system: &System<Dual64>,
+    inputs: &Inputs<Dual64>,
+    actuated: &States<Dual64>,
+    unknowns: &[f64; GAS_PATH],
+    position: usize,
+) -> [f64; GAS_PATH] {
+    let mut unknowns = unknowns.map(Dual64::from);
+    unknowns[position].eps = 1.0;
+    settled_rates(system, inputs, *actuated, &unknowns).map(|rate| rate.eps)
 }
 
 /// The settled states with their derivatives along the direction in which parameters, inputs and the
@@ -120,9 +130,9 @@ pub fn differentiate_settled(
     let mut system = System::new(parameters);
     system.freeze_tank(true);
     let actuated = settle_actuation(&system, inputs, running(&system, inputs, tank_pressure));
-    let found = unknowns_of(settled);
+    let found = halves(settled).1;
     let along = settled_rates(&system, inputs, actuated, &found.map(Dual64::from));
-    if (0..UNKNOWNS).any(|i| along[i].re.abs() > SETTLED * SCALES[i]) {
+    if (0..GAS_PATH).any(|i| along[i].re.abs() > SETTLED * GAS_PATH_SCALES[i]) {
         return None;
     }
     // The same without the direction, so that the unknowns alone change.
@@ -130,18 +140,16 @@ pub fn differentiate_settled(
     still.freeze_tank(true);
     let still_inputs = inputs.map(|input| Dual64::from(input.re));
     let still_actuated = actuated.map(|state| Dual64::from(state.re));
-    let mut jacobian = [[0.0; UNKNOWNS]; UNKNOWNS];
-    for column in 0..UNKNOWNS {
-        let mut unknowns = found.map(Dual64::from);
-        unknowns[column].eps = SCALES[column];
-        let slopes = settled_rates(&still, &still_inputs, still_actuated, &unknowns);
-        for row in 0..UNKNOWNS {
-            jacobian[row][column] = slopes[row].eps / SCALES[row];
+    let mut jacobian = [[0.0; GAS_PATH]; GAS_PATH];
+    for column in 0..GAS_PATH {
+        let slopes = settled_rates_along(&still, &still_inputs, &still_actuated, &found, column);
+        for row in 0..GAS_PATH {
+            jacobian[row][column] = slopes[row] / GAS_PATH_SCALES[row] * GAS_PATH_SCALES[column];
         }
     }
-    let change = linear::solve(jacobian, std::array::from_fn(|i| -along[i].eps / SCALES[i]))?;
-    let unknowns = std::array::from_fn(|i| Dual64::new(found[i], change[i] * SCALES[i]));
-    Some(settle_rod(&system, inputs, with_unknowns(actuated, &unknowns)))
+    let change = linear::solve(jacobian, std::array::from_fn(|i| -along[i].eps / GAS_PATH_SCALES[i]))?;
+    let unknowns = std::array::from_fn(|i| Dual64::new(found[i], change[i] * GAS_PATH_SCALES[i]));
+    Some(settle_rod(&system, inputs, with_gas_path(actuated, &unknowns)))
 }
 
 /// Brings the plunger and the chamber to rest.
@@ -170,33 +178,11 @@ fn settle_rod<D: Scalar>(system: &System<D>, inputs: &Inputs<D>, mut states: Sta
     states
 }
 
-/// The places of the unknowns among the states or their derivatives.
-fn places<D>(states: &mut States<D>) -> [&mut D; UNKNOWNS] {
-    [
-        &mut states.air_filter.pressure,
-        &mut states.lp_compressor.outlet_pressure,
-        &mut states.hp_compressor.outlet_pressure,
-        &mut states.intercooler.outlet_pressure,
-        &mut states.intake_manifold.pressure,
-        &mut states.exhaust_manifold.pressure,
-        &mut states.interstage_exhaust.pressure,
-        &mut states.exhaust.pressure,
-        &mut states.hp_shaft.speed,
-        &mut states.lp_shaft.speed,
-    ]
-}
-
-/// The unknowns among the states or their derivatives.
-fn unknowns_of<D: Copy>(states: &States<D>) -> [D; UNKNOWNS] {
-    places(&mut states.clone()).map(|unknown| *unknown)
-}
-
-/// The states with other values of the unknowns.
-fn with_unknowns<D: Copy>(mut states: States<D>, unknowns: &[D; UNKNOWNS]) -> States<D> {
-    for (place, &unknown) in places(&mut states).into_iter().zip(unknowns) {
-        *place = unknown;
-    }
-    states
+/// The states with others of the gas path.
+fn with_gas_path<D: Copy>(states: States<D>, gas_path: &[D; GAS_PATH]) -> States<D> {
+    let mut states = states.to_array();
+    states[ACTUATION..].copy_from_slice(gas_path);
+    States::from_array(states)
 }
 
 /// Integrates until everything is at rest, for [`LONGEST_TRANSIENT`] at most. Returns the states and the
@@ -212,8 +198,8 @@ fn follow_transient(system: &System, inputs: &Inputs, start: States) -> (States,
         if (0..States::COUNT).all(|i| slopes[i].abs() < AT_REST * scales[i]) {
             return (States::from_array(x), f64::from(second));
         }
-        for _ in 0..runge_kutta::substeps(1.0) {
-            runge_kutta::step(|_, x| rates(x), &mut x, runge_kutta::LONGEST_STEP);
+        for _ in 0..TRANSIENT_STEPS {
+            runge_kutta::step(|_, x| rates(x), &mut x, f64::from(TRANSIENT_STEPS).recip());
         }
         if x.iter().any(|x| !x.is_finite()) {
             return (start, 0.0);

@@ -30,7 +30,7 @@
 //! linearizations and the last derivatives; it only saves work, but it belongs to the plant's state, so that
 //! a restored plant goes on bit for bit.
 
-use super::system::{ACTUATION, GAS_PATH, GasPath, System};
+use super::system::{ACTUATION, GAS_PATH, GAS_PATH_SCALES, GasPath, System};
 use super::variables::{Inputs, States};
 use crate::solver::bogacki_shampine;
 use crate::solver::cubic::Cubic;
@@ -41,8 +41,6 @@ use crate::solver::step_size::{StepSize, largest_error, relative_error};
 /// friction force, which are fast and tiny, ten times what they reach; for the tank's pressure, which forgets
 /// no error, a thirtieth of it.
 const ACTUATION_SCALES: [f64; ACTUATION] = [20.0, 100.0, 1e3, 1e5, 1e-2, 1.0, 2.0];
-/// What counts as 100 % of the gas path's states.
-const GAS_PATH_SCALES: [f64; GAS_PATH] = [1e5, 2e5, 2e5, 2e5, 2e5, 2e5, 1.5e5, 1e5, 2e4, 1e4];
 
 /// The share of the tolerance for the error of a single step of the actuation: the errors of several steps
 /// and of the kinks add up, and what the gas path makes of the rod's position is up to three times as much.
@@ -233,6 +231,10 @@ impl Pace {
         let mut x = std::array::from_fn(|i| states[ACTUATION + i]);
         let mut ahead = Ahead::new(self, system, signal, std::array::from_fn(|i| states[i]), interval);
         let weights = GAS_PATH_SCALES.map(|scale| (scale * tolerance * GAS_PATH_SHARE).recip());
+        let failure = |time: f64, x: &[f64; GAS_PATH], errors: &[f64; GAS_PATH]| Failure {
+            time,
+            state: ACTUATION + largest_error(x, errors, &weights),
+        };
         let mut steps = StepSize::new(self.gas_path_step, rosenbrock::ERROR_ORDER);
         let mut time = from;
         let here = gas_path_inputs(&inputs(time));
@@ -300,10 +302,7 @@ impl Pace {
                         return Ok(gas_path);
                     }
                     if interval.is_given_up(&steps, true) {
-                        return Err(Failure {
-                            time,
-                            state: ACTUATION + largest_error(&x, &errors, &weights),
-                        });
+                        return Err(failure(time, &x, &errors));
                     }
                     continue;
                 }
@@ -311,7 +310,7 @@ impl Pace {
                 steps.judge(length, error);
             }
             if interval.is_given_up(&steps, false) {
-                return Err(Failure { time, state: ACTUATION + largest_error(&x, &errors, &weights) });
+                return Err(failure(time, &x, &errors));
             }
             self.gas_path.discard();
         }

@@ -79,6 +79,8 @@ pub const ACTUATION: usize = 7;
 /// How many states the gas path has: the rest of [`States`] (pressures in the direction of the flow, then
 /// the shafts of high and low pressure).
 pub const GAS_PATH: usize = 10;
+/// What counts as 100 % of each, in Pa and rad/s.
+pub const GAS_PATH_SCALES: [f64; GAS_PATH] = [1e5, 2e5, 2e5, 2e5, 2e5, 2e5, 1.5e5, 1e5, 2e4, 1e4];
 const _: () = assert!(ACTUATION + GAS_PATH == States::COUNT);
 
 /// What the actuation does at an instant.
@@ -409,7 +411,7 @@ impl<D: Scalar> System<D> {
 }
 
 /// The states of the actuation and of the gas path.
-fn halves<D: Scalar>(states: &States<D>) -> ([D; ACTUATION], [D; GAS_PATH]) {
+pub(super) fn halves<D: Scalar>(states: &States<D>) -> ([D; ACTUATION], [D; GAS_PATH]) {
     let states = states.to_array();
     (std::array::from_fn(|i| states[i]), std::array::from_fn(|i| states[ACTUATION + i]))
 }

@@ -1,25 +1,7 @@
-//! The classical Runge-Kutta method of fourth order with a fixed step.
-//!
-//! Why a fixed step: it never tries states far off the solution, costs the same in each communication
-//! step, and makes results independent of how the master cuts time into steps, as far as these are
-//! multiples of it. 1/2400 s is the 30th part of a controller sample at 80 Hz and the 8th of a PWM period
-//! at 300 Hz. The fastest modes of the plant, the volumes around the throttle at about 1600 1/s, leave it
-//! a quarter of the method's limit of stability.
+//! The classical Runge-Kutta method of fourth order, with a fixed step: for following a transient to wherever it
+//! leads, where its accuracy on the way does not matter.
 
-/// The longest substep in seconds.
-pub const LONGEST_STEP: f64 = 1.0 / 2400.0;
-
-/// How many equal substeps, none longer than [`LONGEST_STEP`], an interval of `duration` seconds takes.
-///
-/// An interval that is a multiple of the longest step but for rounding is cut into that many: 12.5 ms
-/// into 30.
-#[must_use]
-pub fn substeps(duration: f64) -> u64 {
-    // The cast saturates; a duration of 1e15 s would not be finished anyway.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let count = (duration / LONGEST_STEP - 1e-6).ceil().max(1.0) as u64;
-    count
-}
+use super::moved;
 
 /// Advances `states` by `duration` seconds.
 ///
@@ -31,32 +13,17 @@ pub fn step<const N: usize>(
 ) {
     let half = 0.5 * duration;
     let k1 = derivatives(0.0, states);
-    let k2 = derivatives(half, &moved(states, &k1, half));
-    let k3 = derivatives(half, &moved(states, &k2, half));
-    let k4 = derivatives(duration, &moved(states, &k3, duration));
+    let k2 = derivatives(half, &moved(states, half, [(&k1, 1.0)]));
+    let k3 = derivatives(half, &moved(states, half, [(&k2, 1.0)]));
+    let k4 = derivatives(duration, &moved(states, duration, [(&k3, 1.0)]));
     for i in 0..N {
         states[i] += duration / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
     }
 }
 
-/// The states after moving with constant slopes.
-fn moved<const N: usize>(states: &[f64; N], slopes: &[f64; N], duration: f64) -> [f64; N] {
-    std::array::from_fn(|i| states[i] + duration * slopes[i])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn an_interval_is_cut_into_the_fewest_substeps_despite_rounding() {
-        assert_eq!(substeps(0.0125), 30);
-        assert_eq!(substeps(1.0 / 300.0), 8);
-        assert_eq!(substeps(1e-9), 1);
-        assert_eq!(substeps(1.01 / 2400.0), 2);
-        // The length of a step late in an experiment carries the rounding of its ends.
-        assert_eq!(substeps(1000.0125 - 1000.0), 30);
-    }
 
     #[test]
     fn the_error_falls_with_the_fourth_power_of_the_step() {
