@@ -605,7 +605,7 @@ impl<M: Model> Instance<M> {
             }
         }
         let (status, derivatives) = self.differentiate(&direction)?;
-        copy_numbers(&derivatives, unknowns, sensitivities, "the derivative of")?;
+        copy_derivatives(&derivatives, unknowns, sensitivities)?;
         Ok(status)
     }
 
@@ -638,7 +638,7 @@ impl<M: Model> Instance<M> {
             }
         }
         let (_, derivatives) = self.differentiate(&direction)?;
-        copy_numbers(&derivatives, references, values, "the derivative of")?;
+        copy_derivatives(&derivatives, references, values)?;
         Ok(status)
     }
 
@@ -704,18 +704,17 @@ impl<M: Model> Instance<M> {
     }
 }
 
-/// Hands out the Real variables with some value references, if they are numbers.
-fn copy_numbers<V: Variables>(
-    variables: &V,
+/// Hands out the derivatives of variables, if they are numbers.
+fn copy_derivatives<V: Variables>(
+    derivatives: &V,
     references: &[ValueReference],
     values: &mut [f64],
-    what: &str,
 ) -> Result<(), Error> {
     for (&reference, value) in references.iter().zip(values) {
-        *value = variables.real(reference);
+        *value = derivatives.real(reference);
         if !value.is_finite() {
             let name = V::DESCRIPTION.variables[reference as usize].name;
-            return Err(Error::new(format!("{what} {name} is {}", Shown(*value))));
+            return Err(Error::new(format!("the derivative of {name} is {}", Shown(*value))));
         }
     }
     Ok(())
