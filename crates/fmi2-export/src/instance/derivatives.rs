@@ -1,0 +1,151 @@
+//! Derivatives: directional ones (FMI 2.0.5, section 2.1.9), and those of outputs over time (section 4.2.1).
+
+use super::{Answer, Instance};
+use crate::c_types::Status;
+use crate::calling_sequence::Phase;
+use crate::description::{Causality, DataType, Initial, ValueReference, VariableDescription};
+use crate::logger::Shown;
+use crate::model::{Error, Model, Variables};
+
+impl<M: Model> Instance<M> {
+    /// The directional derivatives of unknowns along a direction of knowns (section 2.1.9).
+    pub(crate) fn get_directional_derivative(
+        &mut self,
+        unknowns: &[ValueReference],
+        knowns: &[ValueReference],
+        seeds: &[f64],
+        sensitivities: &mut [f64],
+    ) -> Answer {
+        Self::check_differentiates("providesDirectionalDerivative is false")?;
+        for &unknown in unknowns {
+            self.check_unknown(Self::variable(unknown, DataType::Real)?)?;
+        }
+        let mut direction = M::Variables::zero();
+        for (position, (&known, &seed)) in knowns.iter().zip(seeds).enumerate() {
+            let variable = Self::variable(known, DataType::Real)?;
+            self.check_known(variable)?;
+            if !seed.is_finite() {
+                return Err(Error::new(format!("{} for the seed of {}", Shown(seed), variable.name)));
+            }
+            if knowns[..position].contains(&known) {
+                return Err(Error::new(format!("{} is twice among the knowns", variable.name)));
+            }
+            if variable.real_input.is_none_or(|input| self.memory.inputs.is_free(input)) {
+                direction.set_real(known, seed);
+            }
+        }
+        let (status, derivatives) = self.differentiate(&direction)?;
+        copy_derivatives(&derivatives, unknowns, sensitivities)?;
+        Ok(status)
+    }
+
+    /// The derivatives of outputs with respect to time (section 4.2.1).
+    pub(crate) fn get_real_output_derivatives(
+        &mut self,
+        references: &[ValueReference],
+        orders: &[i32],
+        values: &mut [f64],
+    ) -> Answer {
+        Self::check_differentiates("maxOutputDerivativeOrder is 0")?;
+        for (&reference, &order) in references.iter().zip(orders) {
+            let variable = Self::variable(reference, DataType::Real)?;
+            if variable.causality != Causality::Output {
+                return Err(Error::new(format!("the variable {} is no output", variable.name)));
+            }
+            if order != 1 {
+                return Err(Error::new(format!(
+                    "order {order} of the derivative of {}; maxOutputDerivativeOrder is 1",
+                    variable.name
+                )));
+            }
+        }
+        let status = self.compute_values()?;
+        // Along the way that states and inputs take.
+        let mut direction = self.memory.variables.along_derivatives();
+        for (reference, variable) in (0..).zip(Self::DESCRIPTION.variables) {
+            if let Some(input) = variable.real_input {
+                direction.set_real(reference, self.memory.inputs.slope(input));
+            }
+        }
+        let (_, derivatives) = self.differentiate(&direction)?;
+        copy_derivatives(&derivatives, references, values)?;
+        Ok(status)
+    }
+
+    fn check_differentiates(missing: &str) -> Result<(), Error> {
+        if Self::DESCRIPTION.capabilities.directional_derivatives {
+            Ok(())
+        } else {
+            Err(Error::new(format!("this FMU has no such derivatives ({missing})")))
+        }
+    }
+
+    /// What can be differentiated: what the model calculates.
+    fn check_unknown(&self, variable: &VariableDescription) -> Result<(), Error> {
+        let calculated = match variable.causality {
+            Causality::Output => true,
+            // A state is an unknown of the initialization and a known of the steps.
+            Causality::Local => {
+                self.memory.phase == Phase::InitializationMode && variable.initial != Initial::Exact
+                    || variable.initial == Initial::Calculated
+            }
+            Causality::Parameter
+            | Causality::CalculatedParameter
+            | Causality::Input
+            | Causality::Independent => false,
+        };
+        if calculated {
+            Ok(())
+        } else {
+            Err(Error::new(format!("{} is no unknown in the state {}", variable.name, self.memory.phase)))
+        }
+    }
+
+    /// What can be differentiated with respect to: inputs; in initialization mode the parameters and exact
+    /// start values, later the states.
+    fn check_known(&self, variable: &VariableDescription) -> Result<(), Error> {
+        let is_state = variable.causality == Causality::Local
+            && matches!(variable.initial, Initial::Exact | Initial::Approx);
+        let initializing = self.memory.phase == Phase::InitializationMode;
+        let known = match variable.causality {
+            Causality::Input => true,
+            Causality::Parameter => initializing,
+            _ if initializing => is_state && variable.initial == Initial::Exact,
+            _ => is_state,
+        };
+        if known {
+            Ok(())
+        } else {
+            Err(Error::new(format!("{} is no known in the state {}", variable.name, self.memory.phase)))
+        }
+    }
+
+    /// The derivatives along a direction, once the values are up to date.
+    fn differentiate(&mut self, direction: &M::Variables) -> Result<(Status, M::Variables), Error> {
+        let status = self.compute_values()?;
+        let memory = &self.memory;
+        let (variables, inputs) = (&memory.variables, memory.inputs.latest());
+        let derivatives = if memory.phase == Phase::InitializationMode {
+            memory.model.differentiate_initialization(variables, inputs, direction)
+        } else {
+            memory.model.differentiate(variables, inputs, direction)
+        };
+        Ok((status, derivatives?))
+    }
+}
+
+/// Hands out the derivatives of variables, if they are numbers.
+fn copy_derivatives<V: Variables>(
+    derivatives: &V,
+    references: &[ValueReference],
+    values: &mut [f64],
+) -> Result<(), Error> {
+    for (&reference, value) in references.iter().zip(values) {
+        *value = derivatives.real(reference);
+        if !value.is_finite() {
+            let name = V::DESCRIPTION.variables[reference as usize].name;
+            return Err(Error::new(format!("the derivative of {name} is {}", Shown(*value))));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,249 @@
+//! Getting and setting variables (FMI 2.0.5, section 2.1.7), and the derivatives of inputs (section 4.2.1).
+
+use std::ffi::CString;
+
+use super::{Answer, Instance};
+use crate::c_types::Status;
+use crate::calling_sequence::Phase;
+use crate::description::{Causality, DataType, Initial, ValueReference, Variability, VariableDescription};
+use crate::inputs::MAX_ORDER;
+use crate::logger::{Shown, WARNING};
+use crate::model::{Error, Model, Variables};
+
+impl<M: Model> Instance<M> {
+    /// A variable, if a value reference is one's and of that type.
+    pub(super) fn variable(
+        reference: ValueReference,
+        requested: DataType,
+    ) -> Result<&'static VariableDescription, Error> {
+        let variable = Self::DESCRIPTION.variables.get(reference as usize).ok_or_else(|| {
+            Error::new(format!("there is no variable with the value reference {reference}"))
+        })?;
+        let data_type = match variable.data_type {
+            DataType::Enumeration => DataType::Integer,
+            other => other,
+        };
+        if data_type == requested {
+            Ok(variable)
+        } else {
+            Err(Error::new(format!("the variable {} is of the type {:?}", variable.name, variable.data_type)))
+        }
+    }
+
+    /// Gets values; `read` writes the one at an index. First every value reference is checked.
+    fn get(
+        &mut self,
+        references: &[ValueReference],
+        requested: DataType,
+        mut read: impl FnMut(&M::Variables, usize, ValueReference) -> Result<(), Error>,
+    ) -> Answer {
+        for &reference in references {
+            Self::variable(reference, requested)?;
+        }
+        let status = self.compute_values()?;
+        for (index, &reference) in references.iter().enumerate() {
+            read(&self.memory.variables, index, reference)?;
+        }
+        Ok(status)
+    }
+
+    pub(crate) fn get_real(&mut self, references: &[ValueReference], values: &mut [f64]) -> Answer {
+        let time = self.memory.time;
+        let mut no_number = Ok(());
+        let status = self.get(references, DataType::Real, |variables, index, reference| {
+            let variable = &Self::DESCRIPTION.variables[reference as usize];
+            let value =
+                if variable.causality == Causality::Independent { time } else { variables.real(reference) };
+            // The others are handed out all the same: what a failed step has left is of use for debugging.
+            if value.is_finite() {
+                values[index] = value;
+            } else if no_number.is_ok() {
+                let message = format!("the variable {} is {}", variable.name, Shown(value));
+                no_number = Err(Error::new(message));
+            }
+            Ok(())
+        })?;
+        no_number.map(|()| status)
+    }
+
+    pub(crate) fn get_integer(&mut self, references: &[ValueReference], values: &mut [i32]) -> Answer {
+        self.get(references, DataType::Integer, |variables, index, reference| {
+            values[index] = variables.integer(reference);
+            Ok(())
+        })
+    }
+
+    pub(crate) fn get_boolean(&mut self, references: &[ValueReference], values: &mut [i32]) -> Answer {
+        self.get(references, DataType::Boolean, |variables, index, reference| {
+            values[index] = i32::from(variables.boolean(reference));
+            Ok(())
+        })
+    }
+
+    /// Leaves the values in [`Instance::strings`].
+    pub(crate) fn get_string(&mut self, references: &[ValueReference]) -> Answer {
+        let mut strings = Vec::with_capacity(references.len());
+        let status = self.get(references, DataType::String, |variables, _, reference| {
+            let text = variables.string(reference);
+            strings.push(CString::new(text).map_err(|_| Error::new("a string with a NUL in it"))?);
+            Ok(())
+        })?;
+        self.strings = strings;
+        Ok(status)
+    }
+
+    /// Whether, in the present state, a variable may be set, and to this value (as a number).
+    fn check_settable(&self, variable: &VariableDescription, value: f64) -> Result<(), Error> {
+        let phase = self.memory.phase;
+        let is_input = variable.causality == Causality::Input;
+        let settable = match phase {
+            Phase::Instantiated => is_input || matches!(variable.initial, Initial::Exact | Initial::Approx),
+            Phase::InitializationMode => is_input || variable.initial == Initial::Exact,
+            Phase::StepComplete => is_input || variable.variability == Variability::Tunable,
+            Phase::Terminated | Phase::Error => false,
+        };
+        let settable = settable && variable.variability != Variability::Constant;
+        if settable && value.is_finite() && (is_input || (variable.min..=variable.max).contains(&value)) {
+            Ok(())
+        } else {
+            Err(self.why_not_set(variable, value, settable))
+        }
+    }
+
+    /// Why a variable is not set to a value.
+    #[cold]
+    fn why_not_set(&self, variable: &VariableDescription, value: f64, settable: bool) -> Error {
+        Error::new(if !settable {
+            format!(
+                "{} (a {}, {}) cannot be set in the state {}",
+                variable.name, variable.causality, variable.variability, self.memory.phase
+            )
+        } else if !value.is_finite() {
+            format!("{} for the variable {}", Shown(value), variable.name)
+        } else {
+            format!(
+                "{} for the variable {} is outside its range {} to {}",
+                Shown(value),
+                variable.name,
+                Shown(variable.min),
+                Shown(variable.max)
+            )
+        })
+    }
+
+    /// Notes that a variable was set; warns once of an input that is out of its bounds.
+    fn was_set(&mut self, reference: ValueReference, value: f64) -> Status {
+        let memory = &mut self.memory;
+        let variable = &Self::DESCRIPTION.variables[reference as usize];
+        memory.stale = true;
+        if variable.causality != Causality::Input {
+            memory.parameters_changed = true;
+            return Status::Ok;
+        }
+        let outside = if let Some(position) = variable.real_input {
+            memory.inputs.set_value(position, value)
+        } else {
+            memory.inputs.set_others(memory.variables.inputs());
+            !(variable.min..=variable.max).contains(&value)
+        };
+        let told = std::mem::replace(&mut memory.out_of_bounds[reference as usize], outside);
+        if outside && !told { self.warn_of_bounds(variable, value) } else { Status::Ok }
+    }
+
+    #[cold]
+    fn warn_of_bounds(&self, variable: &VariableDescription, value: f64) -> Status {
+        self.logger.message(
+            WARNING,
+            format_args!(
+                "{} for the input {} is outside its range {} to {}; the nearest bound is used",
+                Shown(value),
+                variable.name,
+                Shown(variable.min),
+                Shown(variable.max)
+            ),
+        );
+        Status::Warning
+    }
+
+    /// Sets values: checks all before it changes any. `as_number` is a value as ranges see it.
+    fn set<T: Copy>(
+        &mut self,
+        references: &[ValueReference],
+        values: &[T],
+        requested: DataType,
+        as_number: impl Fn(T) -> f64,
+        write: impl Fn(&mut M::Variables, ValueReference, T),
+    ) -> Answer {
+        for (&reference, &value) in references.iter().zip(values) {
+            self.check_settable(Self::variable(reference, requested)?, as_number(value))?;
+        }
+        let mut status = Status::Ok;
+        for (&reference, &value) in references.iter().zip(values) {
+            write(&mut self.memory.variables, reference, value);
+            status = status.max(self.was_set(reference, as_number(value)));
+        }
+        Ok(status)
+    }
+
+    pub(crate) fn set_real(&mut self, references: &[ValueReference], values: &[f64]) -> Answer {
+        self.set(references, values, DataType::Real, |value| value, M::Variables::set_real)
+    }
+
+    pub(crate) fn set_integer(&mut self, references: &[ValueReference], values: &[i32]) -> Answer {
+        self.set(references, values, DataType::Integer, f64::from, M::Variables::set_integer)
+    }
+
+    pub(crate) fn set_boolean(&mut self, references: &[ValueReference], values: &[i32]) -> Answer {
+        let write =
+            |variables: &mut M::Variables, reference, value| variables.set_boolean(reference, value != 0);
+        self.set(references, values, DataType::Boolean, |_| 0.0, write)
+    }
+
+    pub(crate) fn set_string(&mut self, references: &[ValueReference], values: &[&str]) -> Answer {
+        self.set(references, values, DataType::String, |_| 0.0, M::Variables::set_string)
+    }
+
+    pub(crate) fn set_real_input_derivatives(
+        &mut self,
+        references: &[ValueReference],
+        orders: &[i32],
+        values: &[f64],
+    ) -> Answer {
+        if !Self::DESCRIPTION.capabilities.interpolate_inputs {
+            return Err(Error::new("this FMU cannot interpolate inputs (canInterpolateInputs is false)"));
+        }
+        let derivatives = || references.iter().zip(orders).zip(values);
+        for ((&reference, &order), &value) in derivatives() {
+            Self::input_derivative(reference, order, value)?;
+        }
+        for ((&reference, &order), &value) in derivatives() {
+            let (position, order) = Self::input_derivative(reference, order, value)?;
+            self.memory.inputs.set_derivative(position, order, value);
+        }
+        Ok(Status::Ok)
+    }
+
+    /// Which Real input, and which order, a derivative is for, if it may be set.
+    fn input_derivative(reference: ValueReference, order: i32, value: f64) -> Result<(usize, usize), Error> {
+        let variable = Self::variable(reference, DataType::Real)?;
+        let name = variable.name;
+        let Some(position) = variable.real_input else {
+            return Err(Error::new(format!("the variable {name} is no input")));
+        };
+        let Some(order) = usize::try_from(order).ok().filter(|order| (1..=MAX_ORDER).contains(order)) else {
+            return Err(Error::new(format!(
+                "order {order} of the derivative of {name}; the orders 1 to {MAX_ORDER} are taken"
+            )));
+        };
+        if !value.is_finite() {
+            return Err(Error::new(format!("{} for a derivative of the input {name}", Shown(value))));
+        }
+        if variable.variability != Variability::Continuous && value != 0.0 {
+            return Err(Error::new(format!(
+                "{} for a derivative of the discrete input {name}, which holds its value",
+                Shown(value)
+            )));
+        }
+        Ok((position, order))
+    }
+}
