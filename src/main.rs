@@ -1,15 +1,19 @@
-//! `boost-fmu`: exports the FMUs and looks into any FMU.
+//! `boost-fmu`: exports the FMUs, looks into any FMU and couples it.
 
 mod command;
 
 use std::process::ExitCode;
 
+/// What the process ends with when it could not do what it was asked for; clap does so, too.
+const FAILED: u8 = 2;
+
 fn main() -> ExitCode {
     match command::run() {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
         Err(error) => {
             eprintln!("error: {error:#}");
-            ExitCode::FAILURE
+            FAILED.into()
         }
     }
 }

@@ -45,7 +45,7 @@ fn info_says_why_a_file_is_no_fmu() {
     let text = scratch("text.fmu");
     fs::write(&text, "no archive").unwrap();
     let message = refusal(&["info", text.to_str().unwrap()]);
-    assert!(message.contains("not a ZIP archive"), "{message}");
+    assert!(message.contains("it is no ZIP archive"), "{message}");
 
     let message = refusal(&["info", &archive("empty.fmu", "readme.txt", "")]);
     assert!(message.contains("no modelDescription.xml"), "{message}");

@@ -2,7 +2,8 @@
 //!
 //! A model is a workspace member whose library is a `cdylib` named after the model. The description that
 //! goes into the FMU is the very file that the build wrote and compiled into the library, as cargo's
-//! messages tell, so the two cannot differ.
+//! messages tell, so the two cannot differ. Where both FMUs are exported, the system that they make goes into
+//! a package beside them.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -14,8 +15,11 @@ use anyhow::{Context, Result, bail};
 use cargo_metadata::{CrateType, Message, Metadata, MetadataCommand, Package};
 use fmi2_export::package::{Fmu, Platform};
 
-/// Exports the named models, or all, into a folder.
-pub fn run(names: &[String], out: Option<PathBuf>) -> Result<()> {
+use super::coupling::Role;
+use super::ssp;
+
+/// Exports the named models, or all, into a folder; the package of both binds the parameter sets.
+pub fn run(names: &[String], out: Option<PathBuf>, parameters: &[PathBuf]) -> Result<()> {
     let platform = Platform::host()
         .context("FMI 2.0 has no name for this platform; see binaries/ in its section 2.3")?;
     let metadata = MetadataCommand::new()
@@ -24,6 +28,11 @@ pub fn run(names: &[String], out: Option<PathBuf>) -> Result<()> {
         .exec()
         .context("cargo finds no workspace here; run this in the folder of the repository")?;
     let models = choose(&metadata, names)?;
+    let members = [Role::Plant, Role::Controller].map(Role::model_identifier);
+    let is_system = members.iter().all(|name| models.contains_key(name));
+    if !parameters.is_empty() && !is_system {
+        bail!("parameter sets are bound in the system of {}; export both", members.join(" and "));
+    }
     let build = compile(&metadata, models.values().copied(), platform)?;
 
     let out = out.unwrap_or_else(|| metadata.target_directory.join("fmu").into());
@@ -40,6 +49,10 @@ pub fn run(names: &[String], out: Option<PathBuf>) -> Result<()> {
             files: licenses.clone(),
         };
         write(&fmu, &out.join(format!("{name}.fmu")))?;
+    }
+    if is_system {
+        let [plant, controller] = members.map(|name| read(&out.join(format!("{name}.fmu"))));
+        ssp::write(&ssp::own(plant?, controller?, parameters)?, &out.join("Boost.ssp"))?;
     }
     Ok(())
 }

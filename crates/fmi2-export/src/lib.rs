@@ -17,6 +17,8 @@ mod serialized_state;
 pub mod build;
 #[cfg(feature = "package")]
 pub mod package;
+#[cfg(any(feature = "build", feature = "package"))]
+mod xml;
 
 pub use inputs::{InputSignal, MAX_ORDER};
 pub use model::{Context, Error, Experiment, Inputs, InputsOf, Model, RealInput, Step, Variables};

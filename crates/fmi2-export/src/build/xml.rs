@@ -3,16 +3,15 @@
 //! The same model gives the same bytes: nothing depends on the time or on the order of a hash map, so
 //! the GUID, a hash of these bytes, changes exactly when the interface does.
 
-use std::borrow::Cow;
 use std::io;
 
-use quick_xml::events::{BytesDecl, BytesText, Event};
-use quick_xml::writer::Writer;
+use quick_xml::events::{BytesText, Event};
 use uuid::Uuid;
 
 use super::dependencies::{Structure, Unknown};
 use super::json::{self, Causality, Initial, Variability};
 use super::resolve::{DataType, Resolved, Role, Start, Variable};
+use crate::xml::{Attributes, XmlWriter, conversion, document, element, empty, float};
 
 /// A modelDescription.xml and the GUID in it.
 pub(super) struct Description {
@@ -29,25 +28,8 @@ impl Description {
     }
 }
 
-type XmlWriter = Writer<Vec<u8>>;
-type Attributes = Vec<(&'static str, String)>;
-
-fn write(model: &Resolved<'_>, structure: &Structure, guid: &str) -> String {
-    let mut writer = Writer::new_with_indent(Vec::new(), b' ', 2);
-    write_document(&mut writer, model, structure, guid).expect("a Vec takes every write");
-    let mut text = String::from_utf8(writer.into_inner()).expect("only UTF-8 was written");
-    text.push('\n');
-    text
-}
-
-fn write_document(
-    writer: &mut XmlWriter,
-    resolved: &Resolved<'_>,
-    structure: &Structure,
-    guid: &str,
-) -> io::Result<()> {
+fn write(resolved: &Resolved<'_>, structure: &Structure, guid: &str) -> String {
     let model = resolved.model;
-    writer.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
     let attributes = vec![
         ("fmiVersion", "2.0".to_owned()),
         ("modelName", model.model_identifier.clone()),
@@ -60,27 +42,30 @@ fn write_document(
         ("generationTool", concat!("fmi2-export ", env!("CARGO_PKG_VERSION")).to_owned()),
         ("variableNamingConvention", "structured".to_owned()),
     ];
-    element(writer, "fmiModelDescription", attributes, |writer| {
-        write_co_simulation(writer, model)?;
-        write_units(writer, resolved)?;
-        write_types(writer, model)?;
-        element(writer, "LogCategories", vec![], |writer| {
-            model
-                .log_categories
-                .iter()
-                .try_for_each(|category| empty(writer, "Category", described(category)))
-        })?;
-        let experiment = &model.default_experiment;
-        let attributes = vec![
-            ("startTime", float(experiment.start_time)),
-            ("stopTime", float(experiment.stop_time)),
-            ("stepSize", float(experiment.step_size)),
-        ];
-        empty(writer, "DefaultExperiment", attributes)?;
-        element(writer, "ModelVariables", vec![], |writer| {
-            (0..resolved.variables.len()).try_for_each(|position| write_variable(writer, resolved, position))
-        })?;
-        write_structure(writer, structure)
+    document(|writer| {
+        element(writer, "fmiModelDescription", attributes, |writer| {
+            write_co_simulation(writer, model)?;
+            write_units(writer, resolved)?;
+            write_types(writer, model)?;
+            element(writer, "LogCategories", vec![], |writer| {
+                model
+                    .log_categories
+                    .iter()
+                    .try_for_each(|category| empty(writer, "Category", described(category)))
+            })?;
+            let experiment = &model.default_experiment;
+            let attributes = vec![
+                ("startTime", float(experiment.start_time)),
+                ("stopTime", float(experiment.stop_time)),
+                ("stepSize", float(experiment.step_size)),
+            ];
+            empty(writer, "DefaultExperiment", attributes)?;
+            element(writer, "ModelVariables", vec![], |writer| {
+                (0..resolved.variables.len())
+                    .try_for_each(|position| write_variable(writer, resolved, position))
+            })?;
+            write_structure(writer, structure)
+        })
     })
 }
 
@@ -127,18 +112,6 @@ fn write_units(writer: &mut XmlWriter, model: &Resolved<'_>) -> io::Result<()> {
         }
         Ok(())
     })
-}
-
-/// Factor and offset, where they are not the schema's defaults.
-fn conversion(factor: f64, offset: f64) -> Attributes {
-    let mut attributes = Vec::new();
-    if factor.to_bits() != 1.0_f64.to_bits() {
-        attributes.push(("factor", float(factor)));
-    }
-    if offset != 0.0 {
-        attributes.push(("offset", float(offset)));
-    }
-    attributes
 }
 
 fn write_types(writer: &mut XmlWriter, model: &json::Model) -> io::Result<()> {
@@ -242,11 +215,6 @@ fn index(position: usize) -> usize {
     position + 1
 }
 
-/// The shortest decimal that reads back as the same double.
-fn float(value: f64) -> String {
-    format!("{value:?}")
-}
-
 fn start(start: &Start) -> String {
     match start {
         Start::Real(value) => float(*value),
@@ -287,21 +255,4 @@ fn initial(initial: Initial) -> &'static str {
 
 fn described(described: &json::Described) -> Attributes {
     vec![("name", described.name.clone()), ("description", described.description.clone())]
-}
-
-fn element(
-    writer: &mut XmlWriter,
-    name: &'static str,
-    attributes: Attributes,
-    content: impl FnOnce(&mut XmlWriter) -> io::Result<()>,
-) -> io::Result<()> {
-    let attributes = attributes.into_iter().map(|(name, value)| (name, Cow::Owned(value)));
-    writer.create_element(name).with_attributes(attributes).write_inner_content(content)?;
-    Ok(())
-}
-
-fn empty(writer: &mut XmlWriter, name: &'static str, attributes: Attributes) -> io::Result<()> {
-    let attributes = attributes.into_iter().map(|(name, value)| (name, Cow::Owned(value)));
-    writer.create_element(name).with_attributes(attributes).write_empty()?;
-    Ok(())
 }

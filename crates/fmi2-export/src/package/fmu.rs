@@ -1,13 +1,11 @@
 //! The .fmu archive (FMI 2.0.5, section 2.3): a ZIP file that holds modelDescription.xml and, for each
 //! platform, the model's library.
 //!
-//! The same parts give the same bytes: the order of the entries, their times and permissions are fixed.
+//! The same parts give the same bytes.
 
 use std::io::{self, Seek, Write};
 
-use zip::result::ZipResult;
-use zip::write::{SimpleFileOptions, ZipWriter};
-use zip::{CompressionMethod, DateTime};
+use super::archive;
 
 /// A platform that FMI 2.0 names a folder for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -91,7 +89,7 @@ impl Fmu<'_> {
         entries.sort();
         // First what every importer reads first.
         entries.insert(0, ("modelDescription.xml".to_owned(), self.model_description.as_bytes()));
-        write_zip(writer, &entries)?;
+        archive::write(writer, &entries)?;
         Ok(())
     }
 }
@@ -108,20 +106,6 @@ fn refuse_stray(path: &str) -> io::Result<()> {
     } else {
         Err(io::Error::new(io::ErrorKind::InvalidInput, format!("the standard has no place for '{path}'")))
     }
-}
-
-fn write_zip(writer: impl Write + Seek, entries: &[(String, &[u8])]) -> ZipResult<()> {
-    let options = SimpleFileOptions::default()
-        .compression_method(CompressionMethod::Deflated)
-        .last_modified_time(DateTime::default())
-        .unix_permissions(0o644);
-    let mut zip = ZipWriter::new(writer);
-    for (path, content) in entries {
-        zip.start_file(path.as_str(), options)?;
-        zip.write_all(content)?;
-    }
-    zip.finish()?;
-    Ok(())
 }
 
 #[cfg(test)]
@@ -207,7 +191,7 @@ mod tests {
     fn the_time_of_day_does_not_matter() {
         let mut zip = zip::ZipArchive::new(Cursor::new(archive())).unwrap();
         for index in 0..zip.len() {
-            assert_eq!(zip.by_index(index).unwrap().last_modified(), Some(DateTime::default()));
+            assert_eq!(zip.by_index(index).unwrap().last_modified(), Some(zip::DateTime::default()));
         }
     }
 }

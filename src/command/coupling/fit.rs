@@ -1,0 +1,476 @@
+//! Whether an FMU can take a place: for each variable of the interface, which of its variables it is, what is
+//! wrong with that, and how values convert.
+
+use anyhow::{Result, bail};
+use fmi2_export::package::{Kind, Linear, ModelDescription, Variable};
+
+use super::map::{Entry, Map, Meaning};
+use super::{Port, Role};
+
+/// How like the interface's a name must be to be suggested, from 0 to 1.
+const LIKENESS: f64 = 0.6;
+/// How many names are suggested.
+const SUGGESTIONS: usize = 3;
+/// By what factor values differ that are most likely in different units.
+const SUSPICIOUS_FACTOR: f64 = 10.0;
+
+/// What was found for each variable of the interface.
+pub struct Fit<'a> {
+    /// The place.
+    pub role: Role,
+    /// The FMU.
+    pub fmu: &'a ModelDescription,
+    /// By variable of the interface.
+    pub matches: Vec<(Port, Match<'a>)>,
+    /// What is wrong with the FMU as a whole.
+    pub problems: Vec<String>,
+}
+
+/// What was found for a variable of the interface.
+pub enum Match<'a> {
+    /// Nothing of this name; some are like it.
+    Missing {
+        /// The names of variables that may be meant, the likeliest first.
+        suggestions: Vec<&'a str>,
+    },
+    /// The map leaves it unconnected.
+    Unconnected,
+    /// The map names a variable that there is not.
+    Unknown {
+        /// The name.
+        name: String,
+        /// The names of variables that may be meant, the likeliest first.
+        suggestions: Vec<&'a str>,
+    },
+    /// A variable.
+    Found {
+        /// The variable.
+        variable: &'a Variable,
+        /// What takes its values to the interface.
+        to_interface: Linear,
+        /// What stands against it.
+        problems: Vec<String>,
+        /// What its user should know.
+        notes: Vec<String>,
+    },
+}
+
+/// What a match means for the FMU's place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It is connected.
+    Fits,
+    /// It is left out, which does no harm.
+    LeftOut,
+    /// It does not do.
+    Wrong,
+}
+
+impl<'a> Fit<'a> {
+    /// Compares an FMU with the interface, by equal names and by a map.
+    ///
+    /// # Errors
+    /// When the map is for another place or another FMU.
+    pub fn new(role: Role, fmu: &'a ModelDescription, map: Option<&Map>) -> Result<Self> {
+        if let Some(map) = map {
+            if map.role != role {
+                bail!("the map is for a {}, not for a {}", map.role.name(), role.name());
+            }
+            if map.fmu != fmu.attribute("modelName") {
+                bail!("the map is for the FMU {}, not for {}", map.fmu, fmu.attribute("modelName"));
+            }
+        }
+        let mut problems = vec![];
+        let version = fmu.attribute("fmiVersion");
+        if version != "2.0" {
+            problems.push(format!("it is of FMI {version}; the couplings here are of FMI 2.0"));
+        }
+        if fmu.interface("CoSimulation").is_none() {
+            problems.push("it is not for co-simulation".to_owned());
+        }
+        let matches = role
+            .ports()
+            .map(|port| {
+                let entry = map.and_then(|map| map.variables.get(port.name()));
+                (port, Match::new(&port, fmu, entry))
+            })
+            .collect();
+        Ok(Self { role, fmu, matches, problems })
+    }
+
+    /// Whether the FMU can take the place.
+    pub fn fits(&self) -> bool {
+        self.problems.is_empty()
+            && self.matches.iter().all(|(port, found)| found.verdict(port) != Verdict::Wrong)
+    }
+
+    /// The FMU's inputs that nothing of the interface is connected to: they keep their start values.
+    pub fn other_inputs(&self) -> impl Iterator<Item = &'a Variable> {
+        self.fmu.of_causality("input").filter(|input| {
+            !self.matches.iter().any(
+                |(_, found)| matches!(found, Match::Found { variable, .. } if variable.name == input.name),
+            )
+        })
+    }
+
+    /// The map by which the FMU was compared, completed by what may be meant where nothing was found.
+    pub fn to_map(&self, given: Option<&Map>) -> Map {
+        let variables = self.matches.iter().map(|(port, found)| {
+            let given = given.and_then(|map| map.variables.get(port.name()).cloned());
+            let entry = given.unwrap_or_else(|| match found {
+                Match::Found { variable, .. } => {
+                    Some(Entry { name: variable.name.clone(), ..Entry::default() })
+                }
+                Match::Missing { suggestions } if port.couples() => Some(Entry {
+                    name: suggestions.first().map(|&name| name.to_owned()).unwrap_or_default(),
+                    candidates: suggestions.iter().map(|&name| name.to_owned()).collect(),
+                    ..Entry::default()
+                }),
+                _ => None,
+            });
+            (port.name().to_owned(), entry)
+        });
+        Map {
+            role: self.role,
+            fmu: self.fmu.attribute("modelName").to_owned(),
+            variables: variables.collect(),
+        }
+    }
+}
+
+impl<'a> Match<'a> {
+    fn new(port: &Port, fmu: &'a ModelDescription, entry: Option<&Option<Entry>>) -> Self {
+        match entry {
+            Some(None) => Self::Unconnected,
+            Some(Some(entry)) => match fmu.variable(&entry.name) {
+                Some(variable) => Self::found(port, fmu, variable, entry.meaning(port, fmu)),
+                None => Self::Unknown {
+                    name: entry.name.clone(),
+                    suggestions: suggestions(port, &entry.name, fmu),
+                },
+            },
+            None => match fmu.variable(port.name()) {
+                Some(variable) => Self::found(port, fmu, variable, Ok(Meaning::Declared)),
+                None => Self::Missing { suggestions: suggestions(port, port.name(), fmu) },
+            },
+        }
+    }
+
+    fn found(
+        port: &Port,
+        fmu: &ModelDescription,
+        variable: &'a Variable,
+        meaning: Result<Meaning, String>,
+    ) -> Self {
+        let mut problems = vec![];
+        let mut notes = vec![];
+        if variable.data_type != "Real" {
+            problems.push(format!("it is of the type {}, not Real", variable.data_type));
+        }
+        let causality = match port.kind {
+            Kind::Input => "input",
+            Kind::Output => "output",
+        };
+        if variable.causality != causality {
+            let own = Some(variable.causality.as_str()).filter(|own| !own.is_empty()).unwrap_or("local");
+            problems.push(format!("its causality is {own}, not {causality}"));
+        }
+        let (to_interface, is_certain) = conversion(port, fmu, variable, meaning).unwrap_or_else(|problem| {
+            problems.push(problem);
+            (Linear::IDENTITY, true)
+        });
+        if to_interface != Linear::IDENTITY {
+            notes.push(format!("{} = {}", port.name(), formula(to_interface, &variable.name)));
+        } else if !is_certain {
+            notes.push(format!("it declares no unit, and is taken as {}", port.unit().name));
+        }
+        match mismatch(port, variable, to_interface, is_certain) {
+            Ok(None) => {}
+            Ok(Some(text)) if is_certain => notes.push(text),
+            Ok(Some(text)) => {
+                problems.push(format!("it declares no unit, and {text}; name its unit in a map"));
+            }
+            Err(text) => problems.push(text),
+        }
+        Self::Found { variable, to_interface, problems, notes }
+    }
+
+    /// What it means that this was found for a port.
+    pub fn verdict(&self, port: &Port) -> Verdict {
+        match self {
+            Self::Found { problems, .. } if problems.is_empty() => Verdict::Fits,
+            Self::Unconnected => Verdict::LeftOut,
+            Self::Missing { .. } if !port.couples() => Verdict::LeftOut,
+            _ => Verdict::Wrong,
+        }
+    }
+}
+
+/// What takes the values of a variable to the interface, and whether that is said anywhere.
+fn conversion(
+    port: &Port,
+    fmu: &ModelDescription,
+    variable: &Variable,
+    meaning: Result<Meaning, String>,
+) -> Result<(Linear, bool), String> {
+    let unit = match meaning? {
+        Meaning::Function(function) => return Ok((function, true)),
+        Meaning::Unit(unit) => unit,
+        Meaning::Declared if variable.unit.is_empty() => return Ok((Linear::IDENTITY, false)),
+        Meaning::Declared => match fmu.unit(&variable.unit) {
+            Some(unit) if unit.base.is_some() => unit,
+            // It is named, but not said what it is in SI units. Equal names are taken for equal units.
+            _ if variable.unit == port.unit().name => return Ok((Linear::IDENTITY, true)),
+            _ => {
+                return Err(format!(
+                    "its unit {} is not defined in SI units; say in a map what it is",
+                    variable.unit
+                ));
+            }
+        },
+    };
+    let wanted = port.unit();
+    let (Some(own), Some(other)) = (unit.base, wanted.base) else {
+        return if unit.name == wanted.name {
+            Ok((Linear::IDENTITY, true))
+        } else {
+            Err(format!("its unit is {}, not {}", unit.name, wanted.name))
+        };
+    };
+    own.to(&other)
+        .map(|conversion| (conversion, true))
+        .ok_or_else(|| format!("its unit {} measures another thing than {}", unit.name, wanted.name))
+}
+
+/// A linear function as it is written down.
+fn formula(Linear { factor, offset }: Linear, variable: &str) -> String {
+    let product = format!("{factor} · {variable}");
+    match offset {
+        0.0 => product,
+        offset if offset < 0.0 => format!("{product} - {}", -offset),
+        offset => format!("{product} + {offset}"),
+    }
+}
+
+/// What is strange about the values of a variable, compared with those of the interface. An error where they
+/// are no numbers.
+fn mismatch(
+    port: &Port,
+    variable: &Variable,
+    to_interface: Linear,
+    is_certain: bool,
+) -> Result<Option<String>, String> {
+    let unit = &port.unit().name;
+    let (min, max) = variable.range().map_err(|error| error.to_string())?;
+    let (min, max) = (to_interface.apply(min), to_interface.apply(max));
+    let own = (min.min(max), min.max(max));
+    let wanted = expected(port, |ours| ours.range().ok().filter(|&range| is_bounded(range)));
+    // Whoever takes a value must take all that the other side gives.
+    if let Some(wanted) = wanted.filter(|_| is_bounded(own)) {
+        let (taker, giver) = match port.kind {
+            Kind::Input => (own, wanted),
+            Kind::Output => (wanted, own),
+        };
+        // An end that is not declared says nothing.
+        let is_below = giver.0.is_finite() && giver.0 < taker.0;
+        let is_above = giver.1.is_finite() && giver.1 > taker.1;
+        if is_below || is_above {
+            let [own, wanted] = [own, wanted].map(|(min, max)| format!("{min}..{max} {unit}"));
+            return Ok(Some(format!("its range is {own}, the interface's {wanted}")));
+        }
+    }
+    let start = |variable: &Variable| variable.start.trim().parse::<f64>().ok().filter(|start| *start != 0.0);
+    if !is_certain
+        && let (Some(own), Some(wanted)) = (start(variable), expected(port, start))
+        && !(SUSPICIOUS_FACTOR.recip()..=SUSPICIOUS_FACTOR).contains(&(own / wanted))
+    {
+        return Ok(Some(format!("its start value is {own}, the interface's {wanted} {unit}")));
+    }
+    Ok(None)
+}
+
+/// What our FMUs declare of a port's values: that in the other place before that in this one.
+fn expected<T>(port: &Port, declared: impl Fn(&Variable) -> Option<T>) -> Option<T> {
+    port.counterpart.and_then(&declared).or_else(|| declared(port.variable))
+}
+
+fn is_bounded((min, max): (f64, f64)) -> bool {
+    min.is_finite() || max.is_finite()
+}
+
+/// The names of variables that may be meant by a name, the likeliest first.
+fn suggestions<'a>(port: &Port, name: &str, fmu: &'a ModelDescription) -> Vec<&'a str> {
+    let wanted = port.unit();
+    let likeness = |variable: &Variable| {
+        let likeness = likeness(name, &variable.name);
+        // A unit that measures the same thing says more than letters do.
+        let is_alike = |unit: fmi2_export::package::Unit| {
+            unit.base.zip(wanted.base).is_some_and(|(own, wanted)| own.to(&wanted).is_some())
+        };
+        match fmu.unit(&variable.unit) {
+            Some(unit) if unit.base.is_some() && !is_alike(unit.clone()) => 0.0,
+            Some(_) => likeness + 0.1,
+            None => likeness,
+        }
+    };
+    let causality = match port.kind {
+        Kind::Input => "input",
+        Kind::Output => "output",
+    };
+    let mut candidates: Vec<_> = fmu
+        .of_causality(causality)
+        .filter(|variable| variable.data_type == "Real")
+        .map(|variable| (likeness(variable), variable.name.as_str()))
+        .filter(|(likeness, _)| *likeness >= LIKENESS)
+        .collect();
+    candidates.sort_by(|a, b| b.0.total_cmp(&a.0));
+    candidates.truncate(SUGGESTIONS);
+    candidates.into_iter().map(|(_, name)| name).collect()
+}
+
+/// How alike two names are, from 0 to 1: by their words in any order, written in any style.
+fn likeness(a: &str, b: &str) -> f64 {
+    let (a, b) = (words(a), words(b));
+    let best = |word: &String, others: &[String]| {
+        others.iter().map(|other| strsim::jaro_winkler(word, other)).fold(0.0, f64::max)
+    };
+    let mean = |words: &[String], others: &[String]| {
+        words.iter().map(|word| best(word, others)).sum::<f64>() / words.len().max(1) as f64
+    };
+    0.5 * (mean(&a, &b) + mean(&b, &a))
+}
+
+/// The words of a name in lower case: `hp_wastegate_pwm`, `HPWastegatePwm` and `hp.wastegatePWM` have the same.
+fn words(name: &str) -> Vec<String> {
+    let mut words = vec![String::new()];
+    let mut before = ' ';
+    for character in name.chars() {
+        let begins = !character.is_alphanumeric() || (character.is_uppercase() && before.is_lowercase());
+        if begins {
+            words.push(String::new());
+        }
+        if character.is_alphanumeric()
+            && let Some(word) = words.last_mut()
+        {
+            word.extend(character.to_lowercase());
+        }
+        before = character;
+    }
+    words.retain(|word| !word.is_empty());
+    words
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fmu(variables: &str) -> ModelDescription {
+        let xml = format!(
+            r#"<fmiModelDescription fmiVersion="2.0" modelName="Other">
+              <CoSimulation modelIdentifier="Other"/>
+              <UnitDefinitions>
+                <Unit name="bar"><BaseUnit kg="1" m="-1" s="-2" factor="1e5"/></Unit>
+                <Unit name="V"><BaseUnit kg="1" m="2" s="-3" A="-1"/></Unit>
+                <Unit name="odd"/>
+              </UnitDefinitions>
+              <ModelVariables>{variables}</ModelVariables></fmiModelDescription>"#
+        );
+        ModelDescription::parse(&xml).unwrap()
+    }
+
+    fn real(name: &str, causality: &str, real: &str) -> String {
+        format!(r#"<ScalarVariable name="{name}" causality="{causality}"><Real {real}/></ScalarVariable>"#)
+    }
+
+    /// What is found for a variable of the plant's place.
+    fn found<'a>(fmu: &'a ModelDescription, name: &str) -> Match<'a> {
+        let fit = Fit::new(Role::Plant, fmu, None).unwrap();
+        fit.matches.into_iter().find(|(port, _)| port.name() == name).unwrap().1
+    }
+
+    #[test]
+    fn our_own_fmus_fit_without_a_word() {
+        for role in [Role::Plant, Role::Controller] {
+            let fit = Fit::new(role, role.description(), None).unwrap();
+            assert!(fit.fits() && fit.other_inputs().next().is_none());
+            for (_, found) in &fit.matches {
+                assert!(
+                    matches!(found, Match::Found { to_interface: Linear::IDENTITY, notes, .. } if notes.is_empty())
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn units_convert_or_are_refused() {
+        for (unit, expected) in [
+            (r#"unit="bar""#, Ok(1e5)),
+            (r#"unit="Pa""#, Ok(1.0)),
+            ("", Ok(1.0)),
+            (r#"unit="V""#, Err("its unit V measures another thing than Pa")),
+            (r#"unit="odd""#, Err("its unit odd is not defined in SI units; say in a map what it is")),
+            (r#"unit="psi""#, Err("its unit psi is not defined in SI units; say in a map what it is")),
+            (r#"start="1.0""#, Err("it declares no unit, and its start value is 1, the interface's ")),
+            (r#"max="3e5""#, Err("")),
+        ] {
+            let fmu = fmu(&real("boost_pressure", "output", unit));
+            let Match::Found { to_interface, problems, .. } = found(&fmu, "boost_pressure") else {
+                panic!("{unit}: not found")
+            };
+            match expected {
+                Ok(factor) => assert_eq!((problems, to_interface.factor), (vec![], factor), "{unit}"),
+                Err("") => assert!(problems.is_empty(), "{unit}: {problems:?}"),
+                Err(text) => assert!(problems[0].starts_with(text), "{unit}: {problems:?}"),
+            }
+        }
+    }
+
+    #[test]
+    fn a_duty_between_0_and_1_is_seen_when_no_unit_says_so() {
+        let fmu = fmu(&real("hp_wastegate_pwm", "input", r#"min="0" max="1""#));
+        let Match::Found { problems, .. } = found(&fmu, "hp_wastegate_pwm") else { panic!("not found") };
+        assert_eq!(
+            problems,
+            [
+                "it declares no unit, and its range is 0..1 %, the interface's 0..100 %; name its unit in a map"
+            ]
+        );
+    }
+
+    #[test]
+    fn what_a_variable_is_not_is_said() {
+        let fmu = fmu(&format!(
+            r#"{}<ScalarVariable name="vacuum_pump" causality="input"><Boolean/></ScalarVariable>"#,
+            real("boost_pressure", "local", "")
+        ));
+        let problems = |name| match found(&fmu, name) {
+            Match::Found { problems, .. } => problems,
+            _ => panic!("{name}: not found"),
+        };
+        assert_eq!(problems("boost_pressure"), ["its causality is local, not output"]);
+        assert_eq!(problems("vacuum_pump"), ["it is of the type Boolean, not Real"]);
+        let fit = Fit::new(Role::Plant, &fmu, None).unwrap();
+        assert!(!fit.fits());
+    }
+
+    #[test]
+    fn likely_names_are_suggested_and_unlikely_ones_are_not() {
+        let fmu = fmu(&[
+            real("pBoost", "output", r#"unit="bar""#),
+            real("boostPressure", "output", r#"unit="V""#),
+            real("BoostPressureAbs", "output", ""),
+            real("boost.pressure", "input", ""),
+            real("temperature", "output", ""),
+        ]
+        .concat());
+        let Match::Missing { suggestions } = found(&fmu, "boost_pressure") else { panic!("found") };
+        assert_eq!(suggestions, ["pBoost", "BoostPressureAbs"]);
+    }
+
+    #[test]
+    fn names_have_words() {
+        for name in ["hp_wastegate_pwm", "hp.wastegatePwm", "HpWastegatePWM", "hp wastegate pwm"] {
+            assert_eq!(words(name), ["hp", "wastegate", "pwm"], "{name}");
+        }
+    }
+}

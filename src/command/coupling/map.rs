@@ -1,0 +1,124 @@
+//! The map: which variable of an FMU of another maker is which of the interface. A JSON file that `check`
+//! writes as a template and its user edits.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use fmi2_export::package::{Linear, ModelDescription, Unit};
+use serde::{Deserialize, Serialize};
+
+use super::{Port, Role};
+
+/// A map as the file holds it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Map {
+    /// The place that the FMU takes.
+    #[serde(rename = "as")]
+    pub role: Role,
+    /// The FMU's `modelName`.
+    pub fmu: String,
+    /// By the name in the interface: the FMU's variable, or null where none is to be connected.
+    pub variables: BTreeMap<String, Option<Entry>>,
+}
+
+/// One of the FMU's variables.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Entry {
+    /// Its name; empty as long as nobody chose one.
+    pub name: String,
+    /// Its unit, where the FMU declares none or a wrong one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+    /// Instead of a unit: value in the interface = factor · value in the FMU + offset.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub factor: Option<f64>,
+    /// See above.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset: Option<f64>,
+    /// Names that would do, for whoever edits the file.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub candidates: Vec<String>,
+}
+
+/// What an entry says of the value: its unit, or the function that takes it to the interface.
+pub enum Meaning {
+    /// Nothing: the FMU's own declaration holds.
+    Declared,
+    /// The unit.
+    Unit(Unit),
+    /// The function.
+    Function(Linear),
+}
+
+impl Map {
+    /// Reads a file.
+    pub fn read(path: &Path) -> Result<Self> {
+        let shown = path.display();
+        let text = fs::read_to_string(path).with_context(|| format!("cannot read the map {shown}"))?;
+        let map: Self =
+            serde_json::from_str(&text).with_context(|| format!("the map {shown} is not as it should be"))?;
+        let ports: Vec<_> = map.role.ports().map(|port| port.name()).collect();
+        for (name, entry) in &map.variables {
+            if !ports.contains(&name.as_str()) {
+                bail!(
+                    "the map {shown} names {name}, which is no variable of a {}: there are {}",
+                    map.role.name(),
+                    ports.join(", ")
+                );
+            }
+            if let Some(entry) = entry
+                && entry.name.is_empty()
+            {
+                bail!(
+                    "the map {shown} leaves the name for {name} open; fill it in, or put null in the \
+                     entry's place to leave {name} unconnected"
+                );
+            }
+        }
+        Ok(map)
+    }
+
+    /// Writes a file; one that is there is kept.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let text = serde_json::to_string_pretty(self).context("cannot write the map")? + "\n";
+        super::super::write_new(path, text.as_bytes())
+    }
+}
+
+impl Entry {
+    /// What the entry says of the value of a port; units are those of the interface or of the FMU.
+    pub fn meaning(&self, port: &Port, fmu: &ModelDescription) -> Result<Meaning, String> {
+        match (&self.unit, self.factor, self.offset) {
+            (Some(_), Some(_), _) | (Some(_), _, Some(_)) => {
+                Err("the map gives both a unit and a factor or offset".to_owned())
+            }
+            (Some(unit), None, None) => port
+                .unit()
+                .with_display_units()
+                .find(|known| known.name == *unit)
+                .or_else(|| fmu.unit(unit))
+                .or_else(|| {
+                    [Role::Plant, Role::Controller].iter().find_map(|role| role.description().unit(unit))
+                })
+                .map(Meaning::Unit)
+                .ok_or_else(|| {
+                    format!("the map's unit {unit} is not known; give a factor and an offset instead")
+                }),
+            (None, None, None) => Ok(Meaning::Declared),
+            (None, factor, offset) => {
+                let function = Linear { factor: factor.unwrap_or(1.0), offset: offset.unwrap_or(0.0) };
+                if function.factor == 0.0 || !function.factor.is_finite() || !function.offset.is_finite() {
+                    return Err(format!(
+                        "the map's factor {} and offset {} are no conversion",
+                        function.factor, function.offset
+                    ));
+                }
+                Ok(Meaning::Function(function))
+            }
+        }
+    }
+}

@@ -1,0 +1,320 @@
+//! The system of a plant and a controller: components, connections and what it exchanges with its
+//! environment, drawn and ready to be written.
+//!
+//! Connections follow from the interface. What one place gives and the other takes is connected, and an input
+//! that neither gives becomes an input of the system, one for both where both have it. All outputs become
+//! outputs of the system. Where an FMU's units differ from the interface's, the connection converts.
+
+use fmi2_export::package::{
+    Component, Connection, Connector, End, Kind, Linear, System, SystemPackage, SystemStructure, Unit,
+    Variable,
+};
+
+use super::fit::{Fit, Match};
+use super::layout::{Counts, Layout, relative};
+use super::{Port, Role};
+
+/// The file of the structure that has no connectors of the system.
+const COMPONENTS: &str = "Components.ssd";
+
+/// An FMU that takes part.
+pub struct Member<'a> {
+    /// Which of its variables are those of the interface.
+    pub fit: &'a Fit<'a>,
+    /// The .fmu file.
+    pub fmu: Vec<u8>,
+    /// Parameter sets: file name and content.
+    pub parameter_sets: Vec<(String, String)>,
+}
+
+/// A variable of an FMU that is one of the interface.
+struct Wire<'a> {
+    port: &'a Port,
+    variable: &'a Variable,
+    to_interface: Linear,
+}
+
+/// A system under construction.
+struct Builder {
+    layout: Layout,
+    connectors: Vec<Connector>,
+    connections: Vec<Connection>,
+    /// The connectors of controller and plant.
+    controller: Vec<Connector>,
+    plant: Vec<Connector>,
+    names: [String; 2],
+}
+
+/// The package of a plant and a controller that fit.
+pub fn couple(name: &str, plant: Member<'_>, controller: Member<'_>) -> SystemPackage {
+    let fits = [controller.fit, plant.fit];
+    let names = component_names(fits);
+    let units = units(fits);
+    let mut system = build(plant.fit, controller.fit, names.clone());
+    for connector in system.controller.iter_mut().chain(&mut system.plant) {
+        // A unit that another FMU defines otherwise says nothing; the connections convert.
+        if !units.iter().any(|unit| unit.name == connector.unit) {
+            connector.unit.clear();
+        }
+    }
+    let mut resources = vec![];
+    let connectors = [system.controller, system.plant];
+    let placements = [system.layout.controller, system.layout.plant];
+    let mut components = vec![];
+    for (((member, name), connectors), placement) in
+        [controller, plant].into_iter().zip(names).zip(connectors).zip(placements)
+    {
+        let source = format!("resources/{name}.fmu");
+        let sets: Vec<_> = member
+            .parameter_sets
+            .into_iter()
+            .map(|(file, text)| (format!("resources/{file}"), text))
+            .collect();
+        components.push(Component {
+            name,
+            source: source.clone(),
+            connectors,
+            placement,
+            parameter_sets: sets.iter().map(|(path, _)| path.clone()).collect(),
+        });
+        resources.push((source, member.fmu));
+        resources.extend(sets.into_iter().map(|(path, text)| (path, text.into_bytes())));
+    }
+    let [start_time, stop_time, step_size] = default_experiment(fits);
+    let structure = SystemStructure {
+        name: name.to_owned(),
+        description: "Boost control: a plant and its controller".to_owned(),
+        system: System {
+            name: name.to_owned(),
+            connectors: system.connectors,
+            components,
+            connections: system.connections,
+        },
+        units,
+        start_time,
+        stop_time,
+        step_size,
+    };
+    let of_components = structure.of_components(&format!("{name}Components"));
+    SystemPackage { structure, variants: vec![(COMPONENTS.to_owned(), of_components)], resources }
+}
+
+/// The wires and lines of the system.
+fn build(plant: &Fit<'_>, controller: &Fit<'_>, names: [String; 2]) -> Builder {
+    let of_plant = |kind| wires(plant, kind);
+    let of_controller = |kind| wires(controller, kind);
+    let is_taken = |wires: &[Wire<'_>], name: &str| wires.iter().any(|wire| wire.port.name() == name);
+
+    let (plant_inputs, plant_outputs) = (of_plant(Kind::Input), of_plant(Kind::Output));
+    let (controller_inputs, controller_outputs) = (of_controller(Kind::Input), of_controller(Kind::Output));
+    let is_external = |wire: &&Wire<'_>| !wire.port.couples() && may_be_zero(wire.port);
+    let is_shared = |wire: &&Wire<'_>| {
+        is_taken(&plant_inputs, wire.port.name()) && is_taken(&controller_inputs, wire.port.name())
+    };
+    let external =
+        |wires: &'_ [Wire<'_>]| wires.iter().filter(is_external).filter(|wire| !is_shared(wire)).count();
+    let shared: Vec<_> = plant_inputs.iter().filter(is_external).filter(is_shared).collect();
+    let layout = Layout::new(Counts {
+        controller_inputs: external(&controller_inputs),
+        plant_inputs: external(&plant_inputs),
+        shared_inputs: shared.len(),
+        commands: controller_outputs.len(),
+        measurements: plant_outputs.iter().filter(|wire| wire.port.couples()).count(),
+        plant_outputs: plant_outputs.iter().filter(|wire| !wire.port.couples()).count(),
+    });
+    let mut system =
+        Builder { layout, connectors: vec![], connections: vec![], controller: vec![], plant: vec![], names };
+
+    let own = |wires: &'_ [Wire<'_>]| -> Vec<usize> {
+        (0..wires.len()).filter(|&i| is_external(&&wires[i]) && !is_shared(&&wires[i])).collect()
+    };
+    for (index, &wire) in own(&controller_inputs).iter().enumerate() {
+        let place = layout.controller_input(index);
+        system.add_input(&controller_inputs[wire], place);
+        system.connect_input(Role::Controller, &controller_inputs[wire], place, vec![]);
+    }
+    for (index, &wire) in own(&plant_inputs).iter().enumerate() {
+        let place = layout.plant_input(index);
+        system.add_input(&plant_inputs[wire], (0.0, place.1));
+        system.connect_input(Role::Plant, &plant_inputs[wire], place, vec![]);
+    }
+    for (index, wire) in shared.into_iter().enumerate() {
+        let [outside, at_controller, at_plant] = layout.shared_input(index);
+        system.add_input(wire, outside);
+        system.connect_input(Role::Plant, wire, at_plant, vec![]);
+        if let Some(twin) = controller_inputs.iter().find(|twin| twin.port.name() == wire.port.name()) {
+            let corner = (at_controller.0, outside.1);
+            system.connect_input(Role::Controller, twin, at_controller, vec![corner]);
+        }
+    }
+    for (index, wire) in controller_outputs.iter().enumerate() {
+        let [at_controller, at_plant, outside] = layout.command(index);
+        system.add(Role::Controller, wire, at_controller);
+        if let Some(taker) = plant_inputs.iter().find(|taker| taker.port.name() == wire.port.name()) {
+            system.add(Role::Plant, taker, at_plant);
+            system.connect((Role::Controller, wire), taker, vec![(at_plant.0, at_controller.1)]);
+        }
+        system.add_output(Role::Controller, wire, outside, vec![]);
+    }
+    for (index, wire) in plant_outputs.iter().filter(|wire| wire.port.couples()).enumerate() {
+        let ([at_plant, at_controller, outside], height) = layout.measurement(index);
+        system.add(Role::Plant, wire, at_plant);
+        if let Some(taker) = controller_inputs.iter().find(|taker| taker.port.name() == wire.port.name()) {
+            system.add(Role::Controller, taker, at_controller);
+            let corners = vec![(at_plant.0, height), (at_controller.0, height)];
+            system.connect((Role::Plant, wire), taker, corners);
+        }
+        system.add_output(Role::Plant, wire, outside, vec![(at_plant.0, outside.1)]);
+    }
+    for (index, wire) in plant_outputs.iter().filter(|wire| !wire.port.couples()).enumerate() {
+        let place = layout.plant_output(index);
+        system.add(Role::Plant, wire, place);
+        system.add_output(Role::Plant, wire, place, vec![]);
+    }
+    system
+}
+
+impl Builder {
+    fn name(&self, role: Role) -> &str {
+        match role {
+            Role::Controller => &self.names[0],
+            Role::Plant => &self.names[1],
+        }
+    }
+
+    /// Adds a connector to a component.
+    fn add(&mut self, role: Role, wire: &Wire<'_>, place: (f64, f64)) {
+        let (connectors, placement) = match role {
+            Role::Controller => (&mut self.controller, self.layout.controller),
+            Role::Plant => (&mut self.plant, self.layout.plant),
+        };
+        connectors.push(Connector {
+            name: wire.variable.name.clone(),
+            kind: wire.port.kind,
+            unit: wire.variable.unit.clone(),
+            start: None,
+            place: relative(place, placement),
+        });
+    }
+
+    /// Adds an input of the system.
+    fn add_input(&mut self, wire: &Wire<'_>, place: (f64, f64)) {
+        self.connectors.push(Connector {
+            name: wire.port.name().to_owned(),
+            kind: Kind::Input,
+            unit: wire.port.unit().name,
+            start: wire.port.variable.start.parse().ok(),
+            place: relative(place, self.layout.canvas()),
+        });
+    }
+
+    /// Adds an input to a component and connects it with the system's.
+    fn connect_input(&mut self, role: Role, wire: &Wire<'_>, place: (f64, f64), corners: Vec<(f64, f64)>) {
+        self.add(role, wire, place);
+        self.connections.push(Connection {
+            start: End { component: None, connector: wire.port.name().to_owned() },
+            end: self.end(role, wire),
+            transformation: transformation(wire.to_interface.inverse()),
+            corners,
+        });
+    }
+
+    /// Adds an output of the system and connects it with a component's.
+    fn add_output(&mut self, role: Role, wire: &Wire<'_>, place: (f64, f64), corners: Vec<(f64, f64)>) {
+        self.connectors.push(Connector {
+            name: wire.port.name().to_owned(),
+            kind: Kind::Output,
+            unit: wire.port.unit().name,
+            start: None,
+            place: relative(place, self.layout.canvas()),
+        });
+        self.connections.push(Connection {
+            start: self.end(role, wire),
+            end: End { component: None, connector: wire.port.name().to_owned() },
+            transformation: transformation(wire.to_interface),
+            corners,
+        });
+    }
+
+    /// Connects an output of a component with an input of the other.
+    fn connect(&mut self, (role, giver): (Role, &Wire<'_>), taker: &Wire<'_>, corners: Vec<(f64, f64)>) {
+        self.connections.push(Connection {
+            start: self.end(role, giver),
+            end: self.end(role.other(), taker),
+            transformation: transformation(giver.to_interface.then(taker.to_interface.inverse())),
+            corners,
+        });
+    }
+
+    fn end(&self, role: Role, wire: &Wire<'_>) -> End {
+        End { component: Some(self.name(role).to_owned()), connector: wire.variable.name.clone() }
+    }
+}
+
+/// The variables of a kind that are connected.
+fn wires<'a>(fit: &'a Fit<'a>, kind: Kind) -> Vec<Wire<'a>> {
+    fit.matches
+        .iter()
+        .filter(|(port, _)| port.kind == kind)
+        .filter_map(|(port, found)| match found {
+            Match::Found { variable, to_interface, .. } => {
+                Some(Wire { port, variable, to_interface: *to_interface })
+            }
+            _ => None,
+        })
+        .collect()
+}
+
+/// Whether a value of 0 does no harm. Some masters hand zeros to connected inputs before anything else, so an
+/// input for which this is out of range is better not connected and keeps its start value.
+fn may_be_zero(port: &Port) -> bool {
+    port.variable.range().is_ok_and(|(min, max)| min <= 0.0 && max >= 0.0)
+}
+
+fn transformation(function: Linear) -> Option<Linear> {
+    (function != Linear::IDENTITY).then_some(function)
+}
+
+/// The names of controller and plant in the system: their identifiers, told apart where they are the same.
+fn component_names(fits: [&Fit<'_>; 2]) -> [String; 2] {
+    let identifiers = fits.map(|fit| fit.fmu.co_simulation_identifier().unwrap_or(fit.role.name()));
+    if identifiers[0].eq_ignore_ascii_case(identifiers[1]) {
+        fits.map(|fit| format!("{}_{}", identifiers[0], fit.role.name()))
+    } else {
+        identifiers.map(str::to_owned)
+    }
+}
+
+/// The units of the interface, and those of the FMUs that are not defined otherwise there.
+fn units(fits: [&Fit<'_>; 2]) -> Vec<Unit> {
+    let interface = [Role::Controller, Role::Plant].map(|role| &role.description().units);
+    let own = fits.map(|fit| &fit.fmu.units);
+    let mut units: Vec<Unit> = vec![];
+    let mut ambiguous: Vec<String> = vec![];
+    for unit in interface.into_iter().chain(own).flatten() {
+        match units.iter().find(|known| known.name == unit.name) {
+            None => units.push(unit.clone()),
+            Some(known) if known.base != unit.base => ambiguous.push(unit.name.clone()),
+            Some(_) => {}
+        }
+    }
+    units.retain(|unit| !ambiguous.contains(&unit.name));
+    units
+}
+
+/// Start, stop and step of the default experiment in s: the longer one, in the smaller steps.
+fn default_experiment(fits: [&Fit<'_>; 2]) -> [f64; 3] {
+    let values = |name: &str| {
+        fits.map(|fit| {
+            let given = fit.fmu.default_experiment.iter().find(|(known, _)| known == name);
+            given.and_then(|(_, text)| text.parse::<f64>().ok())
+        })
+        .into_iter()
+        .flatten()
+    };
+    [
+        values("startTime").fold(0.0, f64::max),
+        values("stopTime").fold(1.0, f64::max),
+        values("stepSize").fold(0.0125, f64::min),
+    ]
+}

@@ -1,0 +1,115 @@
+//! `ssp`: the coupled system of any plant and any controller, as a package of System Structure and
+//! Parameterization.
+
+use std::fs::{self, File};
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use fmi2_export::package::{ModelDescription, ParameterSet, SystemPackage};
+
+use super::coupling::{Fit, Map, Member, Role, couple};
+use super::{check, fmu, parameters};
+
+/// The system's name.
+const SYSTEM: &str = "Boost";
+
+/// Writes the package of two FMUs.
+pub fn run(
+    plant: &Path,
+    controller: &Path,
+    maps: &[PathBuf],
+    parameter_files: &[PathBuf],
+    out: Option<&Path>,
+) -> Result<()> {
+    let maps: Vec<_> = maps.iter().map(|path| Map::read(path)).collect::<Result<_>>()?;
+    let map = |role: Role| {
+        let mut matching = maps.iter().filter(|map| map.role == role);
+        match (matching.next(), matching.next()) {
+            (Some(_), Some(_)) => bail!("two maps are for a {}", role.name()),
+            (first, _) => Ok(first),
+        }
+    };
+    let described = [plant, controller].map(fmu::describe);
+    let [plant_description, controller_description] = described;
+    let (plant_description, controller_description) = (plant_description?, controller_description?);
+    let fits = [
+        Fit::new(Role::Plant, &plant_description, map(Role::Plant)?)?,
+        Fit::new(Role::Controller, &controller_description, map(Role::Controller)?)?,
+    ];
+    if let Some(fit) = fits.iter().find(|fit| !fit.fits()) {
+        bail!(
+            "{}Give a map: `boost-fmu check FILE.fmu --as {} --write-map MAP.json` writes one to be edited.",
+            check::report(fit),
+            fit.role.name()
+        );
+    }
+    let read = |path: &Path| fs::read(path).with_context(|| format!("cannot read {}", path.display()));
+    let package = package(&fits, [read(plant)?, read(controller)?], parameter_files)?;
+    let out = out.map_or_else(|| PathBuf::from(format!("{SYSTEM}.ssp")), Path::to_path_buf);
+    write(&package, &out)
+}
+
+/// The package of our own FMUs.
+pub fn own(plant: Vec<u8>, controller: Vec<u8>, parameter_files: &[PathBuf]) -> Result<SystemPackage> {
+    let fits = [
+        Fit::new(Role::Plant, Role::Plant.description(), None)?,
+        Fit::new(Role::Controller, Role::Controller.description(), None)?,
+    ];
+    package(&fits, [plant, controller], parameter_files)
+}
+
+fn package(fits: &[Fit<'_>; 2], fmus: [Vec<u8>; 2], parameter_files: &[PathBuf]) -> Result<SystemPackage> {
+    let [plant, controller] = fmus;
+    let mut plant = Member { fit: &fits[0], fmu: plant, parameter_sets: vec![] };
+    let mut controller = Member { fit: &fits[1], fmu: controller, parameter_sets: vec![] };
+    for path in parameter_files {
+        let set = parameters::read(path)?;
+        let place = place(&set, plant.fit.fmu, controller.fit.fmu)
+            .with_context(|| format!("the parameter set {} cannot be bound", path.display()))?;
+        let member = match place {
+            Role::Plant => &mut plant,
+            Role::Controller => &mut controller,
+        };
+        let set = parameters::fit(&set, member.fit.fmu)
+            .with_context(|| format!("the parameter set {} cannot be bound", path.display()))?;
+        let file = path.file_name().and_then(|name| name.to_str()).context("the file's name is no text")?;
+        member.parameter_sets.push((file.to_owned(), set.to_xml()));
+    }
+    Ok(couple(SYSTEM, plant, controller))
+}
+
+/// The FMU that a parameter set is for: the one that has its parameters.
+fn place(set: &ParameterSet, plant: &ModelDescription, controller: &ModelDescription) -> Result<Role> {
+    let has = |fmu: &ModelDescription, name: &str| fmu.variable(name).is_some();
+    let Some(first) = set.parameters.first() else { bail!("it holds no parameter") };
+    let role = if has(plant, &first.name) { Role::Plant } else { Role::Controller };
+    let (own, other) = match role {
+        Role::Plant => (plant, controller),
+        Role::Controller => (controller, plant),
+    };
+    // What neither has is refused with the names of the other, when the set is compared with it.
+    if let Some(stray) =
+        set.parameters.iter().find(|parameter| !has(own, &parameter.name) && has(other, &parameter.name))
+    {
+        bail!(
+            "{} is {}'s and {} is {}'s; a set is for one of them",
+            first.name,
+            own.attribute("modelName"),
+            stray.name,
+            other.attribute("modelName")
+        );
+    }
+    Ok(role)
+}
+
+/// Writes a package beside its place, then moves it there: whoever reads the file never sees half of it.
+pub fn write(package: &SystemPackage, path: &Path) -> Result<()> {
+    let new = path.with_extension("ssp.new");
+    let failed = || format!("cannot write {}", path.display());
+    package.write(BufWriter::new(File::create(&new).with_context(failed)?)).with_context(failed)?;
+    fs::rename(&new, path).with_context(failed)?;
+    let kilobytes = fs::metadata(path).with_context(failed)?.len().div_ceil(1000);
+    println!("{}  {kilobytes} kB", path.display());
+    Ok(())
+}
