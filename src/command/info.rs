@@ -23,7 +23,10 @@ fn table(description: &ModelDescription) -> String {
         facts.push(("DefaultExperiment".to_owned(), joined(&description.default_experiment)));
     }
     let width = facts.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
-    let mut text: String = facts.iter().map(|(name, value)| format!("{name:width$}  {value}\n")).collect();
+    let mut text = String::new();
+    for (name, value) in &facts {
+        text += &format!("{name:width$}  {value}\n");
+    }
 
     text += &format!("\n{} variables\n", description.variables.len());
     let header = ["name", "causality", "variability", "type", "unit", "start", "range"].map(str::to_owned);
