@@ -149,11 +149,18 @@ fn compile<'a>(
     Ok(build)
 }
 
-/// The licenses of the workspace, for the FMU's documentation.
+/// The licenses of the workspace, for the FMU's documentation: the files whose names begin with LICENSE.
 fn licenses(root: &Path) -> Result<Vec<(String, Vec<u8>)>> {
+    let failed = || format!("cannot read the folder {}", root.display());
     let mut files = vec![];
-    for name in ["LICENSE-APACHE", "LICENSE-MIT"] {
-        files.push((format!("documentation/licenses/{name}"), read(&root.join(name))?));
+    for entry in fs::read_dir(root).with_context(failed)? {
+        let path = entry.with_context(failed)?.path();
+        if let Some(name) = path.file_name().and_then(|name| name.to_str())
+            && name.to_uppercase().starts_with("LICENSE")
+            && path.is_file()
+        {
+            files.push((format!("documentation/licenses/{name}"), read(&path)?));
+        }
     }
     Ok(files)
 }

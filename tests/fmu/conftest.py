@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -31,6 +32,18 @@ def exported() -> Path:
     folder = TARGET / "fmu"
     assert folder.is_dir(), "export first: cargo run --release -- export"
     return folder
+
+
+@pytest.fixture(scope="session")
+def boost_fmu() -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Runs the command that exported the FMUs, in a folder."""
+    command = TARGET / "release" / "boost-fmu"
+
+    def run(*arguments: str | Path, folder: Path) -> subprocess.CompletedProcess[str]:
+        line = [command, *arguments]
+        return subprocess.run(line, cwd=folder, capture_output=True, text=True, check=False)
+
+    return run
 
 
 @pytest.fixture(scope="session")

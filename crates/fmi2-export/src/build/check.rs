@@ -422,15 +422,14 @@ fn start_value(
     }
 }
 
-/// The units that the variables use, each with the display units used, in the order of their file.
+/// The units that the variables use, in the order of their file.
 pub(super) fn units<'a>(
     model: &json::Model,
     variables: &[Variable],
     units: &'a [json::Unit],
-) -> Result<Vec<(&'a json::Unit, Vec<&'a json::DisplayUnit>)>, Refusal> {
+) -> Result<Vec<&'a json::Unit>, Refusal> {
     let file = &model.units;
     let mut used = BTreeSet::new();
-    let mut displayed = BTreeSet::new();
     for variable in variables {
         let Some(name) = variable.unit.as_deref() else {
             continue;
@@ -442,17 +441,12 @@ pub(super) fn units<'a>(
         used.insert(position);
         if let Some(name) = variable.display_unit.as_deref() {
             let unit = &units[position];
-            let Some(display) = unit.display_units.iter().position(|display| display.name == name) else {
+            if !unit.display_units.iter().any(|display| display.name == name) {
                 return refuse(format!("unit '{}' has no display unit '{name}' in {file}", unit.name));
-            };
-            displayed.insert((position, display));
+            }
         }
     }
-    let displays = |position| {
-        let of_unit = displayed.range((position, 0)..(position + 1, 0));
-        of_unit.map(|&(unit, display)| &units[unit].display_units[display]).collect()
-    };
-    Ok(used.into_iter().map(|position| (&units[position], displays(position))).collect())
+    Ok(used.into_iter().map(|position| &units[position]).collect())
 }
 
 /// The checks of the file of units by itself.

@@ -17,8 +17,8 @@ pub(super) struct Resolved<'a> {
     pub(super) model: &'a json::Model,
     /// The version of the package that the model belongs to.
     pub(super) version: &'a str,
-    /// The units that are used, each with the display units that are used.
-    pub(super) units: Vec<(&'a json::Unit, Vec<&'a json::DisplayUnit>)>,
+    /// The units that are used.
+    pub(super) units: Vec<&'a json::Unit>,
     /// The interface (the part without a name) and the components.
     pub(super) parts: Vec<Part<'a>>,
     /// Every scalar variable; the position is the value reference.

@@ -89,9 +89,9 @@ fn write_co_simulation(writer: &mut XmlWriter, model: &json::Model) -> io::Resul
 
 fn write_units(writer: &mut XmlWriter, model: &Resolved<'_>) -> io::Result<()> {
     element(writer, "UnitDefinitions", vec![], |writer| {
-        for (unit, display_units) in &model.units {
+        for unit in &model.units {
             let name = vec![("name", unit.name.clone())];
-            if unit.base.is_none() && display_units.is_empty() {
+            if unit.base.is_none() && unit.display_units.is_empty() {
                 empty(writer, "Unit", name)?;
                 continue;
             }
@@ -103,7 +103,8 @@ fn write_units(writer: &mut XmlWriter, model: &Resolved<'_>) -> io::Result<()> {
                     attributes.extend(conversion(unit.factor, unit.offset));
                     empty(writer, "BaseUnit", attributes)?;
                 }
-                display_units.iter().try_for_each(|display| {
+                // Also those that no variable asks for: importers let their users choose among them.
+                unit.display_units.iter().try_for_each(|display| {
                     let mut attributes = vec![("name", display.name.clone())];
                     attributes.extend(conversion(display.factor, display.offset));
                     empty(writer, "DisplayUnit", attributes)

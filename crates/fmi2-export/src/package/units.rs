@@ -84,7 +84,7 @@ impl Unit {
         let shown = self.display_units.iter().map(|display| {
             // base = f·u + o and shown = g·u + p, hence base = (f/g)·shown + o − (f/g)·p.
             let base = self.base.map(|base| {
-                let factor = base.factor / display.factor;
+                let factor = rounded(base.factor / display.factor);
                 BaseUnit { factor, offset: base.offset - factor * display.offset, ..base }
             });
             Self { name: display.name.clone(), base, display_units: vec![] }
@@ -114,6 +114,11 @@ impl Linear {
     pub fn inverse(self) -> Self {
         Self { factor: self.factor.recip(), offset: -self.offset / self.factor }
     }
+}
+
+/// A number to 15 digits: the reciprocal of 1e-5, which no double is, becomes 100000.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.14e}").parse().unwrap_or(value)
 }
 
 /// Writes the list of units that SSP's files hold, of those that are in SI base units: SSP knows no other.
@@ -168,5 +173,10 @@ mod tests {
         let all: Vec<_> = kelvin.with_display_units().collect();
         assert_eq!(all[1].name, "degC");
         assert_eq!(all[1].base.unwrap().to(&kelvin.base.unwrap()).unwrap().apply(0.0), 273.15);
+
+        let mut pascal = unit("Pa", [1, -1, -2, 0, 0, 0, 0, 0], 1.0, 0.0);
+        pascal.display_units.push(DisplayUnit { name: "bar".to_owned(), factor: 1e-5, offset: 0.0 });
+        let bar = pascal.with_display_units().last().unwrap();
+        assert_eq!(bar.base.unwrap().factor, 1e5);
     }
 }

@@ -971,7 +971,7 @@ static DESCRIPTION: ::fmi2_export::description::ModelDescription = {
     ];
     ModelDescription {
         model_identifier: "Vessels",
-        guid: "{a98344d9-9aa1-5e12-8463-f6926cb3328e}",
+        guid: "{547a54e5-ebec-573a-84be-54c95fdad94f}",
         xml: include_str!("modelDescription.xml"),
         variables: &VARIABLES,
         log_categories: &LOG_CATEGORIES,

@@ -1,0 +1,69 @@
+//! The least that `BoostPlant` can be controlled with: a PI controller of boost pressure that samples at each
+//! communication point, and the relay of the vacuum pump. A template for a controller of one's own.
+#![allow(non_snake_case, reason = "the library bears the model identifier")]
+
+use fmi2_export::{Context, Error, InputsOf, Model, Step};
+
+mod variables {
+    fmi2_export::include_variables!("MinimalController");
+}
+use variables::Variables;
+
+/// The duties between which the wastegate moves, in %.
+const DUTIES: [f64; 2] = [25.0, 75.0];
+/// The tank's pressures in Pa at which the pump stops and starts.
+const TANK_PRESSURES: [f64; 2] = [30_000.0, 35_000.0];
+
+/// What the controller remembers from step to step: the integral term in % of duty.
+#[derive(Clone, Default)]
+struct MinimalController {
+    integral: f64,
+}
+
+fmi2_export::persistent!(MinimalController { integral });
+
+impl Model for MinimalController {
+    type Variables = Variables;
+
+    fn initialize(
+        &mut self,
+        variables: &mut Variables,
+        inputs: &InputsOf<Self>,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        self.integral = variables.parameters.duty;
+        variables.outputs.hp_wastegate_pwm = compensated(self.integral, inputs);
+        variables.outputs.vacuum_pump = 0.0;
+        Ok(())
+    }
+
+    fn step(
+        &mut self,
+        variables: &mut Variables,
+        step: &Step<'_, InputsOf<Self>>,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        let (inputs, parameters) = (step.inputs.initial(), &variables.parameters);
+        let proportional = parameters.gain * (inputs.boost_reference - inputs.boost_pressure);
+        let duty = (self.integral + proportional).clamp(DUTIES[0], DUTIES[1]);
+        // At a bound the integral term stays where it does not ask for more than that.
+        let integral = self.integral + proportional * step.size / parameters.integral_time;
+        self.integral = integral.clamp(DUTIES[0], DUTIES[1]);
+
+        let outputs = &mut variables.outputs;
+        outputs.hp_wastegate_pwm = compensated(duty, inputs);
+        if inputs.tank_pressure <= TANK_PRESSURES[0] {
+            outputs.vacuum_pump = 0.0;
+        } else if inputs.tank_pressure >= TANK_PRESSURES[1] {
+            outputs.vacuum_pump = 1.0;
+        }
+        Ok(())
+    }
+}
+
+/// A duty at 12 V as the one at the present voltage that does the same (paper, eq. (9)).
+fn compensated(duty: f64, inputs: &InputsOf<MinimalController>) -> f64 {
+    (duty * 12.0 / inputs.supply_voltage_measured.max(6.0)).min(100.0)
+}
+
+fmi2_export::export_fmi2!(MinimalController);
