@@ -115,7 +115,8 @@ fn declared_dependencies() -> Vec<(&'static str, BTreeSet<&'static str>)> {
         let begin = element.find(key).expect("the attribute") + key.len();
         &element[begin..begin + element[begin..].find('"').expect("a quote")]
     };
-    let unknowns = description.xml.split_once("<InitialUnknowns>").expect("InitialUnknowns").1;
+    let unknowns =
+        Variables::MODEL_DESCRIPTION_XML.split_once("<InitialUnknowns>").expect("InitialUnknowns").1;
     let unknowns = unknowns.split_once("</InitialUnknowns>").expect("an end").0;
     unknowns
         .split("<Unknown ")

@@ -22,7 +22,7 @@ pub type Dependencies = BTreeMap<ValueReference, BTreeSet<ValueReference>>;
 pub fn declared() -> BTreeMap<String, Dependencies> {
     let mut structure: BTreeMap<String, Dependencies> = BTreeMap::new();
     let mut list = String::new();
-    let mut reader = Reader::from_str(Variables::DESCRIPTION.xml);
+    let mut reader = Reader::from_str(Variables::MODEL_DESCRIPTION_XML);
     loop {
         match reader.read_event().expect("well-formed XML") {
             Event::Start(element) => element.name().as_ref().clone_into(&mut list),

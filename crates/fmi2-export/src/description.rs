@@ -14,8 +14,6 @@ pub struct ModelDescription {
     pub model_identifier: &'static str,
     /// The hash of the XML's content that the importer hands back to `fmi2Instantiate`.
     pub guid: &'static str,
-    /// The complete modelDescription.xml.
-    pub xml: &'static str,
     /// Every variable; the position is its value reference.
     pub variables: &'static [VariableDescription],
     /// The names of the declared log categories.

@@ -19,6 +19,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     type Inputs: Inputs;
     /// The tables for this model.
     const DESCRIPTION: &'static ModelDescription;
+    /// The text of the modelDescription.xml. A library that does not use it does not hold it.
+    const MODEL_DESCRIPTION_XML: &'static str;
 
     /// The inputs as the importer set them, not clamped.
     fn inputs(&self) -> &Self::Inputs;

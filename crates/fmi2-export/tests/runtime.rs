@@ -42,7 +42,6 @@ const fn variable(
 static DESCRIPTION: ModelDescription = ModelDescription {
     model_identifier: "Integrator",
     guid: "{guid}",
-    xml: "",
     variables: &[
         variable("time", DataType::Real, Causality::Independent, Variability::Continuous, Initial::None),
         variable("input", DataType::Real, Causality::Input, Variability::Continuous, Initial::None),
@@ -91,6 +90,7 @@ struct AllVariables {
 impl Variables for AllVariables {
     type Inputs = InputVariables;
     const DESCRIPTION: &'static ModelDescription = &DESCRIPTION;
+    const MODEL_DESCRIPTION_XML: &'static str = "";
 
     fn inputs(&self) -> &InputVariables {
         &self.inputs

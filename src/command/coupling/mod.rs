@@ -47,9 +47,9 @@ impl Role {
     /// What our FMU in this place says of itself.
     pub fn description(self) -> &'static ModelDescription {
         static PLANT: LazyLock<ModelDescription> =
-            LazyLock::new(|| own(plant::variables::Variables::DESCRIPTION.xml));
+            LazyLock::new(|| own(plant::variables::Variables::MODEL_DESCRIPTION_XML));
         static CONTROLLER: LazyLock<ModelDescription> =
-            LazyLock::new(|| own(controller::variables::Variables::DESCRIPTION.xml));
+            LazyLock::new(|| own(controller::variables::Variables::MODEL_DESCRIPTION_XML));
         match self {
             Self::Plant => &PLANT,
             Self::Controller => &CONTROLLER,

@@ -87,6 +87,7 @@ impl Generator<'_, '_> {
 {ALLOW}impl ::fmi2_export::Variables for Variables {{
     type Inputs = Inputs;
     const DESCRIPTION: &'static ::fmi2_export::description::ModelDescription = &DESCRIPTION;
+    const MODEL_DESCRIPTION_XML: &'static str = include_str!(\"modelDescription.xml\");
 
     fn inputs(&self) -> &Inputs {{
         &self.inputs
@@ -224,7 +225,6 @@ impl Generator<'_, '_> {
     ModelDescription {{
         model_identifier: {:?},
         guid: {guid:?},
-        xml: include_str!(\"modelDescription.xml\"),
         variables: &VARIABLES,
         log_categories: &LOG_CATEGORIES,
         capabilities: Capabilities {{

@@ -585,6 +585,7 @@ impl ::fmi2_export::Inputs for Inputs {
 impl ::fmi2_export::Variables for Variables {
     type Inputs = Inputs;
     const DESCRIPTION: &'static ::fmi2_export::description::ModelDescription = &DESCRIPTION;
+    const MODEL_DESCRIPTION_XML: &'static str = include_str!("modelDescription.xml");
 
     fn inputs(&self) -> &Inputs {
         &self.inputs
@@ -972,7 +973,6 @@ static DESCRIPTION: ::fmi2_export::description::ModelDescription = {
     ModelDescription {
         model_identifier: "Vessels",
         guid: "{547a54e5-ebec-573a-84be-54c95fdad94f}",
-        xml: include_str!("modelDescription.xml"),
         variables: &VARIABLES,
         log_categories: &LOG_CATEGORIES,
         capabilities: Capabilities {
