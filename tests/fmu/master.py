@@ -219,6 +219,7 @@ class Master:
 
     `inputs` are signals over time, held during a step, for each instance that has an input of the name.
     `distort` changes what is measured: by name, what is added to an output on its way to an input.
+    `clock` tells the communication points by their numbers, as a master does that counts otherwise.
     """
 
     def __init__(
@@ -230,10 +231,11 @@ class Master:
         inputs: Mapping[str, Signal] | None = None,
         distort: Mapping[str, Callable[[], float]] | None = None,
         at_once: bool = False,
+        clock: Callable[[int], float] | None = None,
         also: Mapping[Instance, list[str]] | None = None,
     ) -> None:
         self.instances, self.step, self.start_time = instances, step, start_time
-        self.at_once = at_once
+        self.at_once, self.clock = at_once, clock
         self.steps_done = 0
         self.wires = {
             target: [Wires(source, target) for source in instances if source is not target]
@@ -262,6 +264,8 @@ class Master:
     @property
     def time(self) -> float:
         """The communication point that was reached."""
+        if self.clock:
+            return self.clock(self.steps_done)
         return self.start_time + self.steps_done * self.step
 
     def initialize(self) -> Master:
@@ -301,16 +305,17 @@ class Master:
         table[0] = self._row()
         for index in range(1, count + 1):
             time = self.time
+            step = self.clock(self.steps_done + 1) - time if self.clock else self.step
             self._apply(time)
             if self.at_once:
                 for instance in self.instances:
                     self._take(instance)
                 for instance in self.instances:
-                    instance.slave.doStep(time, self.step)
+                    instance.slave.doStep(time, step)
             else:
                 for instance in self.instances:
                     self._take(instance)
-                    instance.slave.doStep(time, self.step)
+                    instance.slave.doStep(time, step)
             self.steps_done += 1
             table[index] = self._row()
         return Record(zip(["time", *self.names], table.T, strict=True))

@@ -1,0 +1,47 @@
+"""Units for FMUs of PythonFMU: variables that have one, and models that define those of their variables.
+
+PythonFMU 0.7 itself writes none. What a variable and a model write of themselves is for a class to extend,
+though; with the units declared, `boost-fmu check` sees what must be converted.
+"""
+
+from xml.etree.ElementTree import Element, SubElement
+
+from pythonfmu import Fmi2Slave, Real
+
+BASE_UNITS = {
+    "1": {},
+    "%": {"factor": "0.01"},
+    "%/Pa": {"kg": "-1", "m": "1", "s": "2", "factor": "0.01"},
+    "s": {"s": "1"},
+    "rad/s": {"rad": "1", "s": "-1"},
+    "V": {"kg": "1", "m": "2", "s": "-3", "A": "-1"},
+    "Pa": {"kg": "1", "m": "-1", "s": "-2"},
+    "bar": {"kg": "1", "m": "-1", "s": "-2", "factor": "1e5"},
+}
+"""What each unit is in the SI's base units: a value times the factor is the SI's."""
+
+
+class Quantity(Real):
+    """A real variable with a unit."""
+
+    def __init__(self, name, unit, **attributes):
+        super().__init__(name, **attributes)
+        self.unit = unit
+
+    def to_xml(self):
+        element = super().to_xml()
+        element.find("Real").set("unit", self.unit)
+        return element
+
+
+class SlaveWithUnits(Fmi2Slave):
+    """A model whose variables are quantities."""
+
+    def to_xml(self, *options):
+        root = super().to_xml(*options)
+        definitions = Element("UnitDefinitions")
+        for unit in sorted({variable.unit for variable in self.vars.values()}):
+            SubElement(SubElement(definitions, "Unit", name=unit), "BaseUnit", BASE_UNITS[unit])
+        # The standard wants them between CoSimulation and LogCategories.
+        root.insert(1, definitions)
+        return root
