@@ -1,13 +1,15 @@
 """A PI controller of boost pressure in Python: somebody else's controller, for BoostPlant.
 
-It meets the plant by equal names. The stages of the engine it leaves as they start.
+It meets the plant by equal names, and takes its place with nothing else to be said.
 """
 
 from pythonfmu import Fmi2Causality, Fmi2Variability
 from quantity import Quantity, SlaveWithUnits
 
 PWM_MIN, PWM_MAX = 25.0, 75.0
-"""Within which the wastegate's actuator moves (%)."""
+"""Within which the wastegate's actuator moves, at the nominal voltage (%)."""
+NOMINAL_VOLTAGE, LEAST_VOLTAGE = 12.0, 6.0
+"""At which a duty needs no compensation, and below which none is made (V)."""
 TANK_PRESSURE_ON, TANK_PRESSURE_OFF = 35e3, 30e3
 """Above the first the vacuum pump goes on, below the second off (Pa)."""
 
@@ -20,18 +22,27 @@ class PiController(SlaveWithUnits):
         self.description = "PI controller of boost pressure"
         self.boost_reference = self.boost_pressure = 125e3
         self.tank_pressure = 32.5e3
+        self.supply_voltage_measured = NOMINAL_VOLTAGE
         # As of BoostController's maps at 1500 rpm and 180 kPa, where a duty does most: a time constant of
         # 1.8 s, -96 hPa/%, a delay of 0.07 s; so that the closed loop has a time constant of 0.3 s.
         self.gain, self.integral_time = -5.6e-4, 1.8
         # At 1500 rpm and 125 kPa.
-        self.hp_wastegate_pwm = 44.0
+        self.hp_wastegate_pwm = self.duty = 44.0
         self.vacuum_pump = 0.0
-        self.error = 0.0
+        # The stages of the engine stay as they are.
+        self.lp_wastegate = self.hp_bypass = 0.0
+        self.error = None
 
-        names = {"boost_reference": "Pa", "boost_pressure": "Pa", "tank_pressure": "Pa"}
-        for name, unit in names.items():
+        inputs = {
+            "boost_reference": "Pa",
+            "boost_pressure": "Pa",
+            "tank_pressure": "Pa",
+            "supply_voltage_measured": "V",
+        }
+        for name, unit in inputs.items():
             self.register_variable(Quantity(name, unit, causality=Fmi2Causality.input))
-        for name, unit in {"hp_wastegate_pwm": "%", "vacuum_pump": "1"}.items():
+        outputs = {"hp_wastegate_pwm": "%", "vacuum_pump": "1", "lp_wastegate": "1", "hp_bypass": "1"}
+        for name, unit in outputs.items():
             self.register_variable(
                 Quantity(name, unit, causality=Fmi2Causality.output, variability=Fmi2Variability.discrete)
             )
@@ -40,14 +51,17 @@ class PiController(SlaveWithUnits):
                 Quantity(name, unit, causality=Fmi2Causality.parameter, variability=Fmi2Variability.tunable)
             )
 
-    def exit_initialization_mode(self):
-        self.error = self.boost_reference - self.boost_pressure
-
     def do_step(self, current_time, step_size):
+        # Some masters hand over zeros before the first measurement.
+        if self.boost_pressure == 0.0:
+            return True
         error = self.boost_reference - self.boost_pressure
-        increment = self.gain * (error - self.error + step_size / self.integral_time * error)
-        self.hp_wastegate_pwm = min(max(self.hp_wastegate_pwm + increment, PWM_MIN), PWM_MAX)
+        change = 0.0 if self.error is None else error - self.error
         self.error = error
+        duty = self.duty + self.gain * (change + step_size / self.integral_time * error)
+        self.duty = min(max(duty, PWM_MIN), PWM_MAX)
+        compensation = NOMINAL_VOLTAGE / max(self.supply_voltage_measured, LEAST_VOLTAGE)
+        self.hp_wastegate_pwm = min(self.duty * compensation, 100.0)
 
         if self.tank_pressure > TANK_PRESSURE_ON:
             self.vacuum_pump = 1.0
