@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import os
-import re
-import shlex
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import documents
 import pytest
 from conftest import ROOT
+from documents import blocks, run
 from fmpy.util import read_csv
 from master import Fmu
 
@@ -25,40 +25,14 @@ open(sys.argv[1], "wb").write(page)
 """Stands in for the browser that FMPy opens to show a plot: keeps the page."""
 
 
-def blocks(language: str) -> list[str]:
-    """The fenced blocks of a language."""
-    return re.findall(rf"^```{language}\n(.*?)^```$", README, re.DOTALL | re.MULTILINE)
-
-
-LINES = [line for block in blocks("sh") for line in block.splitlines()]
+LINES = documents.lines(README)
 
 FMPY_LINES = [line for line in LINES if line.startswith("fmpy ")]
 
 
 @pytest.fixture
 def clone(exported: Path, tmp_path: Path) -> Path:
-    """What the lines meet in the folder of the repository, wherever cargo's target folder is."""
-    (tmp_path / "target").mkdir()
-    (tmp_path / "target" / "fmu").symlink_to(exported)
-    (tmp_path / "examples").symlink_to(ROOT / "examples")
-    (tmp_path / "docs").mkdir()
-    return tmp_path
-
-
-def run(line: str, folder: Path, **environment: str) -> str:
-    """Runs a line with this Python's commands first; gives its output."""
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    done = subprocess.run(
-        shlex.split(line),
-        cwd=folder,
-        env={**os.environ, "PATH": path, "MPLBACKEND": "Agg", **environment},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    return documents.clone(exported, tmp_path)
 
 
 def test_every_line_is_tried() -> None:
@@ -74,8 +48,10 @@ def test_every_line_is_tried() -> None:
 def test_export(clone: Path) -> None:
     """The line as it stands, but for the folder, which other tests read meanwhile."""
     out = clone / "out"
-    run(f"cargo run --release -- export --out {out}", ROOT)
-    assert sorted(file.name for file in out.iterdir()) == ["BoostController.fmu", "BoostPlant.fmu"]
+    command = ["cargo", "run", "--release", "--", "export", "--out", out]
+    subprocess.run(command, cwd=ROOT, check=True)
+    names = ["Boost.ssp", "BoostController.fmu", "BoostPlant.fmu"]
+    assert sorted(file.name for file in out.iterdir()) == names
 
 
 def test_test_command_is_there() -> None:
@@ -121,12 +97,12 @@ def test_example_inputs_name_every_input(fmus: dict[str, Fmu], file: Path) -> No
 
 
 def test_loop_is_the_examples() -> None:
-    (loop,) = blocks("python")
+    (loop,) = blocks(README, "python")
     assert loop in (ROOT / "examples" / "closed_loop.py").read_text()
 
 
 def test_loop(clone: Path) -> None:
-    (loop,) = blocks("python")
+    (loop,) = blocks(README, "python")
     (clone / "loop.py").write_text(loop)
     output = run("python loop.py", clone)
     assert output == "boost pressure 125.00 kPa, reference 125.00 kPa\n"

@@ -1,0 +1,54 @@
+"""The lines that the documents tell their readers to run, and a place to run them in."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+from conftest import ROOT, TARGET
+
+
+def blocks(document: str, language: str) -> list[str]:
+    """The fenced blocks of a language."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", document, re.DOTALL | re.MULTILINE)
+
+
+def lines(document: str) -> list[str]:
+    """The lines for a shell."""
+    return [line for block in blocks(document, "sh") for line in block.splitlines()]
+
+
+def clone(exported: Path, folder: Path) -> Path:
+    """Makes of a folder what the lines meet in that of the repository, wherever cargo's target folder is.
+
+    What they write stays in it.
+    """
+    fmus = folder / "target" / "fmu"
+    fmus.mkdir(parents=True)
+    for file in exported.iterdir():
+        (fmus / file.name).symlink_to(file)
+    (folder / "examples").symlink_to(ROOT / "examples")
+    (folder / "docs").mkdir()
+    return folder
+
+
+def run(line: str, folder: Path, **environment: str) -> str:
+    """Runs a line with this Python's commands first; gives its output."""
+    # The command itself, which the export built, as cargo finds no package in the folder.
+    line = line.replace("cargo run --release --", str(TARGET.resolve() / "release" / "boost-fmu"))
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    done = subprocess.run(
+        shlex.split(line),
+        cwd=folder,
+        env={**os.environ, "PATH": path, "MPLBACKEND": "Agg", **environment},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
