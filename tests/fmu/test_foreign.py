@@ -17,7 +17,7 @@ from zipfile import ZipFile
 import documents
 import numpy as np
 import pytest
-from conftest import ROOT, TARGET, Make
+from conftest import ROOT, Make
 from experiments import BOOST_STEPS, BOOST_STEPS_END, SAMPLE_TIME, Steps, couple, staircase
 from master import Fmu, Instance, Record
 
@@ -144,20 +144,16 @@ def test_surrogate_is_fitted_to_the_maps(controller_fmu: Fmu, surrogate: Instanc
     assert min(time_constants) < 1.5 < max(time_constants)
 
 
-def test_check_sees_what_the_map_is_for(clone: Path) -> None:
-    """With the map the surrogate can take the plant's place, as the page has it; without, nobody can tell."""
+def test_check_sees_what_the_map_is_for(
+    clone: Path, boost_fmu: Callable[..., subprocess.CompletedProcess[str]]
+) -> None:
+    """With the map the surrogate can take the plant's place, as the page has it; without, it cannot."""
     (line,) = [line for line in LINES if " check " in line and "--map" in line]
     done = documents.run(line, clone)
     assert "hp_wastegate_pwm = 100 · wg_duty" in done
     assert "boost_pressure = 100000 · p_boost" in done
-    command = [
-        TARGET / "release" / "boost-fmu",
-        "check",
-        "target/foreign/SurrogatePlant.fmu",
-        "--as",
-        "plant",
-    ]
-    assert subprocess.run(command, cwd=clone, capture_output=True, check=False).returncode == 1
+    without = boost_fmu("check", "target/foreign/SurrogatePlant.fmu", "--as", "plant", folder=clone)
+    assert without.returncode == 1
 
 
 IN_ECOS = """
