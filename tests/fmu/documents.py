@@ -31,7 +31,8 @@ def clone(exported: Path, folder: Path) -> Path:
     fmus.mkdir(parents=True)
     for file in exported.iterdir():
         (fmus / file.name).symlink_to(file)
-    (folder / "examples").symlink_to(ROOT / "examples")
+    for name in ("examples", "parameters"):
+        (folder / name).symlink_to(ROOT / name)
     (folder / "docs").mkdir()
     return folder
 

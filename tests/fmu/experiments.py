@@ -90,6 +90,28 @@ BOOST_STEPS = [
 BOOST_STEPS_END = 124.0
 
 
+def ssp_of_fmpy(plant: Instance, controller: Instance) -> Master:
+    """The same as FMPy's SSP runs it: each FMU is initialized alone, zeros are handed over in the first step,
+    both step at once, and what the system takes comes a step late."""
+    for instance in (controller, plant):
+        instance.start()
+        inputs = set(instance.fmu.named("input")) - {"ambient_pressure", "ambient_temperature"}
+        instance.set(dict.fromkeys(inputs, 0.0))
+        instance.slave.doStep(0.0, SAMPLE_TIME)
+    reference = staircase(*BOOST_STEPS)
+    inputs = {"boost_reference": lambda time: reference(time - SAMPLE_TIME), **constants(OPERATING_POINT)}
+    return Master([controller, plant], SAMPLE_TIME, start_time=SAMPLE_TIME, inputs=inputs, at_once=True)
+
+
+OPERATING_POINT = {"engine_speed": 1500.0, "supply_voltage": 12.0, "throttle": 1.0}
+"""What a system has to be given where its master hands over zeros instead of start values."""
+
+
+def constants(values: Mapping[str, float]) -> dict[str, Signal]:
+    """Signals that hold their values."""
+    return {name: lambda _, value=value: value for name, value in values.items()}
+
+
 class Steps:
     """How boost pressure followed the steps of its reference."""
 

@@ -10,7 +10,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
-from math import exp
+from math import exp, pi
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -18,7 +18,20 @@ import documents
 import numpy as np
 import pytest
 from conftest import ROOT, Make
-from experiments import BOOST_STEPS, BOOST_STEPS_END, SAMPLE_TIME, Steps, couple, staircase
+from experiments import (
+    BOOST_STEPS,
+    BOOST_STEPS_END,
+    OPERATING_POINT,
+    SAMPLE_TIME,
+    Steps,
+    constants,
+    couple,
+    ssp_of_fmpy,
+    staircase,
+)
+from fmpy.ssp.simulation import simulate_ssp
+from fmpy.ssp.ssd import ns
+from lxml import etree
 from master import Fmu, Instance, Record
 
 LINES = documents.lines((ROOT / "docs" / "masters.md").read_text())
@@ -154,6 +167,40 @@ def test_check_sees_what_the_map_is_for(
     assert "boost_pressure = 100000 · p_boost" in done
     without = boost_fmu("check", "target/foreign/SurrogatePlant.fmu", "--as", "plant", folder=clone)
     assert without.returncode == 1
+
+
+def test_system_converts_by_the_map(clone: Path) -> None:
+    """Each connection with the surrogate, in the direction in which values go; the others convert nothing."""
+    with ZipFile(clone / "target" / "foreign" / "surrogate.ssp") as archive:
+        structure = etree.fromstring(archive.read("SystemStructure.ssd"))
+    factors = {}
+    for connection in structure.iterfind(".//ssd:Connection", ns):
+        names = connection.get("startConnector"), connection.get("endConnector")
+        transformation = connection.find("ssc:LinearTransformation", ns)
+        if transformation is not None:
+            assert connection.get("suppressUnitConversion") == "true"
+            assert transformation.get("offset", "0") == "0"
+            factors[names] = float(transformation.get("factor"))
+    # But for the rounding of a quotient.
+    expected = {(start, end): factor for start, end, factor in COMMANDS + MEASUREMENTS if factor != 1.0}
+    outside = {("p_boost", "boost_pressure"), ("p_tank", "tank_pressure"), ("engine_speed", "n_engine")}
+    assert set(factors) == set(expected) | outside
+    expected["engine_speed", "n_engine"] = 2 * pi / 60
+    assert factors == pytest.approx(expected, rel=2e-16)
+
+
+def test_controller_of_another_make_in_the_ssp_of_fmpy(
+    clone: Path, plant: Make, pi_controller: Instance
+) -> None:
+    """Against the own master, to the last bit. Nothing is to be converted, which FMPy would leave out."""
+    result = simulate_ssp(
+        str(clone / "target" / "foreign" / "pi.ssp"),
+        stop_time=BOOST_STEPS_END,
+        step_size=SAMPLE_TIME,
+        input={"boost_reference": REFERENCE, **constants(OPERATING_POINT)},
+    )
+    record = ssp_of_fmpy(plant(), pi_controller).run(BOOST_STEPS_END)
+    assert np.array_equal(result["boost_pressure"].view(np.uint64), record["boost_pressure"].view(np.uint64))
 
 
 IN_ECOS = """

@@ -24,6 +24,7 @@ from experiments import (
     SAMPLE_TIME,
     Steps,
     couple,
+    ssp_of_fmpy,
     staircase,
 )
 from fmpy.util import read_csv
@@ -72,26 +73,9 @@ def controller_first_unmeasured(plant: Instance, controller: Instance) -> Master
     return master
 
 
-def both_at_once_from_zeros(plant: Instance, controller: Instance) -> Master:
-    """FMPy's SSP initializes each FMU alone, and hands over zeros in the first step; what the system takes
-    comes a step late."""
-    for instance in (controller, plant):
-        instance.start()
-        inputs = set(instance.fmu.named("input")) - {"ambient_pressure", "ambient_temperature"}
-        instance.set(dict.fromkeys(inputs, 0.0))
-        instance.slave.doStep(0.0, SAMPLE_TIME)
-    inputs = {
-        "boost_reference": lambda time: INPUTS["boost_reference"](time - SAMPLE_TIME),
-        "engine_speed": lambda time: 1500.0,
-        "supply_voltage": lambda time: 12.0,
-        "throttle": lambda time: 1.0,
-    }
-    return Master([controller, plant], SAMPLE_TIME, start_time=SAMPLE_TIME, inputs=inputs, at_once=True)
-
-
 ORDERS: dict[str, tuple[str, Start]] = {
     "with_ecos": ("Ecos", both_at_once),
-    "with_fmpy_ssp": ("SSP in FMPy", both_at_once_from_zeros),
+    "with_fmpy_ssp": ("SSP in FMPy", ssp_of_fmpy),
     "with_libcosim": ("libcosim", both_at_once_in_nanoseconds),
     "with_pathsim": ("PathSim", controller_first),
     "in_container": ("one FMU of both", controller_first_unmeasured),
