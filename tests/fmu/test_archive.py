@@ -97,4 +97,4 @@ def test_export_is_reproducible(root: Path, tmp_path: Path) -> None:
     for source in ["build.rs", "src/lib.rs", *root.glob("crates/*/src/lib.rs")]:
         os.utime(root / source)
     assert export("second") == first
-    assert sorted(first) == ["BoostController.fmu", "BoostPlant.fmu"]
+    assert sorted(first) == ["Boost.ssp", "BoostController.fmu", "BoostPlant.fmu"]

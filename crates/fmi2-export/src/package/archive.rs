@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn a_text_that_unpacks_to_more_than_is_sane_is_refused() {
-        let blanks = [b' '; 100_000];
+        let blanks = vec![b' '; 100_000];
         let mut bytes = Cursor::new(vec![]);
         write(&mut bytes, &[("bomb.xml".to_owned(), blanks.as_slice())]).unwrap();
         let read = |largest| read_text_up_to(largest, &mut open(bytes.clone()).unwrap(), "bomb.xml");

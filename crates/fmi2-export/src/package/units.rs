@@ -172,11 +172,12 @@ mod tests {
         kelvin.display_units.push(DisplayUnit { name: "degC".to_owned(), factor: 1.0, offset: -273.15 });
         let all: Vec<_> = kelvin.with_display_units().collect();
         assert_eq!(all[1].name, "degC");
-        assert_eq!(all[1].base.unwrap().to(&kelvin.base.unwrap()).unwrap().apply(0.0), 273.15);
+        let freezing = all[1].base.unwrap().to(&kelvin.base.unwrap()).unwrap().apply(0.0);
+        assert_eq!(freezing.to_bits(), 273.15_f64.to_bits());
 
         let mut pascal = unit("Pa", [1, -1, -2, 0, 0, 0, 0, 0], 1.0, 0.0);
         pascal.display_units.push(DisplayUnit { name: "bar".to_owned(), factor: 1e-5, offset: 0.0 });
         let bar = pascal.with_display_units().last().unwrap();
-        assert_eq!(bar.base.unwrap().factor, 1e5);
+        assert_eq!(bar.base.unwrap().factor.to_bits(), 1e5_f64.to_bits());
     }
 }
