@@ -73,18 +73,17 @@ pub fn settled(parameters: &Parameters, inputs: &Inputs, tank_pressure: f64) -> 
     system.freeze_tank(true);
     let start = running(&system, inputs, tank_pressure);
     let actuated = settle_actuation(&system, inputs, start);
-    let rates = |unknowns: &[f64; GAS_PATH]| settled_rates(&system, inputs, actuated, unknowns);
-    let mut differentiated = System::new(&parameters.map(Dual64::from));
-    differentiated.freeze_tank(true);
-    let (constant_inputs, constant_states) = (inputs.map(Dual64::from), actuated.map(Dual64::from));
+    let chamber_pressure = actuated.actuator.chamber_pressure;
+    let rates = |unknowns: &[f64; GAS_PATH]| settled_rates(&system, inputs, chamber_pressure, unknowns);
+    let differentiated = System::new(&parameters.map(Dual64::from));
+    let constant_inputs = inputs.map(Dual64::from);
     let rates_along = |unknowns: &[f64; GAS_PATH], position: usize| {
-        settled_rates_along(&differentiated, &constant_inputs, &constant_states, unknowns, position)
+        settled_rates_along(&differentiated, &constant_inputs, chamber_pressure, unknowns, position)
     };
     match steady_state::find(rates, rates_along, halves(&actuated).1, &GAS_PATH_SCALES) {
-        Ok(unknowns) => Settled {
-            states: settle_rod(&system, inputs, with_gas_path(actuated, &unknowns)),
-            shortcoming: None,
-        },
+        Ok(unknowns) => {
+            Settled { states: settle_gas_path(&system, inputs, actuated, &unknowns), shortcoming: None }
+        }
         Err(failure) => {
             let (states, followed) = follow_transient(&system, inputs, start);
             Settled { states, shortcoming: Some(Shortcoming { failure, followed }) }
@@ -92,28 +91,28 @@ pub fn settled(parameters: &Parameters, inputs: &Inputs, tank_pressure: f64) -> 
     }
 }
 
-/// The rates of the gas path where everything else is settled.
+/// The rates of the gas path where the rod is at rest at the chamber's pressure in Pa.
 fn settled_rates<D: Scalar>(
     system: &System<D>,
     inputs: &Inputs<D>,
-    actuated: States<D>,
+    chamber_pressure: D,
     unknowns: &[D; GAS_PATH],
 ) -> [D; GAS_PATH] {
-    let states = settle_rod(system, inputs, with_gas_path(actuated, unknowns));
-    system.evaluate(inputs, &states).gas_path.derivatives
+    let position = position_at_rest(system, inputs, chamber_pressure, unknowns);
+    system.breathe(inputs, unknowns, system.actuator.opening(position)).derivatives
 }
 
 /// Their derivatives with respect to the unknown at a position.
 fn settled_rates_along(
     system: &System<Dual64>,
     inputs: &Inputs<Dual64>,
-    actuated: &States<Dual64>,
+    chamber_pressure: f64,
     unknowns: &[f64; GAS_PATH],
     position: usize,
 ) -> [f64; GAS_PATH] {
     let mut unknowns = unknowns.map(Dual64::from);
     unknowns[position].eps = 1.0;
-    settled_rates(system, inputs, *actuated, &unknowns).map(|rate| rate.eps)
+    settled_rates(system, inputs, chamber_pressure.into(), &unknowns).map(|rate| rate.eps)
 }
 
 /// The settled states with their derivatives along the direction in which parameters, inputs and the
@@ -127,29 +126,27 @@ pub fn differentiate_settled(
     settled: &States,
     tank_pressure: Dual64,
 ) -> Option<States<Dual64>> {
-    let mut system = System::new(parameters);
-    system.freeze_tank(true);
+    let system = System::new(parameters);
     let actuated = settle_actuation(&system, inputs, running(&system, inputs, tank_pressure));
+    let chamber_pressure = actuated.actuator.chamber_pressure;
     let found = halves(settled).1;
-    let along = settled_rates(&system, inputs, actuated, &found.map(Dual64::from));
+    let along = settled_rates(&system, inputs, chamber_pressure, &found.map(Dual64::from));
     if (0..GAS_PATH).any(|i| along[i].re.abs() > SETTLED * GAS_PATH_SCALES[i]) {
         return None;
     }
     // The same without the direction, so that the unknowns alone change.
-    let mut still = System::new(&parameters.map(|parameter| Dual64::from(parameter.re)));
-    still.freeze_tank(true);
+    let still = System::new(&parameters.map(|parameter| Dual64::from(parameter.re)));
     let still_inputs = inputs.map(|input| Dual64::from(input.re));
-    let still_actuated = actuated.map(|state| Dual64::from(state.re));
     let mut jacobian = [[0.0; GAS_PATH]; GAS_PATH];
     for column in 0..GAS_PATH {
-        let slopes = settled_rates_along(&still, &still_inputs, &still_actuated, &found, column);
+        let slopes = settled_rates_along(&still, &still_inputs, chamber_pressure.re, &found, column);
         for row in 0..GAS_PATH {
             jacobian[row][column] = slopes[row] / GAS_PATH_SCALES[row] * GAS_PATH_SCALES[column];
         }
     }
     let change = linear::solve(jacobian, std::array::from_fn(|i| -along[i].eps / GAS_PATH_SCALES[i]))?;
     let unknowns = std::array::from_fn(|i| Dual64::new(found[i], change[i] * GAS_PATH_SCALES[i]));
-    Some(settle_rod(&system, inputs, with_gas_path(actuated, &unknowns)))
+    Some(settle_gas_path(&system, inputs, actuated, &unknowns))
 }
 
 /// Brings the plunger and the chamber to rest.
@@ -164,25 +161,38 @@ fn settle_actuation<D: Scalar>(system: &System<D>, inputs: &Inputs<D>, mut state
     states
 }
 
-/// Brings the rod to rest without friction: there the forces of membrane and exhaust meet those of spring
-/// and stops.
-fn settle_rod<D: Scalar>(system: &System<D>, inputs: &Inputs<D>, mut states: States<D>) -> States<D> {
+/// The position in m at which the rod rests without friction: there the forces of membrane and exhaust meet
+/// those of spring and stops.
+fn position_at_rest<D: Scalar>(
+    system: &System<D>,
+    inputs: &Inputs<D>,
+    chamber_pressure: D,
+    gas_path: &[D; GAS_PATH],
+) -> D {
+    let exhaust_difference = System::exhaust_difference(gas_path);
+    let (position, velocity) = (0.0.into(), 0.0.into());
     let forces = system.actuator.forces(
-        0.0.into(),
-        0.0.into(),
+        position,
+        velocity,
         inputs.ambient_pressure,
-        states.actuator.chamber_pressure,
-        states.exhaust_manifold.pressure - states.interstage_exhaust.pressure,
+        chamber_pressure,
+        exhaust_difference,
     );
-    states.actuator.position = system.actuator.position_at_rest(forces.membrane + forces.exhaust);
-    states
+    system.actuator.position_at_rest(forces.membrane + forces.exhaust)
 }
 
-/// The states with others of the gas path.
-fn with_gas_path<D: Copy>(states: States<D>, gas_path: &[D; GAS_PATH]) -> States<D> {
-    let mut states = states.to_array();
+/// The states with the gas path at rest, and with it the rod.
+fn settle_gas_path<D: Scalar>(
+    system: &System<D>,
+    inputs: &Inputs<D>,
+    actuated: States<D>,
+    gas_path: &[D; GAS_PATH],
+) -> States<D> {
+    let mut states = actuated.to_array();
     states[ACTUATION..].copy_from_slice(gas_path);
-    States::from_array(states)
+    let mut states = States::from_array(states);
+    states.actuator.position = position_at_rest(system, inputs, actuated.actuator.chamber_pressure, gas_path);
+    states
 }
 
 /// Integrates until everything is at rest, for [`LONGEST_TRANSIENT`] at most. Returns the states and the
