@@ -25,19 +25,20 @@ pub struct SampleClock {
 fmi2_export::persistent!(SampleClock { executed, rounding });
 
 impl SampleClock {
-    /// A communication step begins (s) and will end (s).
-    pub fn begin_step(&mut self, start: f64, end: f64) {
+    /// A communication step begins (s) and will end (s). Returns the time (s) before which the samples are
+    /// that fall into it.
+    pub fn begin_step(&mut self, start: f64, end: f64, sample_time: f64) -> f64 {
         self.rounding += 0.5 * f64::EPSILON * start.abs().max(end.abs());
-    }
-
-    /// The time (s) of the next sample that falls into a step which ends at a time (s), if there is one.
-    /// It counts as executed.
-    pub fn next_before(&mut self, end: f64, start_time: f64, sample_time: f64) -> Option<f64> {
-        // The second term covers this comparison's own rounding, at times that are far from 0.
+        // The second term covers the comparison's own rounding, at times that are far from 0.
         let coincidence = (COINCIDENCE * sample_time + 2.0 * f64::EPSILON * end.abs() + self.rounding)
             .min(MOST_COINCIDENCE * sample_time);
+        end - coincidence
+    }
+
+    /// The time (s) of the next sample if that is before a time (s). It counts as executed.
+    pub fn next_before(&mut self, until: f64, start_time: f64, sample_time: f64) -> Option<f64> {
         let time = start_time + self.executed as f64 * sample_time;
-        (time < end - coincidence).then(|| {
+        (time < until).then(|| {
             self.executed += 1;
             time
         })

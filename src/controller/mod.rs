@@ -166,11 +166,10 @@ impl Model for BoostController {
         step: &Step<'_, InputsOf<Self>>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let end = step.end();
         let start_time = context.experiment.start_time;
         let sample_time = variables.parameters.sample_time;
-        self.clock.begin_step(step.start, end);
-        while let Some(time) = self.clock.next_before(end, start_time, sample_time) {
+        let until = self.clock.begin_step(step.start, step.end(), sample_time);
+        while let Some(time) = self.clock.next_before(until, start_time, sample_time) {
             if step.inputs.is_constant() {
                 self.sample(variables, step.inputs.initial(), time, context);
             } else {
