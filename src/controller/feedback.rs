@@ -17,6 +17,8 @@ const LEAST_TRACKING_SAMPLES: f64 = 4.0;
 pub struct Tuning {
     /// K (%/Pa).
     pub gain: f64,
+    /// `K / T_i` (%/(Pa s)).
+    pub integral_gain: f64,
     /// `T_i` (s).
     pub integral_time: f64,
     /// `T_d` (s).
@@ -29,8 +31,10 @@ impl Tuning {
     pub fn new(model: &LocalModel, lambda: f64) -> Self {
         let half_delay = model.delay / 2.0;
         let integral_time = model.time_constant + half_delay;
+        let integral_gain = 1.0 / ((half_delay + lambda) * model.gain);
         Self {
-            gain: integral_time / ((half_delay + lambda) * model.gain),
+            gain: integral_time * integral_gain,
+            integral_gain,
             integral_time,
             derivative_time: model.time_constant * model.delay / (model.delay + 2.0 * model.time_constant),
         }
@@ -76,7 +80,7 @@ impl Pid {
     /// The integral term for the next sample: by the error (Pa), and by what the limits cut off the duty
     /// (%, limited minus asked), which keeps it from winding up.
     pub fn integrate(&mut self, tuning: &Tuning, sample_time: f64, error: f64, cut: f64) {
-        self.integral += tuning.gain * sample_time / tuning.integral_time * error
+        self.integral += sample_time * tuning.integral_gain * error
             + sample_time / tuning.tracking_time(sample_time) * cut;
     }
 }

@@ -47,6 +47,7 @@ fn lambda_tuning_is_equation_12() {
     let local = OperatingPoint::new(&Parameters::default().schedule, 125e3, 1500.0).local_model();
     let tuning = Tuning::new(&local, 0.3);
     assert_close(tuning.gain, -0.000_994_138_069_270_65);
+    assert_close(tuning.integral_gain, -0.000_920_876_752_319_298_4);
     assert_close(tuning.integral_time, 1.079_556_05);
     assert_close(tuning.derivative_time, 0.036_983_990_521_381_45);
 }
