@@ -20,6 +20,8 @@ pub struct InputSignal<I> {
     order: usize,
     /// By Real input: its slope at the end of the last step, 0 where it was set since.
     slopes: Box<[f64]>,
+    /// Whether any of these is not 0.
+    sloped: bool,
     /// The inputs at the end of the last step, as long as they have `moved` away from those that are set.
     end: I,
     moved: bool,
@@ -36,6 +38,7 @@ impl<I: Inputs> InputSignal<I> {
             derivatives: vec![[0.0; MAX_ORDER]; I::REALS.len()].into_boxed_slice(),
             order: 0,
             slopes: vec![0.0; I::REALS.len()].into_boxed_slice(),
+            sloped: false,
         };
         signal.bound_all();
         signal
@@ -109,10 +112,13 @@ impl<I: Inputs> InputSignal<I> {
     /// Ends a step of a size (s): the derivatives are forgotten.
     pub(crate) fn end_step(&mut self, size: f64) {
         self.moved = self.order > 0;
-        if !self.moved {
-            self.slopes.fill(0.0);
-            return;
+        if self.moved || self.sloped {
+            self.find_end(size);
         }
+    }
+
+    /// Notes the inputs and their slopes at the end of a step of a size (s).
+    fn find_end(&mut self, size: f64) {
         self.end = self.at(size);
         for (slope, derivatives) in self.slopes.iter_mut().zip(&self.derivatives) {
             // Horner's scheme: d1 + h/1·(d2 + h/2·(d3 + …)).
@@ -120,6 +126,7 @@ impl<I: Inputs> InputSignal<I> {
                 .rev()
                 .fold(0.0, |sum, order| derivatives[order] + size / (order + 1) as f64 * sum);
         }
+        self.find_sloped();
         self.derivatives.fill([0.0; MAX_ORDER]);
         self.order = 0;
     }
@@ -151,12 +158,16 @@ impl<I: Inputs> InputSignal<I> {
             .find(|&order| self.derivatives.iter().any(|derivatives| derivatives[order] != 0.0))
             .map_or(0, |order| order + 1);
     }
+
+    fn find_sloped(&mut self) {
+        self.sloped = self.slopes.iter().any(|&slope| slope != 0.0);
+    }
 }
 
 /// All but what follows from the rest.
 impl<I: Inputs> Persistent for InputSignal<I> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let Self { bounded, set, derivatives, slopes, end, moved, order: _ } = self;
+        let Self { bounded, set, derivatives, slopes, end, moved, order: _, sloped: _ } = self;
         bounded.persist(archive)?;
         set.persist(archive)?;
         derivatives.persist(archive)?;
@@ -164,6 +175,7 @@ impl<I: Inputs> Persistent for InputSignal<I> {
         end.persist(archive)?;
         moved.persist(archive)?;
         self.find_order();
+        self.find_sloped();
         Ok(())
     }
 }

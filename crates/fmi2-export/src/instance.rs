@@ -119,18 +119,20 @@ impl<M: Model> Instance<M> {
     /// failure told to the importer.
     pub(crate) fn call(&mut self, function: Function, body: impl FnOnce(&mut Self) -> Answer) -> Status {
         let phase = self.memory.phase;
-        let answer = if function.phases().contains(&phase) {
-            contain(|| body(self)).unwrap_or_else(|panic| {
-                self.memory.phase = Phase::Error;
-                Err(Error::new(format!("{panic}; reset the instance")))
-            })
+        let error = if function.phases().contains(&phase) {
+            match contain(|| body(self)) {
+                Ok(Ok(status)) => return status,
+                Ok(Err(error)) => error,
+                Err(panic) => {
+                    self.memory.phase = Phase::Error;
+                    Error::new(format!("{panic}; reset the instance"))
+                }
+            }
         } else {
-            Err(Error::new(format!("must not be called in the state {phase}")))
+            Error::new(format!("must not be called in the state {phase}"))
         };
-        answer.unwrap_or_else(|error| {
-            self.logger.error(format_args!("{}: {error}", function.name()));
-            Status::Error
-        })
+        self.logger.error(format_args!("{}: {error}", function.name()));
+        Status::Error
     }
 
     /// What the function that has run has to tell.

@@ -9,6 +9,7 @@
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char};
 use std::fmt;
+use std::mem;
 use std::sync::Arc;
 
 use crate::c_types::{CallbackLogger, ComponentEnvironment, Status};
@@ -128,9 +129,12 @@ impl Logger {
 
     /// What is to be passed on, if anything is.
     pub(crate) fn take(&self) -> Option<Delivery> {
-        let messages = self.pending.take();
-        let recipient = self.recipient.as_ref().filter(|_| !messages.is_empty())?;
-        Some(Delivery { recipient: Arc::clone(recipient), messages })
+        let mut pending = self.pending.borrow_mut();
+        if pending.is_empty() {
+            return None;
+        }
+        let recipient = Arc::clone(self.recipient.as_ref()?);
+        Some(Delivery { recipient, messages: mem::take(&mut pending) })
     }
 }
 
