@@ -8,9 +8,11 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import subprocess
 import sys
 from bisect import bisect_right
 from collections.abc import Callable, Iterable
+from ctypes import CDLL, c_double, c_size_t, c_uint, c_void_p, cast
 from pathlib import Path
 from time import perf_counter
 
@@ -60,6 +62,49 @@ class FMU2ByName(FMU2Slave):
         return self
 
 
+class NativeMaster:
+    """`master.c`, compiled into a folder."""
+
+    def __init__(self, folder: Path) -> None:
+        library = folder / "master.so"
+        source = Path(__file__).with_name("master.c")
+        command = [os.environ.get("CC", "cc"), "-O2", "-shared", "-fPIC", str(source), "-o", str(library)]
+        subprocess.run(command, check=True)
+        self.function = CDLL(str(library)).run
+        self.function.restype = c_double
+
+    def run(
+        self,
+        slave: FMU2ByName,
+        inputs: Iterable[str],
+        rows: list[list[float]],
+        outputs: Iterable[str],
+    ) -> tuple[float, list[list[float]]]:
+        """How long (s) a step takes with a row of inputs set before and outputs got after it; and these."""
+        # Everything is imported and looked up by then.
+        slave.doStep(0.0, STEP)
+        input_references, output_references = slave.references(inputs), slave.references(outputs)
+        values = [value for row in rows for value in row]
+        got = (c_double * (STEPS * len(output_references)))()
+        functions = (slave.dll.fmi2SetReal, slave.dll.fmi2DoStep, slave.dll.fmi2GetReal)
+        duration = self.function(
+            *(cast(function, c_void_p) for function in functions),
+            c_void_p(slave.component),
+            c_double(STEP),
+            c_double(STEP),
+            c_size_t(STEPS),
+            (c_uint * len(input_references))(*input_references),
+            c_size_t(len(input_references)),
+            (c_double * len(values))(*values),
+            (c_uint * len(output_references))(*output_references),
+            c_size_t(len(output_references)),
+            got,
+        )
+        assert duration > 0.0, f"{slave.modelIdentifier} does not answer fmi2OK"
+        width = len(output_references)
+        return duration / STEPS, [list(got[i * width : (i + 1) * width]) for i in range(STEPS)]
+
+
 class Masters:
     """The FMUs of a folder and that of PythonFMU, with a folder to extract and build in."""
 
@@ -72,6 +117,7 @@ class Masters:
         declaration = shutil.copy(ROOT / "modelDescription" / "controller.json", built)
         FmuBuilder.build_FMU(script, dest=built, project_files=[declaration])
         paths = [*exported.glob("*.fmu"), *built.glob("*.fmu")]
+        self.native = NativeMaster(work)
         # Once: a library must not be written anew while it is loaded.
         self.folders = {path.stem: extract(path, work / path.stem) for path in paths}
 
@@ -110,10 +156,15 @@ class Masters:
         return duration, [dict(zip(measurements, values, strict=True)) for values in measured]
 
     def controllers(self, measured: list[dict[str, float]]) -> dict[str, float]:
-        """How long (s) a controller's step takes in Rust and by PythonFMU, each called from Python alike.
+        """How long (s) a controller's step takes in Rust and by PythonFMU, each called alike.
 
         Both get what was measured in the closed loop, and have to give the same duties.
         """
+        rows = [
+            [reference, *row.values()] for reference, row in zip(boost_references(), measured, strict=True)
+        ]
+        inputs = ["boost_reference", *measured[0]]
+        outputs = ["hp_wastegate_pwm", "vacuum_pump"]
 
         def rust() -> FMU2ByName:
             slave = self.slave("BoostController")
@@ -123,51 +174,44 @@ class Masters:
         def python() -> FMU2ByName:
             return self.slave("PythonController").initialize()
 
-        def between_samples() -> FMU2ByName:
-            slave = self.slave("BoostController")
-            slave.setReal(slave.references(["sample_time"]), [1.0])
-            return slave.initialize()
-
-        def steps(make: Callable[[], FMU2ByName], size: float = STEP) -> float:
-            """One step: a call of fmi2DoStep."""
+        def steps(make: Callable[[], FMU2ByName]) -> float:
+            """A call of fmi2DoStep by the native master."""
             slave = make()
-            # Everything is imported and looked up by then.
-            slave.doStep(0.0, size)
+            duration, _ = self.native.run(slave, inputs=[], rows=[], outputs=[])
+            slave.freeInstance()
+            return duration
+
+        def exchanges(make: Callable[[], FMU2ByName]) -> tuple[float, list[list[float]]]:
+            """The same with inputs set and outputs got; and the outputs."""
+            slave = make()
+            found = self.native.run(slave, inputs, rows, outputs)
+            slave.freeInstance()
+            return found
+
+        def exchanges_by_fmpy(make: Callable[[], FMU2ByName]) -> float:
+            """The same by FMPy."""
+            slave = make()
+            input_references, output_references = slave.references(inputs), slave.references(outputs)
             start = perf_counter()
-            for i in range(1, STEPS + 1):
-                slave.doStep(i * size, size)
+            for i, row in enumerate(rows):
+                slave.setReal(input_references, row)
+                slave.doStep(i * STEP, STEP)
+                slave.getReal(output_references)
             duration = perf_counter() - start
             slave.freeInstance()
             return duration / STEPS
 
-        wanted = boost_references()
-
-        def exchanges(make: Callable[[], FMU2ByName]) -> tuple[float, list[float]]:
-            """One step with its inputs set and outputs got; and the duties (%)."""
-            slave = make()
-            inputs = slave.references(["boost_reference", *measured[0]])
-            outputs = slave.references(["hp_wastegate_pwm", "vacuum_pump"])
-            rows = [[reference, *row.values()] for reference, row in zip(wanted, measured, strict=True)]
-            duties = []
-            start = perf_counter()
-            for i, row in enumerate(rows):
-                slave.setReal(inputs, row)
-                slave.doStep(i * STEP, STEP)
-                duties.append(slave.getReal(outputs)[0])
-            duration = perf_counter() - start
-            slave.freeInstance()
-            return duration / STEPS, duties
-
-        duties = [exchanges(make)[1] for make in (rust, python)]
+        duties = [[row[0] for row in exchanges(make)[1]] for make in (rust, python)]
         apart = max(abs(a - b) for a, b in zip(*duties, strict=True))
         # Both compute in doubles; the order of some sums is another.
         assert apart < 1e-9, f"the controllers' duties differ by {apart} %"
         measurements = {
             "step, Rust": lambda: steps(rust),
             "step, PythonFMU": lambda: steps(python),
-            "call": lambda: steps(between_samples, 1e-7),
             "exchange, Rust": lambda: exchanges(rust)[0],
             "exchange, PythonFMU": lambda: exchanges(python)[0],
+            "exchange by FMPy, Rust": lambda: exchanges_by_fmpy(rust),
+            "exchange by FMPy, PythonFMU": lambda: exchanges_by_fmpy(python),
         }
         # In turn, because a machine is slower for a while rather than now and then.
         runs = [{name: measure() for name, measure in measurements.items()} for _ in range(REPETITIONS)]

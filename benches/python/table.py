@@ -19,6 +19,7 @@ Figures = dict[tuple[str, str], float]
 GROUPS = [
     "right-hand side",
     *(f"plant 12.5 ms {stretch}" for stretch in ("quiet", "voltage", "duty", "load", "whole", "slowest")),
+    *(f"plant 12.5 ms {stretch} exhaust area" for stretch in ("quiet", "duty")),
     *(f"plant 1 ms {stretch}" for stretch in ("quiet", "duty")),
     "controller 12.5 ms",
     "controller 12.5 ms paper",
@@ -93,7 +94,7 @@ def print_figures(time: Figures, count: Figures) -> None:
         )
 
 
-def print_targets(time: Figures, count: Figures, python_step: float) -> None:
+def print_targets(time: Figures, count: Figures, beside_python: float) -> None:
     heading("target", "measured", "")
 
     def target(what: str, measured: str, met: bool) -> None:
@@ -119,8 +120,9 @@ def print_targets(time: Figures, count: Figures, python_step: float) -> None:
     group = "plant 12.5 ms slowest"
     ratio = time[group, "fmu"] / time[group, "reference"]
     target("slowest step at most 2 times the reference's", f"{ratio:.2f} times", ratio <= 2)
-    ratio = python_step / time["controller 12.5 ms paper", "fmu"]
-    target("controller's step 100 times faster than PythonFMU's", f"{ratio:.0f} times", ratio >= 100)
+    measured = f"{beside_python:.0f} times"
+    what = "controller's step, with inputs and outputs, 100 times faster than PythonFMU's"
+    target(what, measured, beside_python >= 100)
     for mode, limit in (("running", 100e-6), ("settled", 20e-3)):
         seconds = time[f"instantiate {mode}", "fmu"]
         what = f"instantiate to ready, {mode} start, in less than {duration(limit)}"
@@ -147,16 +149,17 @@ def main() -> None:
     ):
         row(who, duration(seconds), f"{simulated / seconds:.0f}", share)
 
-    heading("controller called from Python", "in Rust", "by PythonFMU", "ratio")
-    for name, what in (("step", "fmi2DoStep"), ("exchange", "the same with inputs set and outputs got")):
+    # Both FMUs in one process with Python, which that of PythonFMU needs, under the same masters.
+    heading("controller's step", "in Rust", "by PythonFMU", "ratio")
+    for name, what in (
+        ("step", "fmi2DoStep under a native master"),
+        ("exchange", "the same with inputs set and outputs got"),
+        ("exchange by FMPy", "the same under FMPy"),
+    ):
         rust, other = python[f"{name}, Rust"], python[f"{name}, PythonFMU"]
         row(what, duration(rust), duration(other), f"{other / rust:.1f}")
-    # What an empty step costs when it is called from Python is the price of the call.
-    inside = python["step, PythonFMU"] - python["call"]
-    own = time["controller 12.5 ms paper", "fmu"]
-    row("fmi2DoStep less the call from Python", duration(own), duration(inside), f"{inside / own:.0f}")
 
-    print_targets(time, count, inside)
+    print_targets(time, count, python["exchange, PythonFMU"] / python["exchange, Rust"])
 
 
 if __name__ == "__main__":
