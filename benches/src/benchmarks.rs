@@ -1,7 +1,8 @@
 //! What is measured: each subject in some groups, once for each that it is compared with.
 
+use std::collections::BTreeMap;
 use std::hint::black_box;
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
 use boost_fmu::controller::BoostController;
@@ -74,6 +75,9 @@ const SHORT_STEP: f64 = 1e-3;
 const OFTEN: usize = 1000;
 /// How many values are got and set at once.
 const VALUES: usize = 10;
+/// An area in m² on which the exhaust pushes the wastegate: the gas path acts on the actuation there, so that
+/// the plant cannot be integrated in two halves.
+const EXHAUST_AREA: f64 = 1e-4;
 
 /// Everything that is measured, in the order of the table.
 #[must_use]
@@ -88,13 +92,17 @@ pub fn all() -> Vec<Benchmark> {
     ];
     for stretch in [Stretch::QUIET, Stretch::VOLTAGE, Stretch::DUTY, Stretch::LOAD] {
         let group = format!("plant 12.5 ms {}", stretch.name);
-        all.extend(plant_steps(&group, stretch, STEP));
+        all.extend(plant_steps(&group, stretch, STEP, 0.0));
+    }
+    for stretch in [Stretch::QUIET, Stretch::DUTY] {
+        let group = format!("plant 12.5 ms {} exhaust area", stretch.name);
+        all.extend(plant_steps(&group, stretch, STEP, EXHAUST_AREA));
     }
     for stretch in [Stretch::QUIET, Stretch::DUTY] {
         let group = format!("plant 1 ms {}", stretch.name);
-        all.extend(plant_steps(&group, stretch, SHORT_STEP));
+        all.extend(plant_steps(&group, stretch, SHORT_STEP, 0.0));
     }
-    all.extend(plant_steps("plant 12.5 ms whole", Stretch::WHOLE, STEP).map(Benchmark::timed_only));
+    all.extend(plant_steps("plant 12.5 ms whole", Stretch::WHOLE, STEP, 0.0).map(Benchmark::timed_only));
     all.extend([
         Benchmark::new("plant 12.5 ms slowest", "fmu", 1, SlowestStep::<Fmu>::new).timed_only(),
         Benchmark::new("plant 12.5 ms slowest", "direct", 1, SlowestStep::<Direct<BoostPlant>>::new)
@@ -166,7 +174,7 @@ impl<R> Rates<R> {
     fn new(system: R) -> Self {
         let recorded = Experiment::recorded();
         let every = recorded.inputs.len() / OFTEN;
-        let mut plant = Direct::<BoostPlant>::given(&recorded.states, &recorded.inputs[0]);
+        let mut plant = Direct::<BoostPlant>::given(&recorded.states, &recorded.inputs[0], 0.0);
         let mut points = Vec::new();
         for (row, inputs) in recorded.inputs.iter().enumerate() {
             if row % every == 0 && points.len() < OFTEN {
@@ -188,21 +196,27 @@ impl<R: RightHandSide> Subject for Rates<R> {
 }
 
 /// The plant over a stretch of the recorded experiment, by each.
-fn plant_steps(group: &str, stretch: Stretch, size: f64) -> [Benchmark; 3] {
+fn plant_steps(group: &str, stretch: Stretch, size: f64, exhaust_area: f64) -> [Benchmark; 3] {
     let count = steps(stretch.count, size);
     [
-        Benchmark::new(group, "fmu", count, move || PlantSteps::<Fmu>::new(&stretch, size)),
-        Benchmark::new(group, "direct", count, move || PlantSteps::<Direct<BoostPlant>>::new(&stretch, size)),
-        Benchmark::new(group, "reference", count, move || PlantSteps::<RungeKutta>::new(&stretch, size)),
+        Benchmark::new(group, "fmu", count, move || PlantSteps::<Fmu>::new(&stretch, size, exhaust_area)),
+        Benchmark::new(group, "direct", count, move || {
+            PlantSteps::<Direct<BoostPlant>>::new(&stretch, size, exhaust_area)
+        }),
+        Benchmark::new(group, "reference", count, move || {
+            PlantSteps::<RungeKutta>::new(&stretch, size, exhaust_area)
+        }),
     ]
 }
 
-/// The states at the begin of each step of the recorded experiment.
-fn states_at(row: usize) -> States {
-    static STATES: OnceLock<Vec<States>> = OnceLock::new();
-    STATES.get_or_init(|| {
+/// The states at the begin of a step of the recorded experiment, with an exhaust area in m².
+fn states_at(row: usize, exhaust_area: f64) -> States {
+    /// By the bits of the area: at the begin of each step.
+    static STATES: Mutex<BTreeMap<u64, Vec<States>>> = Mutex::new(BTreeMap::new());
+    let mut states = STATES.lock().expect("nothing panicked");
+    states.entry(exhaust_area.to_bits()).or_insert_with(|| {
         let recorded = Experiment::recorded();
-        let mut plant = Direct::<BoostPlant>::given(&recorded.states, &recorded.inputs[0]);
+        let mut plant = Direct::<BoostPlant>::given(&recorded.states, &recorded.inputs[0], exhaust_area);
         let begin = |inputs| {
             let states = plant.variables.states;
             Plant::set(&mut plant, inputs);
@@ -222,13 +236,13 @@ struct PlantSteps<P: Plant> {
 }
 
 impl<P: Plant> PlantSteps<P> {
-    fn new(stretch: &Stretch, size: f64) -> Self {
+    fn new(stretch: &Stretch, size: f64, exhaust_area: f64) -> Self {
         let recorded = Experiment::recorded();
         // Half a second of steps before, for a method that chooses its steps by those before.
         let first = stretch.first.saturating_sub(40);
         let before = Stretch { name: "", first, count: stretch.first - first };
-        let states = if first == 0 { recorded.states } else { states_at(first) };
-        let mut plant = P::given(&states, &recorded.inputs[first]);
+        let states = if first == 0 { recorded.states } else { states_at(first, exhaust_area) };
+        let mut plant = P::given(&states, &recorded.inputs[first], exhaust_area);
         pass(&mut plant, &recorded.changes(&before, size), size);
         let begin = plant.save();
         Self { plant, begin, changes: recorded.changes(stretch, size), size }
@@ -259,7 +273,7 @@ fn slowest_step() -> usize {
     static SLOWEST: OnceLock<usize> = OnceLock::new();
     *SLOWEST.get_or_init(|| {
         let recorded = Experiment::recorded();
-        let mut plant = Fmu::given(&recorded.states, &recorded.inputs[0]);
+        let mut plant = Fmu::given(&recorded.states, &recorded.inputs[0], 0.0);
         let begin = plant.save();
         // What else the machine does, it does at other steps in each pass.
         let mut least = vec![Duration::MAX; recorded.inputs.len()];
@@ -288,7 +302,7 @@ struct SlowestStep<P: Plant> {
 impl<P: Plant> SlowestStep<P> {
     fn new() -> Self {
         let recorded = Experiment::recorded();
-        let mut plant = P::given(&recorded.states, &recorded.inputs[0]);
+        let mut plant = P::given(&recorded.states, &recorded.inputs[0], 0.0);
         let slowest = slowest_step();
         for inputs in &recorded.inputs[..slowest] {
             plant.set(inputs);
@@ -388,7 +402,7 @@ struct FmuReals {
 impl FmuReals {
     fn new(causality: Causality) -> Self {
         let references = references(causality);
-        let mut plant = Fmu::given(&States::default(), &Inputs::default());
+        let mut plant = Fmu::given(&States::default(), &Inputs::default(), 0.0);
         plant.step(STEP);
         let mut values = [0.0; VALUES];
         plant.instance.get(&references, &mut values);
@@ -429,7 +443,7 @@ struct DirectReals {
 impl DirectReals {
     fn new(causality: Causality) -> Self {
         let references = references(causality);
-        let variables = Direct::<BoostPlant>::given(&States::default(), &Inputs::default()).variables;
+        let variables = Direct::<BoostPlant>::given(&States::default(), &Inputs::default(), 0.0).variables;
         Self { values: references.map(|reference| variables.real(reference)), variables, references }
     }
 }

@@ -16,8 +16,9 @@ use crate::reference::Reference;
 pub trait Plant {
     /// What it needs for that.
     type Saved;
-    /// A plant that starts from states.
-    fn given(states: &States, inputs: &Inputs) -> Self;
+    /// A plant that starts from states. The exhaust pushes on an area in m² of its wastegate, which is none as
+    /// declared.
+    fn given(states: &States, inputs: &Inputs, exhaust_area: f64) -> Self;
     /// Takes new inputs.
     fn set(&mut self, inputs: &Inputs);
     /// One communication step of a size in s.
@@ -52,12 +53,13 @@ impl Fmu {
 impl Plant for Fmu {
     type Saved = State;
 
-    fn given(states: &States, inputs: &Inputs) -> Self {
+    fn given(states: &States, inputs: &Inputs, exhaust_area: f64) -> Self {
         let library = library();
         let mut instance = library.instantiate();
         let mode = library.references(&["initialization.mode"])[0];
         instance.set_integer(mode, InitializationMode::Given.value());
         instance.set(&library.references(&States::NAMES), &states.to_array());
+        instance.set(&library.references(&["actuator.exhaust_area"]), &[exhaust_area]);
         let names: Vec<_> = library.named(Causality::Input).collect();
         let references = library.references(&names).try_into().expect("all inputs are Real");
         let mut fmu = Self { instance, references };
@@ -87,8 +89,9 @@ impl Plant for Fmu {
 impl Plant for Direct<BoostPlant> {
     type Saved = Self;
 
-    fn given(states: &States, inputs: &Inputs) -> Self {
+    fn given(states: &States, inputs: &Inputs, exhaust_area: f64) -> Self {
         Self::new(*inputs, |variables: &mut Variables| {
+            variables.parameters.actuator.exhaust_area = exhaust_area;
             variables.parameters.initialization.mode = InitializationMode::Given;
             variables.start = *states;
         })
@@ -122,8 +125,10 @@ pub struct RungeKutta {
 impl Plant for RungeKutta {
     type Saved = States;
 
-    fn given(states: &States, inputs: &Inputs) -> Self {
-        Self { reference: Reference::new(&Parameters::default()), states: *states, inputs: *inputs }
+    fn given(states: &States, inputs: &Inputs, exhaust_area: f64) -> Self {
+        let mut parameters = Parameters::default();
+        parameters.actuator.exhaust_area = exhaust_area;
+        Self { reference: Reference::new(&parameters), states: *states, inputs: *inputs }
     }
 
     fn set(&mut self, inputs: &Inputs) {
