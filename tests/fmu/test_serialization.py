@@ -224,8 +224,8 @@ def test_what_is_wrong_with_the_bytes_is_named(
     assert OTHER[name] in foreign
     assert fmus[OTHER[name]].description.guid in foreign
     # The format's version follows the 8 bytes of the signature.
-    newer = serialized[:8] + struct.pack("<I", 2) + serialized[12:]
-    assert "format 2" in refusal(caller, newer)
+    newer = struct.unpack("<I", serialized[8:12])[0] + 1
+    assert f"format {newer}" in refusal(caller, serialized[:8] + struct.pack("<I", newer) + serialized[12:])
     assert "no serialized state" in refusal(caller, b"PK\3\4" + serialized[4:])
     damaged = bytearray(serialized)
     damaged[len(damaged) // 2] ^= 0x10

@@ -22,8 +22,11 @@ pub struct InputSignal<I> {
     slopes: Box<[f64]>,
     /// Whether any of these is not 0.
     sloped: bool,
-    /// The inputs at the end of the last step, as long as they have `moved` away from those that are set.
+    /// By Real input: the value that it reached at the end of the last step, before it was bounded.
+    reached: Box<[f64]>,
+    /// The inputs at the end of the last step, within their bounds.
     end: I,
+    /// Whether those of the end are the latest: nothing was set since they moved away from what was set.
     moved: bool,
 }
 
@@ -32,6 +35,7 @@ impl<I: Inputs> InputSignal<I> {
     pub fn constant(inputs: I) -> Self {
         let mut signal = Self {
             set: (0..I::REALS.len()).map(|position| inputs.real(position)).collect(),
+            reached: vec![0.0; I::REALS.len()].into_boxed_slice(),
             end: inputs.clone(),
             moved: false,
             bounded: inputs,
@@ -61,17 +65,22 @@ impl<I: Inputs> InputSignal<I> {
     pub fn at(&self, offset: f64) -> I {
         let mut inputs = self.bounded.clone();
         if self.order > 0 {
-            for (position, derivatives) in self.derivatives.iter().enumerate() {
-                // Horner's scheme: u + τ/1·(d1 + τ/2·(d2 + …)).
-                let rise = (0..self.order)
-                    .rev()
-                    .fold(0.0, |sum, order| offset / (order + 1) as f64 * (derivatives[order] + sum));
+            for (position, &value) in self.set.iter().enumerate() {
+                let rise = self.rise(position, offset);
                 if rise != 0.0 {
-                    inputs.set_real(position, bound::<I>(position, self.set[position] + rise));
+                    inputs.set_real(position, bound::<I>(position, value + rise));
                 }
             }
         }
         inputs
+    }
+
+    /// By how much the Real input at a position differs from what was set, at a time (s) after the step's
+    /// begin.
+    fn rise(&self, position: usize, offset: f64) -> f64 {
+        let derivatives = &self.derivatives[position];
+        // Horner's scheme: τ/1·(d1 + τ/2·(d2 + …)).
+        (0..self.order).rev().fold(0.0, |sum, order| offset / (order + 1) as f64 * (derivatives[order] + sum))
     }
 
     /// Takes a new value of a Real input; its derivatives are forgotten. Answers whether it is held at a
@@ -113,13 +122,16 @@ impl<I: Inputs> InputSignal<I> {
     pub(crate) fn end_step(&mut self, size: f64) {
         self.moved = self.order > 0;
         if self.moved || self.sloped {
-            self.find_end(size);
+            self.note_end(size);
         }
     }
 
     /// Notes the inputs and their slopes at the end of a step of a size (s).
-    fn find_end(&mut self, size: f64) {
-        self.end = self.at(size);
+    fn note_end(&mut self, size: f64) {
+        for (position, &value) in self.set.iter().enumerate() {
+            self.reached[position] = value + self.rise(position, size);
+        }
+        self.find_end();
         for (slope, derivatives) in self.slopes.iter_mut().zip(&self.derivatives) {
             // Horner's scheme: d1 + h/1·(d2 + h/2·(d3 + …)).
             *slope = (0..self.order)
@@ -146,10 +158,18 @@ impl<I: Inputs> InputSignal<I> {
         if self.is_free(position) { slope } else { 0.0 }
     }
 
-    /// Whether the Real input at a position is not held at a bound.
+    /// Whether the Real input at a position is not held at a bound, as of the latest values.
     pub(crate) fn is_free(&self, position: usize) -> bool {
         let input = &I::REALS[position];
-        (input.min..=input.max).contains(&self.set[position])
+        let value = if self.moved { self.reached[position] } else { self.set[position] };
+        (input.min..=input.max).contains(&value)
+    }
+
+    fn find_end(&mut self) {
+        self.end.clone_from(&self.bounded);
+        for (position, &value) in self.reached.iter().enumerate() {
+            self.end.set_real(position, bound::<I>(position, value));
+        }
     }
 
     fn find_order(&mut self) {
@@ -167,13 +187,14 @@ impl<I: Inputs> InputSignal<I> {
 /// All but what follows from the rest.
 impl<I: Inputs> Persistent for InputSignal<I> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let Self { bounded, set, derivatives, slopes, end, moved, order: _, sloped: _ } = self;
+        let Self { bounded, set, derivatives, slopes, reached, moved, end: _, order: _, sloped: _ } = self;
         bounded.persist(archive)?;
         set.persist(archive)?;
         derivatives.persist(archive)?;
         slopes.persist(archive)?;
-        end.persist(archive)?;
+        reached.persist(archive)?;
         moved.persist(archive)?;
+        self.find_end();
         self.find_order();
         self.find_sloped();
         Ok(())
@@ -184,4 +205,61 @@ impl<I: Inputs> Persistent for InputSignal<I> {
 fn bound<I: Inputs>(position: usize, value: f64) -> f64 {
     let input = &I::REALS[position];
     value.clamp(input.min, input.max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::RealInput;
+
+    #[derive(Clone, Debug, PartialEq)]
+    struct Two {
+        values: [f64; 2],
+    }
+
+    crate::persistent!(Two { values });
+
+    impl Inputs for Two {
+        const REALS: &'static [RealInput] = &[RealInput { min: 0.0, max: 1.0 }; 2];
+
+        fn real(&self, position: usize) -> f64 {
+            self.values[position]
+        }
+
+        fn set_real(&mut self, position: usize, value: f64) {
+            self.values[position] = value;
+        }
+    }
+
+    /// Both inputs ramp over a step of 1 s: the first out of its range, the second into it.
+    fn ramped() -> InputSignal<Two> {
+        let mut signal = InputSignal::constant(Two { values: [0.5, 1.5] });
+        signal.set_derivative(0, 1, 2.0);
+        signal.set_derivative(1, 1, -1.25);
+        signal.end_step(1.0);
+        signal
+    }
+
+    #[test]
+    fn what_counts_after_a_ramp_is_the_value_that_it_reached() {
+        let mut signal = ramped();
+        assert_eq!(*signal.latest(), Two { values: [1.0, 0.25] });
+        assert!(!signal.is_free(0) && signal.slope(0) == 0.0, "held at its bound now");
+        assert!(signal.is_free(1) && (signal.slope(1) + 1.25).abs() < f64::EPSILON, "no longer held");
+        // Whatever is set next, the values are those that were set.
+        signal.set_value(1, 1.5);
+        assert_eq!(*signal.latest(), Two { values: [0.5, 1.0] });
+        assert!(signal.is_free(0) && !signal.is_free(1));
+    }
+
+    #[test]
+    fn an_archive_keeps_what_a_ramp_reached() {
+        let mut archive = Archive::writing();
+        ramped().persist(&mut archive).unwrap();
+        let bytes = archive.into_bytes();
+        let mut restored = InputSignal::constant(Two { values: [0.0, 0.0] });
+        restored.persist(&mut Archive::reading(&bytes)).unwrap();
+        assert_eq!(*restored.latest(), Two { values: [1.0, 0.25] });
+        assert!(!restored.is_free(0) && restored.is_free(1));
+    }
 }
