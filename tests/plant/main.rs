@@ -5,6 +5,7 @@ mod bench;
 mod dependencies;
 mod derivatives;
 mod golden;
+mod integration;
 mod latch;
 #[path = "../support/random.rs"]
 mod random;

@@ -112,8 +112,11 @@ impl<I: Inputs> InputSignal<I> {
         }
     }
 
-    /// Sets the derivative of an order (from 1 to [`MAX_ORDER`]) of a Real input.
-    pub(crate) fn set_derivative(&mut self, position: usize, order: usize, value: f64) {
+    /// Sets the derivative of an order (from 1 to [`MAX_ORDER`]) of a Real input, in its unit by s to the order.
+    ///
+    /// # Panics
+    /// When there is no input at the position or the order is another.
+    pub fn set_derivative(&mut self, position: usize, order: usize, value: f64) {
         self.derivatives[position][order - 1] = value;
         self.find_order();
     }
