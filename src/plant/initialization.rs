@@ -7,11 +7,12 @@
 
 use num_dual::Dual64;
 
+use super::integration::{Interval, Pace, Signal};
 use super::scalar::Scalar;
 use super::system::{ACTUATION, GAS_PATH, GAS_PATH_SCALES, System, halves};
 use super::variables::{Inputs, Parameters, States};
+use crate::solver::linear;
 use crate::solver::steady_state::{self, Failure};
-use crate::solver::{linear, runge_kutta};
 
 /// For how long at most the transient is followed when there is no steady state to solve for, in s.
 const LONGEST_TRANSIENT: u32 = 60;
@@ -21,10 +22,6 @@ const AT_REST: f64 = 1e-9;
 /// The rate of change in 1/s of the scaled states up to which they are a steady state: rounding leaves
 /// some 1e-10, a transient that is being followed far more.
 const SETTLED: f64 = 1e-8;
-
-/// With how many steps a second a transient is followed. The fastest modes of the plant, the volumes around
-/// the throttle at about 1600 1/s, leave the method a quarter of its limit of stability then.
-const TRANSIENT_STEPS: u32 = 2400;
 
 /// The states of an engine that has just been started, with the vacuum tank at a pressure in Pa.
 #[must_use]
@@ -60,7 +57,7 @@ pub struct Settled {
 pub struct Shortcoming {
     /// What the solver found.
     pub failure: Failure,
-    /// For how many seconds the transient of [`running`] was followed instead; 0 where it diverges.
+    /// For how many seconds the transient of [`running`] was followed instead; 0 where that fails.
     pub followed: f64,
 }
 
@@ -196,24 +193,23 @@ fn settle_gas_path<D: Scalar>(
 }
 
 /// Integrates until everything is at rest, for [`LONGEST_TRANSIENT`] at most. Returns the states and the
-/// time in s; where the integration diverges the states it began with, and 0.
+/// time in s; where the integration fails the states it began with, and 0.
 fn follow_transient(system: &System, inputs: &Inputs, start: States) -> (States, f64) {
-    let rates = |x: &[f64; States::COUNT]| -> [f64; States::COUNT] {
-        system.evaluate(inputs, &States::from_array(*x)).derivatives().to_array()
-    };
+    // The parameter's default, not its value: a start does not depend on how the steps are integrated.
+    let tolerance = Parameters::default().solver.relative_tolerance;
+    let signal = Signal { at: |_| *inputs, is_constant: true };
     let scales = start.to_array().map(|x| x.abs().max(1.0));
-    let mut x = start.to_array();
+    let mut pace = Pace::default();
+    let mut states = start.to_array();
     for second in 0..LONGEST_TRANSIENT {
-        let slopes = rates(&x);
+        let slopes = system.evaluate(inputs, &States::from_array(states)).derivatives().to_array();
         if (0..States::COUNT).all(|i| slopes[i].abs() < AT_REST * scales[i]) {
-            return (States::from_array(x), f64::from(second));
+            return (States::from_array(states), f64::from(second));
         }
-        for _ in 0..TRANSIENT_STEPS {
-            runge_kutta::step(|_, x| rates(x), &mut x, f64::from(TRANSIENT_STEPS).recip());
-        }
-        if x.iter().any(|x| !x.is_finite()) {
+        let interval = Interval { from: 0.0, to: 1.0, tolerance };
+        if pace.advance(system, signal, &mut states, interval).is_err() {
             return (start, 0.0);
         }
     }
-    (States::from_array(x), f64::from(LONGEST_TRANSIENT))
+    (States::from_array(states), f64::from(LONGEST_TRANSIENT))
 }

@@ -313,7 +313,7 @@ fn warn_of_unsettled_start(settled: &Settled, inputs: &Inputs, context: &mut Con
     let instead = if shortcoming.followed > 0.0 {
         format!("what a running engine has come to after {} s", shortcoming.followed)
     } else {
-        "a running engine, whose transient diverges".to_owned()
+        "a running engine, whose transient cannot be integrated".to_owned()
     };
     context.warn(format_args!(
         "initialization.mode = settled: {reason} with engine_speed = {} rpm, throttle = {} and the other \

@@ -2,14 +2,12 @@
 //! plant's communication steps and the solver of its steady state. They know nothing of engines.
 //!
 //! The integrators are single steps: [`rosenbrock`] for what is stiff, [`bogacki_shampine`] where no
-//! linearization is at hand, [`runge_kutta`] with a fixed step. [`step_size`] judges a step's error and says
-//! how long the next one should be.
+//! linearization is at hand. [`step_size`] judges a step's error and says how long the next one should be.
 
 pub mod bogacki_shampine;
 pub mod cubic;
 pub mod linear;
 pub mod rosenbrock;
-pub mod runge_kutta;
 pub mod steady_state;
 pub mod step_size;
 
