@@ -12,20 +12,36 @@ const MANTISSA_BITS: u32 = 52;
 const MANTISSA: u64 = (1 << MANTISSA_BITS) - 1;
 
 /// The logarithm to base 2.
-///
-/// With a power of 2 split off, the rest m is within √½ and √2, and ln m = 2·artanh s with
-/// s = (m − 1)/(m + 1), |s| ≤ 0.172, of which nine terms of the series leave 1e-16.
 #[must_use]
 #[inline]
 pub fn log2(x: f64) -> f64 {
-    if !(f64::MIN_POSITIVE..f64::INFINITY).contains(&x) {
-        return x.log2();
+    log2s([x])[0]
+}
+
+/// The logarithms to base 2 of several numbers, which are computed side by side.
+#[must_use]
+#[inline]
+pub fn log2s<const N: usize>(numbers: [f64; N]) -> [f64; N] {
+    let is_normal = |x: &f64| (f64::MIN_POSITIVE..f64::INFINITY).contains(x);
+    if numbers.iter().all(is_normal) {
+        numbers.map(log2_of_normal)
+    } else {
+        numbers.map(|x| if is_normal(&x) { log2_of_normal(x) } else { x.log2() })
     }
+}
+
+/// The logarithm of a positive number that is neither infinite nor tiny.
+///
+/// With a power of 2 split off, the rest m is within √½ and √2, and ln m = 2·artanh s with
+/// s = (m − 1)/(m + 1), |s| ≤ 0.172, of which nine terms of the series leave 1e-16.
+#[inline]
+fn log2_of_normal(x: f64) -> f64 {
+    /// Of a number from here on, the lowest bits are an integer.
+    const INTEGERS: f64 = (1_u64 << MANTISSA_BITS) as f64;
     let bits = x.to_bits();
     // The exponent of the nearest power of 2 as seen from √½·2ⁿ.
     let shifted = bits.wrapping_add(0x3FF0_0000_0000_0000 - std::f64::consts::FRAC_1_SQRT_2.to_bits());
-    #[allow(clippy::cast_possible_wrap)] // 11 bits.
-    let exponent = (shifted >> MANTISSA_BITS) as i64 - BIAS as i64;
+    let exponent = f64::from_bits(INTEGERS.to_bits() | (shifted >> MANTISSA_BITS)) - (INTEGERS + BIAS as f64);
     let m = f64::from_bits((shifted & MANTISSA).wrapping_add(std::f64::consts::FRAC_1_SQRT_2.to_bits()));
     let s = (m - 1.0) / (m + 1.0);
     let z = s * s;
@@ -34,21 +50,36 @@ pub fn log2(x: f64) -> f64 {
     let low = (1.0 + z * (1.0 / 3.0)) + z2 * (1.0 / 5.0 + z * (1.0 / 7.0));
     let high = (1.0 / 9.0 + z * (1.0 / 11.0)) + z2 * (1.0 / 13.0 + z * (1.0 / 15.0));
     let sum = low + z4 * (high + z4 * (1.0 / 17.0));
-    exponent as f64 + 2.0 * LOG2_E * s * sum
+    exponent + 2.0 * LOG2_E * s * sum
 }
 
 /// 2 to a power.
-///
-/// With the nearest integer split off, the rest r is within ±½, and of the series of exp(r·ln 2) twelve
-/// terms leave 1e-14.
 #[must_use]
 #[inline]
 pub fn exp2(x: f64) -> f64 {
+    exp2s([x])[0]
+}
+
+/// 2 to each of several powers, which are computed side by side.
+#[must_use]
+#[inline]
+pub fn exp2s<const N: usize>(exponents: [f64; N]) -> [f64; N] {
+    let is_moderate = |&x: &f64| x > -1021.0 && x < 1023.0;
+    if exponents.iter().all(is_moderate) {
+        exponents.map(exp2_of_moderate)
+    } else {
+        exponents.map(|x| if is_moderate(&x) { exp2_of_moderate(x) } else { x.exp2() })
+    }
+}
+
+/// 2 to a power of which the result is neither infinite nor tiny.
+///
+/// With the nearest integer split off, the rest r is within ±½, and of the series of exp(r·ln 2) twelve
+/// terms leave 1e-14.
+#[inline]
+fn exp2_of_moderate(x: f64) -> f64 {
     /// Added and taken away, it rounds to an integer, which stands in the lowest bits meanwhile.
     const ROUNDER: f64 = 1.5 * (1_u64 << MANTISSA_BITS) as f64;
-    if !(x > -1021.0 && x < 1023.0) {
-        return x.exp2();
-    }
     let rounded = x + ROUNDER;
     let r = (x - (rounded - ROUNDER)) * LN_2;
     let r2 = r * r;

@@ -49,22 +49,22 @@ pub struct Compression<D = f64> {
 }
 
 impl<D: Scalar> Compressor<D> {
-    /// The flow from the inlet (pressure in Pa, temperature in K) to the outlet pressure (Pa) at a shaft
-    /// speed (rad/s).
+    /// The flow from the inlet (pressure in Pa, temperature in K) at a shaft speed (rad/s), where isentropic
+    /// compression to the outlet's pressure raises the temperature by a ratio.
     #[must_use]
-    pub fn compress(&self, inlet: (D, D), outlet_pressure: D, speed: D) -> Compression<D> {
+    pub fn compress(&self, inlet: (D, D), temperature_ratio: D, speed: D) -> Compression<D> {
         let (pressure, temperature) = inlet;
         let specific_heat = self.air.specific_heat;
         let tip_speed_squared = (self.radius * speed).powi(2);
         // Isentropic rise of temperature; its product with the specific heat is Δh_is.
-        let rise = temperature * ((outlet_pressure / pressure).power(self.air.isentropic_exponent) - 1.0);
+        let rise = temperature * (temperature_ratio - 1.0);
         // The square of (tip speed times Φ/Φ_m), by the parabola of the speed lines.
         let flow_speed_squared = tip_speed_squared - self.head_slope * rise;
         let flow_speed = self.peak_flow_coefficient * signed_root(flow_speed_squared, self.head_smoothing);
         let mass_flow = pressure / temperature * self.inlet_area_by_gas_constant * flow_speed;
 
         // 10 m/s keeps the flow coefficient finite at standstill.
-        let flow_coefficient = flow_speed / (tip_speed_squared + 100.0).sqrt();
+        let flow_coefficient = flow_speed * (tip_speed_squared + 100.0).sqrt().recip();
         let off_peak = flow_coefficient * self.by_peak_efficiency_flow_coefficient - 1.0;
         let efficiency = smooth_max(
             self.peak_efficiency * (-off_peak * off_peak + 1.0),

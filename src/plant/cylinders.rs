@@ -43,8 +43,8 @@ pub struct Cylinders<D = f64> {
     pub exhaust_temperature_slope: D,
     /// The gas taken in.
     pub air: Gas<D>,
-    /// The gas put out.
-    pub exhaust_gas: Gas<D>,
+    /// Exponent of the pressure ratio with which residual gas expands.
+    pub residual_exponent: D,
 }
 
 /// The flows through the cylinders at an instant.
@@ -74,14 +74,13 @@ pub struct Work<D = f64> {
 }
 
 impl<D: Scalar> Cylinders<D> {
-    /// The flows at an engine speed (rpm), between the intake (pressure in Pa, temperature in K) and the
-    /// exhaust manifold's pressure (Pa).
+    /// The flows at an engine speed (rpm) from the intake (pressure in Pa, temperature in K).
     ///
-    /// The volumetric efficiency is that of residual gas expanding to intake pressure.
+    /// The volumetric efficiency is that of residual gas expanding to intake pressure, by the ratio `residual`
+    /// of volumes.
     #[must_use]
-    pub fn flows(&self, engine_speed: D, intake: (D, D), exhaust_pressure: D) -> CylinderFlows<D> {
+    pub fn flows(&self, engine_speed: D, intake: (D, D), residual: D) -> CylinderFlows<D> {
         let (pressure, temperature) = intake;
-        let residual = (exhaust_pressure / pressure).power(self.exhaust_gas.heat_capacity_ratio.recip());
         let volumetric_efficiency = self.volumetric_efficiency_factor * (self.compression_ratio - residual)
             / (self.compression_ratio - 1.0);
         let density = pressure / (self.air.gas_constant * temperature);

@@ -71,7 +71,9 @@ pub fn signed_root<D: Scalar>(x: D, width: D) -> D {
 pub fn mixed_temperature<D: Scalar>(first: (D, D), second: (D, D), width: D) -> D {
     let a = smooth_max(first.0, 0.0.into(), width);
     let b = smooth_max(second.0, 0.0.into(), width);
-    (a * first.1 + b * second.1) / (a + b)
+    // The flows are known before the temperatures: so these are waited for less.
+    let share = b / (a + b);
+    first.1 + share * (second.1 - first.1)
 }
 
 #[cfg(test)]

@@ -30,11 +30,11 @@ impl<D: Scalar> Port<D> {
         PortFlow { area, mass_flow: self.orifice.mass_flow(area, first, second) }
     }
 
-    /// The same for the flap of the high-pressure wastegate, whose area grows with the square of the
-    /// opening. With a linear law the boost pressure would react far more strongly to the first opening
-    /// than to the rest, and the control loop relies on a gain that varies less.
+    /// The same where it is known by which ratio isentropic flow from the first to the second side changes the
+    /// temperature.
     #[must_use]
-    pub fn flap_flow(&self, opening: D, first: (D, D), second: (D, D)) -> PortFlow<D> {
-        self.flow(opening * opening, first, second)
+    pub fn flow_at(&self, opening: D, first: (D, D), second: (D, D), temperature_ratio: D) -> PortFlow<D> {
+        let area = opening * self.open_area;
+        PortFlow { area, mass_flow: self.orifice.mass_flow_at(area, first, second, temperature_ratio) }
     }
 }

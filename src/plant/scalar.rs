@@ -30,21 +30,31 @@ pub trait Scalar: DualNum<Primitive = f64> + Copy {
     #[must_use]
     fn power(self, exponent: Self) -> Self {
         if self > 0.0 {
-            self.powers([exponent])[0]
+            let [logarithm] = Self::logarithms([self]);
+            Self::powers_of_two([exponent * logarithm])[0]
         } else {
             // The derivative is 0 for exponents above 1, and not defined below.
             Self::from(self.re().powf(exponent.re()))
         }
     }
 
-    /// Several powers of a number above 0, which share its logarithm.
+    /// The logarithms to base 2 of several numbers, side by side.
     #[must_use]
-    fn powers<const N: usize>(self, exponents: [Self; N]) -> [Self; N] {
+    fn logarithms<const N: usize>(numbers: [Self; N]) -> [Self; N] {
         if Self::NDERIV == 0 {
-            let logarithm = elementary::log2(self.re());
-            exponents.map(|exponent| Self::from(elementary::exp2(logarithm * exponent.re())))
+            elementary::log2s(numbers.map(|number| number.re())).map(Self::from)
         } else {
-            exponents.map(|exponent| self.powd(exponent))
+            numbers.map(|number| number.log2())
+        }
+    }
+
+    /// 2 to several powers, side by side.
+    #[must_use]
+    fn powers_of_two<const N: usize>(exponents: [Self; N]) -> [Self; N] {
+        if Self::NDERIV == 0 {
+            elementary::exp2s(exponents.map(|exponent| exponent.re())).map(Self::from)
+        } else {
+            exponents.map(|exponent| exponent.exp2())
         }
     }
 

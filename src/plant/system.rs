@@ -325,12 +325,31 @@ impl<D: Scalar> System<D> {
             states.map(|pressure| pressure.at_least(LOWEST_PRESSURE));
         let [.., w_hp, w_lp] = *states;
 
+        // The powers of all pressure ratios at once, so that none waits for another: the ratios of temperatures
+        // in isentropic flow, of volumes for the residual gas, and the drops that drive the turbines.
+        let [lpc_rise, hpc_rise, intake, overlap, hpt_fall, lpt_fall] =
+            D::logarithms([p_1 / p_af, p_2 / p_1, p_im / p_ic, p_em / p_im, p_it / p_em, p_t / p_it]);
+        let (by_air, by_exhaust) =
+            (self.hp_compressor.air.isentropic_exponent, self.hp_turbine.gas.isentropic_exponent);
+        let [lpc_ratio, hpc_ratio, throttle_ratio, residual, hpt_ratio, hpt_drop, lpt_ratio, lpt_drop] =
+            D::powers_of_two([
+                lpc_rise * by_air,
+                hpc_rise * by_air,
+                intake * by_air,
+                overlap * self.cylinders.residual_exponent,
+                hpt_fall * by_exhaust,
+                hpt_fall * self.hp_turbine.flow_exponent,
+                lpt_fall * by_exhaust,
+                lpt_fall * self.lp_turbine.flow_exponent,
+            ]);
+
         // Air path (fig. 2, upper half).
         let air_filter = self.air_filter.mass_flow(ambient, (p_af, ambient.1));
-        let lpc = self.lp_compressor.compress((p_af, ambient.1), p_1, w_lp);
+        let lpc = self.lp_compressor.compress((p_af, ambient.1), lpc_ratio, w_lp);
         let between = (p_1, lpc.outlet_temperature);
-        let hpc = self.hp_compressor.compress(between, p_2, w_hp);
-        let bypass = self.hp_bypass.flow(inputs.hp_bypass, between, (p_2, hpc.outlet_temperature));
+        let hpc = self.hp_compressor.compress(between, hpc_ratio, w_hp);
+        let bypass =
+            self.hp_bypass.flow_at(inputs.hp_bypass, between, (p_2, hpc.outlet_temperature), hpc_ratio);
         let t_2m = mixed_temperature(
             (hpc.mass_flow, hpc.outlet_temperature),
             (bypass.mass_flow, lpc.outlet_temperature),
@@ -339,21 +358,26 @@ impl<D: Scalar> System<D> {
         let intercooler = self.intercooler.resistance.mass_flow((p_2, t_2m), (p_ic, t_2m));
         let t_ic = self.intercooler.outlet_temperature(t_2m, ambient.1);
         let surge_valve = self.surge_valve.flow(inputs.surge_valve, (p_ic, t_ic), between);
-        let throttle = self.throttle.flow(inputs.throttle, (p_ic, t_ic), (p_im, t_ic));
+        let throttle = self.throttle.flow_at(inputs.throttle, (p_ic, t_ic), (p_im, t_ic), throttle_ratio);
 
         // Cylinders and exhaust (fig. 2, lower half).
-        let cylinders = self.cylinders.flows(inputs.engine_speed, (p_im, t_ic), p_em);
+        let cylinders = self.cylinders.flows(inputs.engine_speed, (p_im, t_ic), residual);
         let t_em =
             self.exhaust_manifold.temperature((cylinders.exhaust, cylinders.exhaust_temperature), ambient.1);
-        let hpt = self.hp_turbine.expand((p_em, t_em), p_it, w_hp);
-        let hp_wastegate = self.hp_wastegate.flap_flow(hp_wastegate_opening, (p_em, t_em), (p_it, t_em));
+        let hpt = self.hp_turbine.expand((p_em, t_em), hpt_ratio, hpt_drop, w_hp);
+        // The flap's area grows with the square of the opening. With a linear law the boost pressure would react
+        // far more strongly to the first opening than to the rest, and the control loop relies on a gain that
+        // varies less.
+        let flap = hp_wastegate_opening * hp_wastegate_opening;
+        let hp_wastegate = self.hp_wastegate.flow_at(flap, (p_em, t_em), (p_it, t_em), hpt_ratio);
         let t_it = mixed_temperature(
             (hpt.mass_flow, hpt.outlet_temperature),
             (hp_wastegate.mass_flow, t_em),
             EXHAUST_MIXING_WIDTH.into(),
         );
-        let lpt = self.lp_turbine.expand((p_it, t_it), p_t, w_lp);
-        let lp_wastegate = self.lp_wastegate.flow(inputs.lp_wastegate, (p_it, t_it), (p_t, t_it));
+        let lpt = self.lp_turbine.expand((p_it, t_it), lpt_ratio, lpt_drop, w_lp);
+        let lp_wastegate =
+            self.lp_wastegate.flow_at(inputs.lp_wastegate, (p_it, t_it), (p_t, t_it), lpt_ratio);
         let t_t = mixed_temperature(
             (lpt.mass_flow, lpt.outlet_temperature),
             (lp_wastegate.mass_flow, t_it),
@@ -470,7 +494,7 @@ fn cylinders<D: Scalar>(p: &Parameters<D>, air: Gas<D>, exhaust_gas: Gas<D>) -> 
         exhaust_temperature_offset: p.cylinders.exhaust_temperature_offset,
         exhaust_temperature_slope: p.cylinders.exhaust_temperature_slope,
         air,
-        exhaust_gas,
+        residual_exponent: exhaust_gas.heat_capacity_ratio.recip(),
     }
 }
 

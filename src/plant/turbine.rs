@@ -43,14 +43,12 @@ pub struct Expansion<D = f64> {
 }
 
 impl<D: Scalar> Turbine<D> {
-    /// The flow from the inlet (pressure in Pa, temperature in K) to the outlet pressure (Pa) at a shaft
-    /// speed (rad/s).
+    /// The flow from the inlet (pressure in Pa, temperature in K) at a shaft speed (rad/s), where isentropic
+    /// expansion to the outlet's pressure lowers the temperature by a ratio, and `drop` is the ratio of
+    /// pressures to the power of [`Turbine::flow_exponent`].
     #[must_use]
-    pub fn expand(&self, inlet: (D, D), outlet_pressure: D, speed: D) -> Expansion<D> {
+    pub fn expand(&self, inlet: (D, D), temperature_ratio: D, drop: D, speed: D) -> Expansion<D> {
         let (pressure, temperature) = inlet;
-        let pressure_ratio = outlet_pressure / pressure;
-        let [drop, temperature_ratio] =
-            pressure_ratio.powers([self.flow_exponent, self.gas.isentropic_exponent]);
         let drive = -drop + 1.0;
         let mass_flow =
             self.flow_capacity * pressure / temperature.sqrt() * signed_root(drive, self.flow_smoothing);
