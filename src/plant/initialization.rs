@@ -207,7 +207,7 @@ fn follow_transient(system: &System, inputs: &Inputs, start: States) -> (States,
             return (States::from_array(states), f64::from(second));
         }
         let interval = Interval { from: 0.0, to: 1.0, tolerance };
-        if pace.advance(system, signal, &mut states, interval).is_err() {
+        if pace.advance(system, &signal, &mut states, interval).is_err() {
             return (start, 0.0);
         }
     }

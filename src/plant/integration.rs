@@ -30,11 +30,14 @@
 //! linearizations and the last derivatives; it only saves work, but it belongs to the plant's state, so that
 //! a restored plant goes on bit for bit.
 
-use super::system::{ACTUATION, GAS_PATH, GAS_PATH_SCALES, GasPath, System};
+use fmi2_export::Error;
+use fmi2_export::persistence::{Archive, Persistent};
+
+use super::system::{ACTUATION, Actuation, Evaluation, GAS_PATH, GAS_PATH_SCALES, GasPath, System, halves};
 use super::variables::{Inputs, States};
-use crate::solver::bogacki_shampine;
+use crate::solver::Trial;
 use crate::solver::cubic::Cubic;
-use crate::solver::rosenbrock::{self, Begin, Linearization};
+use crate::solver::rosenbrock::{Begin, Blocks, Linearization, second_order, third_order};
 use crate::solver::step_size::{StepSize, largest_error, relative_error};
 
 /// What counts as 100 % of the actuation's states, in their order and units: for the rod's speed and the
@@ -42,14 +45,23 @@ use crate::solver::step_size::{StepSize, largest_error, relative_error};
 /// no error, a thirtieth of it.
 const ACTUATION_SCALES: [f64; ACTUATION] = [20.0, 100.0, 1e3, 1e5, 1e-2, 1.0, 2.0];
 
+/// The same of the friction force where the exhaust pushes the wastegate: the rod creeps with its pressure then,
+/// and the errors of many steps add up.
+const PUSHED_FRICTION_SCALE: f64 = 0.2;
 /// The share of the tolerance for the error of a single step of the actuation: the errors of several steps
 /// and of the kinks add up, and what the gas path makes of the rod's position is up to three times as much.
 /// Found by experiment, like that of the gas path.
-const ACTUATION_SHARE: f64 = 0.2;
+const ACTUATION_SHARE: f64 = 0.25;
 /// The same for the gas path.
-const GAS_PATH_SHARE: f64 = 0.25;
-/// For how many steps at most a linearization serves.
-const LINEARIZATION_SERVES: u32 = 25;
+const GAS_PATH_SHARE: f64 = 0.2;
+/// For how many steps at most a linearization of the actuation serves.
+const ACTUATION_SERVES: u32 = 25;
+/// The same for the gas path, where each step corrects it.
+const GAS_PATH_SERVES: u32 = 100;
+
+/// From which error on that a linearization makes within a step, relative to that of a single step, it is
+/// corrected.
+const WORTH_LEARNING: f64 = 0.1;
 
 /// The length of the first steps in s.
 const FIRST_STEP: f64 = 1e-3;
@@ -61,56 +73,95 @@ const SMALLEST_STEP: f64 = 1e-9;
 const MOST_TRIALS: f64 = 100_000.0;
 /// … and so many for each second. Where more are needed, who waits would take it for the end of all things.
 const MOST_TRIALS_PER_SECOND: f64 = 100_000.0;
-/// The difference of times, relative to a step, for the actuation's derivatives with respect to time.
+/// The difference of times, relative to a step, for derivatives with respect to time.
 const TIME_DIFFERENCE: f64 = 1e-3;
+/// The difference of shares of the wastegate's area for derivatives with respect to it.
+const AREA_DIFFERENCE: f64 = 1e-3;
 /// How many steps the actuation may be ahead.
 const MOST_AHEAD: usize = 16;
-/// The place of the rod's position among the actuation's states.
+/// The places of the rod's position and of the friction force among the actuation's states.
 const POSITION: usize = 4;
+const FRICTION: usize = 6;
 
 /// What is remembered from one communication step to the next.
 #[derive(Clone, Copy, Debug)]
 pub struct Pace {
-    /// The length of the actuation's next step in s, or that of everything's.
-    actuation_step: f64,
-    actuation: Linearization<ACTUATION>,
-    /// The length of the gas path's next step in s.
-    gas_path_step: f64,
-    gas_path: Linearization<GAS_PATH>,
-    /// The derivatives of the gas path's derivatives with respect to the wastegate's opening.
-    by_opening: [f64; GAS_PATH],
-    /// The gas path's derivatives at the end of the last communication step, …
-    slopes: [f64; GAS_PATH],
-    /// … and the inputs that they belong to; not numbers where there are none.
-    inputs: [f64; GAS_PATH_INPUTS],
+    actuation: Memory<ACTUATION, ACTUATION_INPUTS>,
+    gas_path: Memory<GAS_PATH, GAS_PATH_INPUTS>,
+    /// The derivatives of the gas path's derivatives with respect to the share of the wastegate's area.
+    by_area: [f64; GAS_PATH],
 }
 
-fmi2_export::persistent!(Pace {
-    actuation_step,
-    actuation,
-    gas_path_step,
-    gas_path,
-    by_opening,
-    slopes,
-    inputs
-});
+fmi2_export::persistent!(Pace { actuation, gas_path, by_area });
 
 impl Default for Pace {
     fn default() -> Self {
+        Self { actuation: Memory::default(), gas_path: Memory::default(), by_area: [0.0; GAS_PATH] }
+    }
+}
+
+/// What is remembered of a half of the plant, with so many states and inputs.
+#[derive(Clone, Copy, Debug)]
+struct Memory<const STATES: usize, const INPUTS: usize> {
+    /// The length of the next step in s.
+    step: f64,
+    linearization: Linearization<STATES>,
+    /// The derivatives at the end of the last communication step, …
+    slopes: [f64; STATES],
+    /// … and the inputs that they belong to; not numbers where there are none.
+    inputs: [f64; INPUTS],
+}
+
+impl<const STATES: usize, const INPUTS: usize> Persistent for Memory<STATES, INPUTS> {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        let Self { step, linearization, slopes, inputs } = self;
+        step.persist(archive)?;
+        linearization.persist(archive)?;
+        slopes.persist(archive)?;
+        inputs.persist(archive)
+    }
+}
+
+impl<const STATES: usize, const INPUTS: usize> Default for Memory<STATES, INPUTS> {
+    fn default() -> Self {
         Self {
-            actuation_step: FIRST_STEP,
-            actuation: Linearization::default(),
-            gas_path_step: FIRST_STEP,
-            gas_path: Linearization::default(),
-            by_opening: [0.0; GAS_PATH],
-            slopes: [0.0; GAS_PATH],
-            inputs: [f64::NAN; GAS_PATH_INPUTS],
+            step: FIRST_STEP,
+            linearization: Linearization::default(),
+            slopes: [0.0; STATES],
+            inputs: [f64::NAN; INPUTS],
         }
     }
 }
 
+impl<const STATES: usize, const INPUTS: usize> Memory<STATES, INPUTS> {
+    /// The derivatives where the last communication step ended, if they are those with these inputs.
+    fn slopes(&self, inputs: &[f64; INPUTS]) -> Option<[f64; STATES]> {
+        let is_same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
+        self.inputs.iter().zip(inputs).all(is_same).then_some(self.slopes)
+    }
+
+    /// Remembers where a communication step ends.
+    fn end(&mut self, course: &Course<STATES>, inputs: [f64; INPUTS]) {
+        (self.step, self.slopes, self.inputs) = (course.steps.next, course.slopes, inputs);
+    }
+}
+
+/// How many inputs the actuation has.
+const ACTUATION_INPUTS: usize = 6;
 /// How many inputs the gas path has.
 const GAS_PATH_INPUTS: usize = 7;
+
+/// All that the actuation sees of what is not its state.
+fn actuation_inputs(system: &System, inputs: &Inputs) -> [f64; ACTUATION_INPUTS] {
+    [
+        inputs.hp_wastegate_pwm,
+        inputs.vacuum_pump,
+        inputs.supply_voltage,
+        inputs.ambient_pressure,
+        inputs.ambient_temperature,
+        f64::from(u8::from(system.is_tank_frozen())),
+    ]
+}
 
 /// The inputs that the gas path sees.
 fn gas_path_inputs(inputs: &Inputs) -> [f64; GAS_PATH_INPUTS] {
@@ -163,8 +214,7 @@ pub struct Signal<F> {
 }
 
 impl Pace {
-    /// Advances the states of a plant over an interval. Returns what the gas path does at its end, where
-    /// that is known.
+    /// Advances the states of a plant over an interval. Returns what everything does at its end.
     ///
     /// # Errors
     /// Where a step does not meet the tolerance however short it is, or too many are needed; the states are
@@ -172,50 +222,15 @@ impl Pace {
     pub fn advance(
         &mut self,
         system: &System,
-        signal: Signal<impl Fn(f64) -> Inputs>,
+        signal: &Signal<impl Fn(f64) -> Inputs>,
         states: &mut [f64; States::COUNT],
         interval: Interval,
-    ) -> Result<Option<GasPath>, Failure> {
+    ) -> Result<Evaluation, Failure> {
         if system.actuator.exhaust_area == 0.0 {
-            self.advance_apart(system, &signal, states, interval).map(Some)
+            self.advance_apart(system, signal, states, interval)
         } else {
-            self.advance_together(system, signal.at, states, interval).map(|()| None)
+            self.advance_together(system, signal, states, interval)
         }
-    }
-
-    /// Advances everything with the same steps.
-    fn advance_together(
-        &mut self,
-        system: &System,
-        inputs: impl Fn(f64) -> Inputs,
-        states: &mut [f64; States::COUNT],
-        interval: Interval,
-    ) -> Result<(), Failure> {
-        let weights = std::array::from_fn(|i| {
-            let scale = if i < ACTUATION { ACTUATION_SCALES[i] } else { GAS_PATH_SCALES[i - ACTUATION] };
-            (interval.tolerance * ACTUATION_SHARE * scale).recip()
-        });
-        let derivatives = |time: f64, x: &[f64; States::COUNT]| {
-            system.evaluate(&inputs(time), &States::from_array(*x)).derivatives().to_array()
-        };
-        let mut steps = StepSize::new(self.actuation_step, bogacki_shampine::ERROR_ORDER);
-        let mut time = interval.from;
-        let mut slopes = derivatives(time, states);
-        while time < interval.to {
-            let left = interval.to - time;
-            let length = steps.within(left).min(LONGEST_STEP);
-            let trial = bogacki_shampine::step(derivatives, time, states, &slopes, length);
-            let taken = steps.judge(length, relative_error(&trial.states, &trial.error, &weights));
-            if interval.is_given_up(&steps, taken) {
-                return Err(Failure { time, state: largest_error(&trial.states, &trial.error, &weights) });
-            }
-            if taken {
-                time = if length >= left { interval.to } else { time + length };
-                (*states, slopes) = (trial.states, trial.slopes);
-            }
-        }
-        self.actuation_step = steps.next.min(LONGEST_STEP);
-        Ok(())
     }
 
     /// Advances the actuation and the gas path each with its own steps.
@@ -225,95 +240,164 @@ impl Pace {
         signal: &Signal<impl Fn(f64) -> Inputs>,
         states: &mut [f64; States::COUNT],
         interval: Interval,
-    ) -> Result<GasPath, Failure> {
-        let Interval { from, to, tolerance } = interval;
+    ) -> Result<Evaluation, Failure> {
+        let (actuation, gas_path) = halves(&States::from_array(*states));
+        let mut ahead = Ahead::new(&mut self.actuation, system, signal, actuation, interval);
+        let mut behind = Behind::new((&mut self.gas_path, &mut self.by_area), &ahead, gas_path, interval);
+        while behind.course.time < interval.to {
+            behind.step(&mut ahead)?;
+        }
+        states[..ACTUATION].copy_from_slice(&ahead.course.states);
+        states[ACTUATION..].copy_from_slice(&behind.course.states);
+        Ok(Evaluation { gas_path: behind.end(ahead.opening(interval.to)), actuation: ahead.end() })
+    }
+
+    /// Advances everything with the same steps. What couples the halves is left out of the linearization.
+    fn advance_together(
+        &mut self,
+        system: &System,
+        signal: &Signal<impl Fn(f64) -> Inputs>,
+        states: &mut [f64; States::COUNT],
+        interval: Interval,
+    ) -> Result<Evaluation, Failure> {
         let inputs = &signal.at;
-        let mut x = std::array::from_fn(|i| states[ACTUATION + i]);
-        let mut ahead = Ahead::new(self, system, signal, std::array::from_fn(|i| states[i]), interval);
-        let weights = GAS_PATH_SCALES.map(|scale| (scale * tolerance * GAS_PATH_SHARE).recip());
-        let failure = |time: f64, x: &[f64; GAS_PATH], errors: &[f64; GAS_PATH]| Failure {
-            time,
-            state: ACTUATION + largest_error(x, errors, &weights),
-        };
-        let mut steps = StepSize::new(self.gas_path_step, rosenbrock::ERROR_ORDER);
-        let mut time = from;
-        let here = gas_path_inputs(&inputs(time));
-        let is_known = here.iter().zip(&self.inputs).all(|(here, last)| here.to_bits() == last.to_bits());
-        let mut slopes = if is_known {
-            self.slopes
-        } else {
-            system.breathe(&inputs(time), &x, ahead.opening(time)).derivatives
-        };
+        let evaluate =
+            |time: f64, x: &[f64; States::COUNT]| system.evaluate(&inputs(time), &States::from_array(*x));
+        let derivatives = |time: f64, x: &[f64; States::COUNT]| evaluate(time, x).derivatives().to_array();
+        let scales = std::array::from_fn(|i| match i {
+            FRICTION => PUSHED_FRICTION_SCALE,
+            _ if i < ACTUATION => ACTUATION_SCALES[i],
+            _ => GAS_PATH_SCALES[i - ACTUATION],
+        });
+        let slopes = derivatives(interval.from, states);
+        let mut course =
+            Course::new(interval, self.actuation.step, (&scales, ACTUATION_SHARE), *states, slopes);
         loop {
-            if self.gas_path.is_used_up() {
-                let (inputs, opening) = (inputs(time), ahead.opening(time));
-                let derivatives = |x: &[f64; GAS_PATH]| system.breathe(&inputs, x, opening).derivatives;
-                self.gas_path.renew(derivatives, &x, &slopes, &GAS_PATH_SCALES, LINEARIZATION_SERVES);
-                let moved = if opening < 0.5 { opening + 1e-4 } else { opening - 1e-4 };
-                let moved_slopes = system.breathe(&inputs, &x, moved).derivatives;
-                self.by_opening = std::array::from_fn(|i| (moved_slopes[i] - slopes[i]) / (moved - opening));
-            }
-            let left = to - time;
-            let wanted = steps.within(left).min(LONGEST_STEP);
-            ahead.go_to(time + wanted, wanted >= left)?;
-            let length = if ahead.time < time + wanted { ahead.time - time } else { wanted };
-            let end = if length >= left { to } else { time + length };
-            let mut error = f64::INFINITY;
-            let mut errors = [f64::INFINITY; GAS_PATH];
-            if self.gas_path.prepare_second_order(length) {
-                let (middle, opening) = (time + 0.5 * length, ahead.opening(time));
-                let changes: [[f64; GAS_PATH]; 2] = if signal.is_constant {
-                    [middle, end].map(|time| {
-                        let change = ahead.opening(time) - opening;
-                        self.by_opening.map(|slope| slope * change)
-                    })
-                } else {
-                    [middle, end].map(|time| {
-                        let later = system.breathe(&inputs(time), &x, ahead.opening(time)).derivatives;
-                        std::array::from_fn(|i| later[i] - slopes[i])
-                    })
-                };
-                let drift = std::array::from_fn(|i| (4.0 * changes[0][i] - changes[1][i]) / length);
-                let bend = std::array::from_fn(|i| changes[1][i] - 2.0 * changes[0][i]);
-                let derivatives =
-                    |_, x: &[f64; GAS_PATH]| system.breathe(&inputs(end), x, ahead.opening(end)).derivatives;
-                let begin = Begin { time, states: &x, slopes: &slopes, drift: &drift };
-                let next = self.gas_path.second_order(derivatives, &begin, length);
-                let gas_path = system.breathe(&inputs(end), &next, ahead.opening(end));
-                errors = self.gas_path.second_order_error(
-                    [&x, &next],
-                    [&slopes, &gas_path.derivatives],
-                    &bend,
-                    length,
-                );
-                error = relative_error(&next, &errors, &weights);
-                if steps.judge(length, error) {
-                    time = end;
-                    (x, slopes) = (next, gas_path.derivatives);
-                    self.gas_path.count();
-                    ahead.forget_before(time);
-                    if time >= to {
-                        self.gas_path_step = steps.next.min(LONGEST_STEP);
-                        (self.slopes, self.inputs) = (slopes, gas_path_inputs(&inputs(to)));
-                        states[..ACTUATION].copy_from_slice(&ahead.states);
-                        states[ACTUATION..].copy_from_slice(&x);
-                        (self.actuation_step, self.actuation) =
-                            (ahead.steps.next.min(LONGEST_STEP), ahead.linearization);
-                        return Ok(gas_path);
-                    }
-                    if interval.is_given_up(&steps, true) {
-                        return Err(failure(time, &x, &errors));
-                    }
-                    continue;
+            let (length, end) = course.next();
+            self.linearize(system, &inputs(course.time), &course);
+            let (actuation, gas_path) = (&mut self.actuation.linearization, &mut self.gas_path.linearization);
+            let is_ready = actuation.prepare_third_order(length) && gas_path.prepare_third_order(length);
+            let trial = is_ready.then(|| {
+                let drift = course.drift(derivatives, length, signal.is_constant);
+                let at_end = |x: &[f64; States::COUNT]| derivatives(end, x);
+                third_order(&Blocks(actuation, gas_path), derivatives, at_end, &course.begin(&drift), length)
+            });
+            if course.settle(trial, length, end)? {
+                actuation.count();
+                gas_path.count();
+                if course.time >= interval.to {
+                    *states = course.states;
+                    self.actuation.step = course.steps.next;
+                    return Ok(evaluate(interval.to, states));
                 }
             } else {
-                steps.judge(length, error);
+                actuation.discard();
+                gas_path.discard();
             }
-            if interval.is_given_up(&steps, false) {
-                return Err(failure(time, &x, &errors));
-            }
-            self.gas_path.discard();
         }
+    }
+
+    /// Linearizes the halves of everything anew where they are used up.
+    fn linearize(&mut self, system: &System, inputs: &Inputs, course: &Course<{ States::COUNT }>) {
+        let (actuation, gas_path) = halves(&States::from_array(course.states));
+        let (actuation_slopes, gas_path_slopes) = halves(&States::from_array(course.slopes));
+        let (difference, opening) =
+            (System::exhaust_difference(&gas_path), system.actuator.opening(actuation[POSITION]));
+        if self.actuation.linearization.is_used_up() {
+            self.actuation.linearization.renew(
+                |x| system.actuate(inputs, x, difference).derivatives,
+                &actuation,
+                &actuation_slopes,
+                &ACTUATION_SCALES,
+                ACTUATION_SERVES,
+            );
+        }
+        if self.gas_path.linearization.is_used_up() {
+            self.gas_path.linearization.renew(
+                |x| system.breathe(inputs, x, opening).derivatives,
+                &gas_path,
+                &gas_path_slopes,
+                &GAS_PATH_SCALES,
+                ACTUATION_SERVES,
+            );
+        }
+    }
+}
+
+/// The states of a system on their way through an interval.
+struct Course<const N: usize> {
+    interval: Interval,
+    /// The reciprocals of the errors that a step may have.
+    weights: [f64; N],
+    steps: StepSize,
+    /// How far it is.
+    time: f64,
+    states: [f64; N],
+    slopes: [f64; N],
+}
+
+impl<const N: usize> Course<N> {
+    /// A course from states with their derivatives; a step's error may be a share of the tolerance, relative to
+    /// the scales.
+    fn new(
+        interval: Interval,
+        first_step: f64,
+        (scales, share): (&[f64; N], f64),
+        states: [f64; N],
+        slopes: [f64; N],
+    ) -> Self {
+        Self {
+            interval,
+            weights: scales.map(|scale| (scale * interval.tolerance * share).recip()),
+            steps: StepSize::new(first_step, LONGEST_STEP),
+            time: interval.from,
+            states,
+            slopes,
+        }
+    }
+
+    /// The length of the next step in s, and the time at which it ends.
+    fn next(&self) -> (f64, f64) {
+        let left = self.interval.to - self.time;
+        let length = self.steps.within(left);
+        (length, if length >= left { self.interval.to } else { self.time + length })
+    }
+
+    /// Where the next step begins.
+    fn begin<'a>(&'a self, drift: &'a [f64; N]) -> Begin<'a, N> {
+        Begin { time: self.time, states: &self.states, slopes: &self.slopes, drift }
+    }
+
+    /// How the derivatives change with time alone, at the begin of a step of a length.
+    fn drift(
+        &self,
+        derivatives: impl FnOnce(f64, &[f64; N]) -> [f64; N],
+        length: f64,
+        is_constant: bool,
+    ) -> [f64; N] {
+        if is_constant {
+            return [0.0; N];
+        }
+        let difference = TIME_DIFFERENCE * length;
+        let later = derivatives(self.time + difference, &self.states);
+        std::array::from_fn(|i| (later[i] - self.slopes[i]) / difference)
+    }
+
+    /// Takes a step, or has it tried again with another length. Without a trial there was no way to compute it.
+    fn settle(&mut self, trial: Option<Trial<N>>, length: f64, end: f64) -> Result<bool, Failure> {
+        let (states, errors) =
+            trial.map_or((self.states, [f64::INFINITY; N]), |trial| (trial.states, trial.error));
+        let error = relative_error(&states, &errors, &self.weights);
+        let taken = self.steps.judge(length, error);
+        if self.interval.is_given_up(&self.steps, taken) {
+            return Err(Failure { time: self.time, state: largest_error(&states, &errors, &self.weights) });
+        }
+        if let Some(trial) = trial
+            && taken
+        {
+            (self.time, self.states, self.slopes) = (end, trial.states, trial.slopes);
+        }
+        Ok(taken)
     }
 }
 
@@ -321,14 +405,10 @@ impl Pace {
 struct Ahead<'a, F> {
     system: &'a System,
     signal: &'a Signal<F>,
-    interval: Interval,
-    weights: [f64; ACTUATION],
-    steps: StepSize,
-    linearization: Linearization<ACTUATION>,
-    /// How far it is.
-    time: f64,
-    states: [f64; ACTUATION],
-    slopes: [f64; ACTUATION],
+    memory: &'a mut Memory<ACTUATION, ACTUATION_INPUTS>,
+    course: Course<ACTUATION>,
+    /// What it does at the end of the interval, once a step was tried that leads there.
+    actuation: Option<Actuation>,
     /// The rod's position over the steps that the gas path has not left behind.
     positions: [Cubic; MOST_AHEAD],
     count: usize,
@@ -336,23 +416,23 @@ struct Ahead<'a, F> {
 
 impl<'a, F: Fn(f64) -> Inputs> Ahead<'a, F> {
     fn new(
-        pace: &Pace,
+        memory: &'a mut Memory<ACTUATION, ACTUATION_INPUTS>,
         system: &'a System,
         signal: &'a Signal<F>,
         states: [f64; ACTUATION],
         interval: Interval,
     ) -> Self {
-        let time = interval.from;
+        let inputs = (signal.at)(interval.from);
+        let slopes = memory
+            .slopes(&actuation_inputs(system, &inputs))
+            .unwrap_or_else(|| system.actuate(&inputs, &states, 0.0).derivatives);
+        let scales = (&ACTUATION_SCALES, ACTUATION_SHARE);
         Self {
+            course: Course::new(interval, memory.step, scales, states, slopes),
             system,
             signal,
-            interval,
-            weights: ACTUATION_SCALES.map(|scale| (scale * interval.tolerance * ACTUATION_SHARE).recip()),
-            steps: StepSize::new(pace.actuation_step, rosenbrock::ERROR_ORDER),
-            linearization: pace.actuation,
-            time,
-            states,
-            slopes: system.actuate(&(signal.at)(time), &states, 0.0).derivatives,
+            memory,
+            actuation: None,
             positions: [Cubic::default(); MOST_AHEAD],
             count: 0,
         }
@@ -360,72 +440,56 @@ impl<'a, F: Fn(f64) -> Inputs> Ahead<'a, F> {
 
     /// Goes on at least to a time, or as far as the memory of positions reaches.
     #[inline(never)]
-    fn go_to(&mut self, end: f64, to_the_end: bool) -> Result<(), Failure> {
-        let (system, inputs) = (self.system, &self.signal.at);
-        let derivatives = |time: f64, x: &[f64; ACTUATION]| system.actuate(&inputs(time), x, 0.0).derivatives;
-        let end = if to_the_end { self.interval.to } else { end };
-        while self.time < end && self.count < MOST_AHEAD {
-            if self.linearization.is_used_up() {
-                let time = self.time;
-                self.linearization.renew(
-                    |x| derivatives(time, x),
-                    &self.states,
-                    &self.slopes,
-                    &ACTUATION_SCALES,
-                    LINEARIZATION_SERVES,
-                );
-            }
-            let left = self.interval.to - self.time;
-            let length = self.steps.within(left).min(LONGEST_STEP);
-            let time = if length >= left { self.interval.to } else { self.time + length };
-            let mut errors = [f64::INFINITY; ACTUATION];
-            let mut error = f64::INFINITY;
-            if self.linearization.prepare_third_order(length) {
-                let drift = if self.signal.is_constant {
-                    [0.0; ACTUATION]
-                } else {
-                    let difference = TIME_DIFFERENCE * length;
-                    let later = derivatives(self.time + difference, &self.states);
-                    std::array::from_fn(|i| (later[i] - self.slopes[i]) / difference)
-                };
-                let (states, slopes) = (&self.states, &self.slopes);
-                let begin = Begin { time: self.time, states, slopes, drift: &drift };
-                let (next, estimate) = self.linearization.third_order(derivatives, &begin, length);
-                let slopes = derivatives(time, &next);
-                errors = estimate;
-                error = relative_error(&next, &errors, &self.weights);
-                if self.steps.judge(length, error) {
-                    let positions = [self.states[POSITION], next[POSITION]];
-                    let speeds = [self.slopes[POSITION], slopes[POSITION]];
-                    self.positions[self.count] = Cubic::new(self.time, length, positions, speeds);
-                    self.count += 1;
-                    (self.time, self.states, self.slopes) = (time, next, slopes);
-                    self.linearization.count();
-                    if self.interval.is_given_up(&self.steps, true) {
-                        return Err(self.failure(&errors));
-                    }
-                    continue;
-                }
-            } else {
-                self.steps.judge(length, error);
-            }
-            if self.interval.is_given_up(&self.steps, false) {
-                return Err(self.failure(&errors));
-            }
-            self.linearization.discard();
+    fn go_to(&mut self, time: f64) -> Result<(), Failure> {
+        while self.course.time < time && self.count < MOST_AHEAD {
+            self.step()?;
         }
         Ok(())
     }
 
-    /// Why it does not go on after a step with these errors.
-    fn failure(&self, errors: &[f64; ACTUATION]) -> Failure {
-        Failure { time: self.time, state: largest_error(&self.states, errors, &self.weights) }
+    /// Tries a step.
+    fn step(&mut self) -> Result<(), Failure> {
+        let (system, inputs) = (self.system, &self.signal.at);
+        let evaluate = |time: f64, x: &[f64; ACTUATION]| system.actuate(&inputs(time), x, 0.0);
+        let (course, linearization) = (&mut self.course, &mut self.memory.linearization);
+        let (begin, position, speed) = (course.time, course.states[POSITION], course.slopes[POSITION]);
+        if linearization.is_used_up() {
+            linearization.renew(
+                |x| evaluate(begin, x).derivatives,
+                &course.states,
+                &course.slopes,
+                &ACTUATION_SCALES,
+                ACTUATION_SERVES,
+            );
+        }
+        let (length, end) = course.next();
+        let derivatives = |time: f64, x: &[f64; ACTUATION]| evaluate(time, x).derivatives;
+        let at_end = |x: &[f64; ACTUATION]| {
+            let actuation = evaluate(end, x);
+            if end >= course.interval.to {
+                self.actuation = Some(actuation);
+            }
+            actuation.derivatives
+        };
+        let trial = linearization.prepare_third_order(length).then(|| {
+            let drift = course.drift(derivatives, length, self.signal.is_constant);
+            third_order(linearization, derivatives, at_end, &course.begin(&drift), length)
+        });
+        if course.settle(trial, length, end)? {
+            let (positions, speeds) = ([position, course.states[POSITION]], [speed, course.slopes[POSITION]]);
+            self.positions[self.count] = Cubic::new(begin, length, positions, speeds);
+            self.count += 1;
+            linearization.count();
+        } else {
+            linearization.discard();
+        }
+        Ok(())
     }
 
     /// The wastegate's opening at a time between that of the gas path and the own.
     fn opening(&self, time: f64) -> f64 {
         let past = self.positions[..self.count].iter().find(|cubic| time < cubic.end());
-        let position = past.map_or(self.states[POSITION], |cubic| cubic.at(time));
+        let position = past.map_or(self.course.states[POSITION], |cubic| cubic.at(time));
         self.system.actuator.opening(position)
     }
 
@@ -434,6 +498,138 @@ impl<'a, F: Fn(f64) -> Inputs> Ahead<'a, F> {
         let past = self.positions[..self.count].iter().take_while(|cubic| cubic.end() <= time).count();
         self.positions.copy_within(past..self.count, 0);
         self.count -= past;
+    }
+
+    /// Ends the interval. Returns what the actuation does there.
+    fn end(&mut self) -> Actuation {
+        let inputs = (self.signal.at)(self.course.time);
+        self.memory.end(&self.course, actuation_inputs(self.system, &inputs));
+        self.actuation.unwrap_or_else(|| self.system.actuate(&inputs, &self.course.states, 0.0))
+    }
+}
+
+/// The gas path, which follows the actuation.
+struct Behind<'a, F> {
+    system: &'a System,
+    signal: &'a Signal<F>,
+    memory: &'a mut Memory<GAS_PATH, GAS_PATH_INPUTS>,
+    /// See [`Pace::by_area`].
+    by_area: &'a mut [f64; GAS_PATH],
+    course: Course<GAS_PATH>,
+    /// What it does at the end of the interval, once a step was tried that leads there.
+    gas_path: Option<GasPath>,
+}
+
+impl<'a, F: Fn(f64) -> Inputs> Behind<'a, F> {
+    fn new(
+        (memory, by_area): (&'a mut Memory<GAS_PATH, GAS_PATH_INPUTS>, &'a mut [f64; GAS_PATH]),
+        ahead: &Ahead<'a, F>,
+        states: [f64; GAS_PATH],
+        interval: Interval,
+    ) -> Self {
+        let (system, signal) = (ahead.system, ahead.signal);
+        let inputs = (signal.at)(interval.from);
+        let slopes = memory
+            .slopes(&gas_path_inputs(&inputs))
+            .unwrap_or_else(|| system.breathe(&inputs, &states, ahead.opening(interval.from)).derivatives);
+        let scales = (&GAS_PATH_SCALES, GAS_PATH_SHARE);
+        let course = Course::new(interval, memory.step, scales, states, slopes);
+        Self { system, signal, memory, by_area, course, gas_path: None }
+    }
+
+    /// Tries a step.
+    fn step(&mut self, ahead: &mut Ahead<'_, F>) -> Result<(), Failure> {
+        let (system, inputs, begin) = (self.system, &self.signal.at, self.course.time);
+        if self.memory.linearization.is_used_up() {
+            self.linearize(ahead.opening(begin));
+        }
+        let (mut length, mut end) = self.course.next();
+        ahead.go_to(end)?;
+        if ahead.course.time < end {
+            end = ahead.course.time;
+            length = end - begin;
+        }
+        let times = [begin, begin + 0.5 * length, end];
+        let openings = times.map(|time| ahead.opening(time));
+        let changes = self.changes(times, openings);
+        let (linearization, course) = (&mut self.memory.linearization, &mut self.course);
+        let evaluate = |x: &[f64; GAS_PATH]| system.breathe(&inputs(end), x, openings[2]);
+        let at_end = |x: &[f64; GAS_PATH]| {
+            let gas_path = evaluate(x);
+            if end >= course.interval.to {
+                self.gas_path = Some(gas_path);
+            }
+            gas_path.derivatives
+        };
+        let trial = linearization.prepare_second_order(length).then(|| {
+            let drift = std::array::from_fn(|i| (4.0 * changes[0][i] - changes[1][i]) / length);
+            let bend = std::array::from_fn(|i| changes[1][i] - 2.0 * changes[0][i]);
+            // All evaluations are at the step's end.
+            second_order(
+                linearization,
+                |_, x| evaluate(x).derivatives,
+                at_end,
+                &course.begin(&drift),
+                &bend,
+                length,
+            )
+        });
+        let (states, slopes) = (course.states, course.slopes);
+        let failure = |failure: Failure| Failure { state: ACTUATION + failure.state, ..failure };
+        if !course.settle(trial, length, end).map_err(failure)? {
+            linearization.discard();
+            return Ok(());
+        }
+        let way = std::array::from_fn(|i| course.states[i] - states[i]);
+        let change = std::array::from_fn(|i| course.slopes[i] - slopes[i] - changes[1][i]);
+        let missed = linearization.missed(&way, &change);
+        if relative_error(&way, &missed.map(|slope| slope * length), &course.weights) > WORTH_LEARNING {
+            linearization.correct(&way, &missed, &GAS_PATH_SCALES);
+        }
+        linearization.count();
+        ahead.forget_before(end);
+        Ok(())
+    }
+
+    /// Linearizes the gas path where it is, at an opening of the wastegate.
+    fn linearize(&mut self, opening: f64) {
+        let Self { system, course, .. } = self;
+        let inputs = (self.signal.at)(course.time);
+        let derivatives = |x: &[f64; GAS_PATH]| system.breathe(&inputs, x, opening).derivatives;
+        self.memory.linearization.renew(
+            derivatives,
+            &course.states,
+            &course.slopes,
+            &GAS_PATH_SCALES,
+            GAS_PATH_SERVES,
+        );
+        let area = opening * opening;
+        let moved = if area < 0.5 { area + AREA_DIFFERENCE } else { area - AREA_DIFFERENCE };
+        let slopes = system.breathe(&inputs, &course.states, moved.sqrt()).derivatives;
+        *self.by_area = std::array::from_fn(|i| (slopes[i] - course.slopes[i]) / (moved - area));
+    }
+
+    /// How the derivatives change with time alone, from the first of three times to the others, at which the
+    /// wastegate has these openings.
+    fn changes(&self, times: [f64; 3], openings: [f64; 3]) -> [[f64; GAS_PATH]; 2] {
+        let [_, middle, end] = std::array::from_fn(|i| (times[i], openings[i]));
+        [middle, end].map(|(time, opening)| {
+            if self.signal.is_constant {
+                let more_area = opening * opening - openings[0] * openings[0];
+                self.by_area.map(|slope| slope * more_area)
+            } else {
+                let inputs = (self.signal.at)(time);
+                let later = self.system.breathe(&inputs, &self.course.states, opening).derivatives;
+                std::array::from_fn(|i| later[i] - self.course.slopes[i])
+            }
+        })
+    }
+
+    /// Ends the interval. Returns what the gas path does there.
+    fn end(&mut self, opening: f64) -> GasPath {
+        let inputs = (self.signal.at)(self.course.time);
+        self.memory.end(&self.course, gas_path_inputs(&inputs));
+        self.gas_path.unwrap_or_else(|| self.system.breathe(&inputs, &self.course.states, opening))
     }
 }
 
@@ -459,7 +655,7 @@ mod tests {
             };
             let inputs = Inputs { hp_wastegate_pwm: duty, engine_speed: speed, ..Inputs::default() };
             let signal = Signal { at: |_| inputs, is_constant: true };
-            pace.advance(system, signal, &mut states, Interval { from, to, tolerance }).unwrap();
+            pace.advance(system, &signal, &mut states, Interval { from, to, tolerance }).unwrap();
         }
         states
     }
@@ -519,7 +715,7 @@ mod tests {
             states[state] = f64::NAN;
             let signal = Signal { at: |_| inputs, is_constant: true };
             let interval = Interval { from: 0.5, to: 1.0, tolerance: 1e-4 };
-            let failure = Pace::default().advance(&system, signal, &mut states, interval).unwrap_err();
+            let failure = Pace::default().advance(&system, &signal, &mut states, interval).unwrap_err();
             assert!((failure.time - 0.5).abs() < f64::EPSILON, "{failure:?}");
         }
     }

@@ -54,7 +54,7 @@ use self::duty_latch::DutyLatch;
 use self::initialization::{Settled, differentiate_settled, running, settled};
 use self::integration::{Interval, Pace, Signal};
 use self::quantities::quantities;
-use self::system::{GasPath, System};
+use self::system::{Evaluation, System};
 use self::variables::{InitializationMode, Inputs, Parameters, States, Variables};
 use crate::LONGEST_STEP;
 use crate::solver::steady_state::Failure;
@@ -167,15 +167,21 @@ impl Model for BoostPlant {
             }
         }
         let interval = Interval { from: done, to: step.size, tolerance };
-        let gas_path = self.integrate(&mut states, variables, step, interval)?;
+        let evaluation = self.integrate(&mut states, variables, step, interval)?;
         variables.states = States::from_array(states);
-        self.show(variables, &step.inputs.at(step.size), gas_path.as_ref());
+        let inputs = self.as_held(variables, step.inputs.at(step.size));
+        match evaluation {
+            Some(evaluation) => self.show(variables, &inputs, &evaluation),
+            None => self.refresh(variables, &inputs),
+        }
         Ok(())
     }
 
     fn refresh(&mut self, variables: &mut Variables, inputs: &Inputs) {
         self.system.freeze_tank(variables.parameters.tank.frozen);
-        self.show(variables, inputs, None);
+        let inputs = self.as_held(variables, *inputs);
+        let evaluation = self.system.evaluate(&inputs, &variables.states);
+        self.show(variables, &inputs, &evaluation);
     }
 
     fn differentiate(
@@ -233,28 +239,22 @@ impl BoostPlant {
         inputs
     }
 
-    /// Fills in what belongs to the states and inputs; `gas_path` is what the gas path does, where that is
-    /// known.
-    fn show(&self, variables: &mut Variables, inputs: &Inputs, gas_path: Option<&GasPath>) {
-        let inputs = self.as_held(variables, *inputs);
-        let evaluation = match gas_path {
-            Some(gas_path) => self.system.evaluate_actuation(&inputs, &variables.states, *gas_path),
-            None => self.system.evaluate(&inputs, &variables.states),
-        };
+    /// Fills in what belongs to the states, the inputs that the plant sees, and what everything does there.
+    fn show(&self, variables: &mut Variables, inputs: &Inputs, evaluation: &Evaluation) {
         variables.derivatives = evaluation.derivatives();
         (variables.outputs, variables.locals) =
-            quantities(&self.system, &inputs, &variables.states, &evaluation);
+            quantities(&self.system, inputs, &variables.states, evaluation);
     }
 
-    /// Advances the states over an interval, its times in s after the step's begin. Returns what the gas path
-    /// does at its end, where that is known.
+    /// Advances the states over an interval, its times in s after the step's begin. Returns what everything
+    /// does at its end, unless it is empty.
     fn integrate(
         &mut self,
         states: &mut [f64; States::COUNT],
         variables: &Variables,
         step: &Step<'_, Inputs>,
         interval: Interval,
-    ) -> Result<Option<GasPath>, Error> {
+    ) -> Result<Option<Evaluation>, Error> {
         if interval.to <= interval.from {
             return Ok(None);
         }
@@ -272,7 +272,7 @@ impl BoostPlant {
             }
             inputs
         };
-        self.pace.advance(&self.system, Signal { at, is_constant }, states, interval).map_err(|failure| {
+        self.pace.advance(&self.system, &Signal { at, is_constant }, states, interval).map(Some).map_err(|failure| {
             Error::new(format!(
                 "{} cannot be integrated beyond {:?} s: even the shortest steps, or as many as are tried, miss \
                  the tolerance of {:?} of full scale; the equations are too stiff with these parameters and \

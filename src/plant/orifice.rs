@@ -65,6 +65,7 @@ impl<D: Scalar> Orifice<D> {
     /// The flow in kg/s through an effective area (m²) from the first to the second side, each given by
     /// pressure (Pa) and temperature (K); negative when the second pressure is the higher one.
     #[must_use]
+    #[inline]
     pub fn mass_flow(&self, area: D, first: (D, D), second: (D, D)) -> D {
         let temperature_ratio = |pressure_ratio: D| pressure_ratio.power(self.gas.isentropic_exponent);
         if area.vanishes() {

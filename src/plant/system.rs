@@ -240,6 +240,12 @@ impl<D: Scalar> System<D> {
         self.tank.frozen = frozen;
     }
 
+    /// Whether the vacuum tank's pressure is held.
+    #[must_use]
+    pub fn is_tank_frozen(&self) -> bool {
+        self.tank.frozen
+    }
+
     /// The voltage in V at the terminals of valve and sensor, and the duty in percent at nominal voltage
     /// that the commanded one is worth.
     #[must_use]
@@ -254,19 +260,6 @@ impl<D: Scalar> System<D> {
         let (actuation, gas_path) = halves(states);
         let actuation = self.actuate(inputs, &actuation, Self::exhaust_difference(&gas_path));
         let gas_path = self.breathe(inputs, &gas_path, actuation.hp_wastegate_opening);
-        Evaluation { actuation, gas_path }
-    }
-
-    /// Everything at an instant at which it is known what the gas path does.
-    #[must_use]
-    pub fn evaluate_actuation(
-        &self,
-        inputs: &Inputs<D>,
-        states: &States<D>,
-        gas_path: GasPath<D>,
-    ) -> Evaluation<D> {
-        let (actuation, gas_path_states) = halves(states);
-        let actuation = self.actuate(inputs, &actuation, Self::exhaust_difference(&gas_path_states));
         Evaluation { actuation, gas_path }
     }
 

@@ -6,11 +6,7 @@
 #[must_use]
 pub fn solve<const N: usize>(mut matrix: [[f64; N]; N], mut right_side: [f64; N]) -> Option<[f64; N]> {
     for column in 0..N {
-        let pivot =
-            (column..N).max_by(|&a, &b| matrix[a][column].abs().total_cmp(&matrix[b][column].abs()))?;
-        if !(matrix[pivot][column].abs() > f64::MIN_POSITIVE && matrix[pivot][column].is_finite()) {
-            return None;
-        }
+        let pivot = pivot(&matrix, column)?;
         matrix.swap(column, pivot);
         right_side.swap(column, pivot);
         let (pivoted, below) = matrix.split_at_mut(column + 1);
@@ -38,34 +34,43 @@ pub fn inverse<const N: usize>(mut matrix: [[f64; N]; N]) -> Option<[[f64; N]; N
     // In place: the columns that become those of the unit matrix hold those of the inverse instead.
     let mut pivots = [0; N];
     for column in 0..N {
-        let pivot =
-            (column..N).max_by(|&a, &b| matrix[a][column].abs().total_cmp(&matrix[b][column].abs()))?;
-        if !(matrix[pivot][column].abs() > f64::MIN_POSITIVE && matrix[pivot][column].is_finite()) {
-            return None;
-        }
-        matrix.swap(column, pivot);
+        let pivot = pivot(&matrix, column)?;
         pivots[column] = pivot;
+        if pivot != column {
+            matrix.swap(column, pivot);
+        }
         let reciprocal = matrix[column][column].recip();
         matrix[column][column] = 1.0;
         let row = matrix[column].map(|element| element * reciprocal);
-        matrix[column] = row;
-        for (index, other) in matrix.iter_mut().enumerate() {
-            if index != column {
-                let factor = other[column];
-                other[column] = 0.0;
-                for (element, above) in other.iter_mut().zip(&row) {
-                    *element -= factor * above;
-                }
+        for other in &mut matrix {
+            let factor = other[column];
+            other[column] = 0.0;
+            for (element, above) in other.iter_mut().zip(&row) {
+                *element -= factor * above;
             }
         }
+        matrix[column] = row;
     }
     // Rows were exchanged before the inversion, so columns are after it.
-    for column in (0..N).rev() {
+    for column in (0..N).rev().filter(|&column| pivots[column] != column) {
         for row in &mut matrix {
             row.swap(column, pivots[column]);
         }
     }
     matrix.iter().flatten().all(|x| x.is_finite()).then_some(matrix)
+}
+
+/// The row from the diagonal on that has the largest element of a column; `None` if it is nothing to divide by.
+#[inline]
+fn pivot<const N: usize>(matrix: &[[f64; N]; N], column: usize) -> Option<usize> {
+    let mut pivot = column;
+    for row in column + 1..N {
+        if matrix[row][column].abs() > matrix[pivot][column].abs() {
+            pivot = row;
+        }
+    }
+    let largest = matrix[pivot][column].abs();
+    (largest > f64::MIN_POSITIVE && largest.is_finite()).then_some(pivot)
 }
 
 #[cfg(test)]

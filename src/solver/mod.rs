@@ -1,10 +1,9 @@
 //! Numerical methods, generic over the number of unknowns and free of allocation: the integrators of the
 //! plant's communication steps and the solver of its steady state. They know nothing of engines.
 //!
-//! The integrators are single steps: [`rosenbrock`] for what is stiff, [`bogacki_shampine`] where no
-//! linearization is at hand. [`step_size`] judges a step's error and says how long the next one should be.
+//! The integrators of [`rosenbrock`] are single steps; [`step_size`] judges a step's error and says how long the
+//! next one should be.
 
-pub mod bogacki_shampine;
 pub mod cubic;
 pub mod linear;
 pub mod rosenbrock;
@@ -20,16 +19,4 @@ pub struct Trial<const N: usize> {
     pub slopes: [f64; N],
     /// What the method estimates to be the error of the states.
     pub error: [f64; N],
-}
-
-/// `states` moved along a sum of slopes, each with its weight.
-#[inline]
-fn moved<const N: usize, const M: usize>(
-    states: &[f64; N],
-    duration: f64,
-    slopes: [(&[f64; N], f64); M],
-) -> [f64; N] {
-    std::array::from_fn(|i| {
-        states[i] + duration * slopes.iter().map(|(slopes, weight)| weight * slopes[i]).sum::<f64>()
-    })
 }

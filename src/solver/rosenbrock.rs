@@ -1,35 +1,38 @@
 //! Linearly implicit (Rosenbrock) methods for stiff systems, of second and of third order.
 //!
-//! - [`Linearization::second_order`]: ROS2 (Verwer, Spee, Blom and Hundsdorfer, A second-order Rosenbrock
+//! - [`second_order`]: ROS2 (Verwer, Spee, Blom and Hundsdorfer, A second-order Rosenbrock
 //!   method applied to photochemical dispersion problems, SIAM Journal on Scientific Computing 20(4), 1999),
 //!   two evaluations and two linear solutions a step.
-//! - [`Linearization::third_order`]: ROS34PW2 (Rang and Angermann, New Rosenbrock W-methods of order 3 for
+//! - [`third_order`]: ROS34PW2 (Rang and Angermann, New Rosenbrock W-methods of order 3 for
 //!   partial differential algebraic equations of index 1, BIT Numerical Mathematics 45, 2005), four and four.
 //!
 //! Both are L-stable: modes that are much faster than the step are damped, not followed. And both keep their
 //! order with any matrix A in the place of the Jacobian (W-methods), so that one, made from differences,
-//! serves for many steps, and its inverse for all steps of about the same length.
+//! serves for many steps, and its inverse for all steps of about the same length. The estimated errors of
+//! both fall with the third power of the step.
 
 use fmi2_export::Error;
 use fmi2_export::persistence::{Archive, Persistent};
 
-use super::linear;
+use super::{Trial, linear};
 
-/// The power with which the estimated errors of both fall.
-pub const ERROR_ORDER: u32 = 3;
 /// γ of the method of second order, 1 − 1/√2.
 const GAMMA_2: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 /// γ of the method of third order.
 const GAMMA_3: f64 = 0.435_866_521_508_459;
 /// Size of the differences relative to the scale of a state, about the root of the rounding unit.
 const INCREMENT: f64 = 1e-7;
+/// The square of the scaled way below which nothing is learned from a step: its differences are rounding.
+const SHORTEST_WAY: f64 = 1e-12;
+/// The factor of the determinant from which the inverse is corrected rather than made anew.
+const SINGULAR: f64 = 0.1;
 /// By how much, relatively, a step may be longer or shorter than the one that the inverse was made for.
 const SIMILAR: f64 = 0.1;
 
 /// What the methods solve linear equations with.
 #[derive(Clone, Copy, Debug)]
 pub struct Linearization<const N: usize> {
-    /// The Jacobian, about: the derivatives' derivatives, by rows.
+    /// The Jacobian, about: the derivatives' derivatives, by columns.
     jacobian: [[f64; N]; N],
     /// For how many more steps; 0: there is none.
     serves: u32,
@@ -71,6 +74,45 @@ pub struct Begin<'a, const N: usize> {
     pub drift: &'a [f64; N],
 }
 
+/// What solves the linear equations of a step, of the length that it was last made ready for.
+pub trait Solver<const N: usize> {
+    /// The product of the inverse of 1 − γ·h·A and a vector.
+    fn solve(&self, vector: [f64; N]) -> [f64; N];
+}
+
+impl<const N: usize> Solver<N> for Linearization<N> {
+    #[inline]
+    fn solve(&self, vector: [f64; N]) -> [f64; N] {
+        product(&self.inverse, &vector)
+    }
+}
+
+/// The product of a matrix, by columns, and a vector.
+#[inline]
+fn product<const N: usize>(matrix: &[[f64; N]; N], vector: &[f64; N]) -> [f64; N] {
+    let mut product = [0.0; N];
+    // Column by column, so that the sums of all rows run at the same time.
+    for (column, x) in matrix.iter().zip(vector) {
+        for (sum, element) in product.iter_mut().zip(column) {
+            *sum += element * x;
+        }
+    }
+    product
+}
+
+/// Two linearizations of a system's first and last states, of which what couples them is left out.
+#[derive(Clone, Copy, Debug)]
+pub struct Blocks<'a, const A: usize, const B: usize>(pub &'a Linearization<A>, pub &'a Linearization<B>);
+
+impl<const A: usize, const B: usize, const N: usize> Solver<N> for Blocks<'_, A, B> {
+    fn solve(&self, vector: [f64; N]) -> [f64; N] {
+        const { assert!(A + B == N) };
+        let first = self.0.solve(std::array::from_fn(|i| vector[i]));
+        let last = self.1.solve(std::array::from_fn(|i| vector[A + i]));
+        std::array::from_fn(|i| if i < A { first[i] } else { last[i - A] })
+    }
+}
+
 impl<const N: usize> Linearization<N> {
     /// Whether it must be made anew before the next step.
     #[must_use]
@@ -106,12 +148,51 @@ impl<const N: usize> Linearization<N> {
             moved[column] += INCREMENT * scales[column];
             let reciprocal = (moved[column] - states[column]).recip();
             let moved_slopes = derivatives(&moved);
-            for row in 0..N {
-                self.jacobian[row][column] = (moved_slopes[row] - slopes[row]) * reciprocal;
-            }
+            self.jacobian[column] = std::array::from_fn(|row| (moved_slopes[row] - slopes[row]) * reciprocal);
         }
         (self.serves, self.is_fresh) = (serves, true);
         self.weight = 0.0;
+    }
+
+    /// What it missed in a step that changed the states by `way` and their derivatives by `change`.
+    #[inline]
+    #[must_use]
+    pub fn missed(&self, way: &[f64; N], change: &[f64; N]) -> [f64; N] {
+        let foreseen = product(&self.jacobian, way);
+        std::array::from_fn(|i| change[i] - foreseen[i])
+    }
+
+    /// Corrects it by what it missed in a step that changed the states by `way`, to what it should have been in
+    /// this direction (Broyden, A class of methods for solving nonlinear simultaneous equations, Mathematics of
+    /// Computation 19, 1965). Its inverse follows (Sherman and Morrison's formula).
+    pub fn correct(&mut self, way: &[f64; N], missing: &[f64; N], scales: &[f64; N]) {
+        let mut direction: [f64; N] = std::array::from_fn(|i| way[i] / (scales[i] * scales[i]));
+        let length_squared: f64 = way.iter().zip(&direction).map(|(x, y)| x * y).sum();
+        if length_squared < SHORTEST_WAY {
+            return;
+        }
+        for element in &mut direction {
+            *element /= length_squared;
+        }
+        for (column, x) in self.jacobian.iter_mut().zip(&direction) {
+            for (element, missing) in column.iter_mut().zip(missing) {
+                *element += missing * x;
+            }
+        }
+        let solved = self.solve(*missing);
+        let share: f64 = direction.iter().zip(&solved).map(|(x, y)| x * y).sum();
+        let determinant = 1.0 - self.weight * share;
+        if determinant.abs() < SINGULAR {
+            self.weight = 0.0;
+            return;
+        }
+        let factor = self.weight / determinant;
+        for column in &mut self.inverse {
+            let along = factor * direction.iter().zip(&*column).map(|(x, y)| x * y).sum::<f64>();
+            for (element, x) in column.iter_mut().zip(&solved) {
+                *element += along * x;
+            }
+        }
     }
 
     /// Makes ready for a step of second order and of a length. Whether that can be.
@@ -130,9 +211,7 @@ impl<const N: usize> Linearization<N> {
         if (self.weight - weight).abs() <= SIMILAR * weight {
             return true;
         }
-        // Transposed, as is its inverse then.
-        let mut matrix: [[f64; N]; N] =
-            std::array::from_fn(|column| std::array::from_fn(|row| -weight * self.jacobian[row][column]));
+        let mut matrix = self.jacobian.map(|column| column.map(|element| -weight * element));
         for (i, column) in matrix.iter_mut().enumerate() {
             column[i] += 1.0;
         }
@@ -140,109 +219,84 @@ impl<const N: usize> Linearization<N> {
         (self.inverse, self.weight) = (inverse, weight);
         true
     }
+}
 
-    /// The product of the inverse and a vector.
-    #[inline]
-    fn solve(&self, vector: [f64; N]) -> [f64; N] {
-        let mut product = [0.0; N];
-        // Column by column, so that the sums of all rows run at the same time.
-        for (column, x) in self.inverse.iter().zip(vector) {
-            for (sum, element) in product.iter_mut().zip(column) {
-                *sum += element * x;
-            }
-        }
-        product
-    }
+/// A step of second order from the states at the begin; `derivatives` computes dx/dt at a time, `at_end` those of
+/// the states to which the step leads.
+///
+/// The error is estimated by comparison with the trapezoidal rule. That errs as much as the method where the
+/// derivatives depend on time alone, hence the `bend`: f(t) − 2·f(t + h/2) + f(t + h), about, with the states
+/// of the begin. And it does not damp what the method damps, so stiff modes are taken out of the difference,
+/// twice.
+#[inline]
+pub fn second_order<const N: usize>(
+    solver: &impl Solver<N>,
+    derivatives: impl Fn(f64, &[f64; N]) -> [f64; N],
+    at_end: impl FnOnce(&[f64; N]) -> [f64; N],
+    begin: &Begin<'_, N>,
+    bend: &[f64; N],
+    length: f64,
+) -> Trial<N> {
+    let Begin { time, states, slopes, drift } = begin;
+    let drifted = drift.map(|drift| GAMMA_2 * length * drift);
+    let k1 = solver.solve(std::array::from_fn(|i| slopes[i] + drifted[i]));
+    let moved = std::array::from_fn(|i| states[i] + length * k1[i]);
+    let f2 = derivatives(time + length, &moved);
+    let k2 = solver.solve(std::array::from_fn(|i| f2[i] - drifted[i] - 2.0 * k1[i]));
+    let end: [f64; N] = std::array::from_fn(|i| states[i] + length * (1.5 * k1[i] + 0.5 * k2[i]));
+    let end_slopes = at_end(&end);
+    let error = solver.solve(solver.solve(std::array::from_fn(|i| {
+        let mean_slope = 0.5 * (slopes[i] + end_slopes[i]) + bend[i] / 3.0;
+        end[i] - states[i] - length * mean_slope
+    })));
+    Trial { states: end, slopes: end_slopes, error }
+}
 
-    /// The states after a step of second order, of the length that was last prepared for.
-    ///
-    /// `derivatives` computes dx/dt at a time. The error is known with the derivatives at the step's end
-    /// alone, see [`Linearization::second_order_error`].
-    #[inline]
-    pub fn second_order(
-        &self,
-        mut derivatives: impl FnMut(f64, &[f64; N]) -> [f64; N],
-        begin: &Begin<'_, N>,
-        length: f64,
-    ) -> [f64; N] {
-        let Begin { time, states, slopes, drift } = begin;
-        let drifted = drift.map(|drift| GAMMA_2 * length * drift);
-        let k1 = self.solve(std::array::from_fn(|i| slopes[i] + drifted[i]));
-        let moved = std::array::from_fn(|i| states[i] + length * k1[i]);
-        let f2 = derivatives(time + length, &moved);
-        let k2 = self.solve(std::array::from_fn(|i| f2[i] - drifted[i] - 2.0 * k1[i]));
-        std::array::from_fn(|i| states[i] + length * (1.5 * k1[i] + 0.5 * k2[i]))
-    }
-
-    /// The estimated error of a step of second order from the states and their derivatives at both its ends.
-    /// `bend` is f(t) − 2·f(t + h/2) + f(t + h), about, with the states of the begin.
-    ///
-    /// It compares with the trapezoidal rule. That errs as much as the method where the derivatives depend on
-    /// time alone, hence the `bend`; and it does not damp what the method damps, so stiff modes are taken out
-    /// of the difference, twice.
-    #[inline]
-    #[must_use]
-    pub fn second_order_error(
-        &self,
-        states: [&[f64; N]; 2],
-        slopes: [&[f64; N]; 2],
-        bend: &[f64; N],
-        length: f64,
-    ) -> [f64; N] {
-        self.solve(self.solve(std::array::from_fn(|i| {
-            let mean_slope = 0.5 * (slopes[0][i] + slopes[1][i]) + bend[i] / 3.0;
-            states[1][i] - states[0][i] - length * mean_slope
-        })))
-    }
-
-    /// The states after a step of third order, of the length that was last prepared for, and their estimated
-    /// error: how far they are from those of a method of second order that is embedded.
-    ///
-    /// `derivatives` computes dx/dt at a time.
-    #[inline]
-    pub fn third_order(
-        &self,
-        mut derivatives: impl FnMut(f64, &[f64; N]) -> [f64; N],
-        begin: &Begin<'_, N>,
-        length: f64,
-    ) -> ([f64; N], [f64; N]) {
-        // The printed coefficients (α, Γ, b) for the sums u = Γ·k instead of k, which spares products with A:
-        // α·Γ⁻¹, γ·(1/γ − Γ⁻¹), b·Γ⁻¹ and, for the error, (b − b̂)·Γ⁻¹.
-        let Begin { time, states, slopes, drift } = begin;
-        let solve = |slopes: &[f64; N], drift_weight: f64, others: [f64; N]| {
-            self.solve(std::array::from_fn(|i| {
-                GAMMA_3 * length * (slopes[i] + drift_weight * length * drift[i]) + others[i]
-            }))
-        };
-        let u1 = solve(slopes, GAMMA_3, [0.0; N]);
-        let moved = std::array::from_fn(|i| states[i] + 2.0 * u1[i]);
-        let f2 = derivatives(time + 2.0 * GAMMA_3 * length, &moved);
-        let u2 = solve(&f2, -GAMMA_3, u1.map(|u1| -2.0 * u1));
-        let moved = std::array::from_fn(|i| {
-            states[i] + 1.419_217_317_455_764_7 * u1[i] - 0.259_232_211_672_969_7 * u2[i]
-        });
-        let f3 = derivatives(time + 0.731_579_957_788_852_4 * length, &moved);
-        let others =
-            std::array::from_fn(|i| -1.823_996_994_774_513_6 * u1[i] + 0.124_305_652_566_720_08 * u2[i]);
-        let u3 = solve(&f3, -0.413_333_376_233_886_5, others);
-        let moved: [f64; N] = std::array::from_fn(|i| {
-            states[i] + 4.184_760_482_319_16 * u1[i] - 0.285_192_017_355_495_9 * u2[i]
-                + 2.294_280_360_279_042 * u3[i]
-        });
-        let f4 = derivatives(time + length, &moved);
-        let others = std::array::from_fn(|i| {
-            -2.775_676_116_302_468_4 * u1[i] - 2.961_983_662_554_788_4 * u2[i]
-                + 1.250_979_895_056_060_4 * u3[i]
-        });
-        let u4 = solve(&f4, 0.0, others);
-        let end = std::array::from_fn(|i| moved[i] + u4[i]);
-        let error = std::array::from_fn(|i| {
-            0.277_749_947_647_967_95 * u1[i] - 1.403_239_895_175_999 * u2[i]
-                + 1.772_630_127_667_550_6 * u3[i]
-                + 0.5 * u4[i]
-        });
-        (end, error)
-    }
+/// A step of third order from the states at the begin; `derivatives` computes dx/dt at a time, `at_end` those of
+/// the states to which the step leads. The estimated error is how far these are from those of a method of second
+/// order that is embedded.
+#[inline]
+pub fn third_order<const N: usize>(
+    solver: &impl Solver<N>,
+    derivatives: impl Fn(f64, &[f64; N]) -> [f64; N],
+    at_end: impl FnOnce(&[f64; N]) -> [f64; N],
+    begin: &Begin<'_, N>,
+    length: f64,
+) -> Trial<N> {
+    // The printed coefficients (α, Γ, b) for the sums u = Γ·k instead of k, which spares products with A:
+    // α·Γ⁻¹, γ·(1/γ − Γ⁻¹), b·Γ⁻¹ and, for the error, (b − b̂)·Γ⁻¹.
+    let Begin { time, states, slopes, drift } = begin;
+    let solve = |slopes: &[f64; N], drift_weight: f64, others: [f64; N]| {
+        solver.solve(std::array::from_fn(|i| {
+            GAMMA_3 * length * (slopes[i] + drift_weight * length * drift[i]) + others[i]
+        }))
+    };
+    let u1 = solve(slopes, GAMMA_3, [0.0; N]);
+    let moved = std::array::from_fn(|i| states[i] + 2.0 * u1[i]);
+    let f2 = derivatives(time + 2.0 * GAMMA_3 * length, &moved);
+    let u2 = solve(&f2, -GAMMA_3, u1.map(|u1| -2.0 * u1));
+    let moved = std::array::from_fn(|i| {
+        states[i] + 1.419_217_317_455_764_7 * u1[i] - 0.259_232_211_672_969_7 * u2[i]
+    });
+    let f3 = derivatives(time + 0.731_579_957_788_852_4 * length, &moved);
+    let others = std::array::from_fn(|i| -1.823_996_994_774_513_6 * u1[i] + 0.124_305_652_566_720_08 * u2[i]);
+    let u3 = solve(&f3, -0.413_333_376_233_886_5, others);
+    let moved: [f64; N] = std::array::from_fn(|i| {
+        states[i] + 4.184_760_482_319_16 * u1[i] - 0.285_192_017_355_495_9 * u2[i]
+            + 2.294_280_360_279_042 * u3[i]
+    });
+    let f4 = derivatives(time + length, &moved);
+    let others = std::array::from_fn(|i| {
+        -2.775_676_116_302_468_4 * u1[i] - 2.961_983_662_554_788_4 * u2[i] + 1.250_979_895_056_060_4 * u3[i]
+    });
+    let u4 = solve(&f4, 0.0, others);
+    let end = std::array::from_fn(|i| moved[i] + u4[i]);
+    let error = std::array::from_fn(|i| {
+        0.277_749_947_647_967_95 * u1[i] - 1.403_239_895_175_999 * u2[i]
+            + 1.772_630_127_667_550_6 * u3[i]
+            + 0.5 * u4[i]
+    });
+    Trial { slopes: at_end(&end), states: end, error }
 }
 
 #[cfg(test)]
@@ -268,10 +322,10 @@ mod tests {
             let begin = Begin { time, states: &states, slopes: &slopes, drift: &drift };
             states = if third {
                 assert!(linearization.prepare_third_order(length));
-                linearization.third_order(rates, &begin, length).0
+                third_order(&linearization, rates, |z| *z, &begin, length).states
             } else {
                 assert!(linearization.prepare_second_order(length));
-                linearization.second_order(rates, &begin, length)
+                second_order(&linearization, rates, |z| *z, &begin, &[0.0; 2], length).states
             };
         }
         let exact = exact(2.0);
@@ -305,15 +359,14 @@ mod tests {
             let (states, slopes, drift) = ([1.0], rates(1.0, &[1.0]), [-1.0_f64.sin()]);
             linearization.renew(|x| rates(1.0, x), &states, &slopes, &[1.0], 1);
             let begin = Begin { time: 1.0, states: &states, slopes: &slopes, drift: &drift };
-            assert!(linearization.prepare_second_order(length));
-            let second = linearization.second_order(rates, &begin, length);
-            let slopes = [&slopes, &rates(1.0 + length, &second)];
+            let at_end = |x: &[f64; 1]| rates(1.0 + length, x);
             let bend = [1.0_f64.cos() - 2.0 * (1.0 + 0.5 * length).cos() + (1.0 + length).cos()];
-            let second_error = linearization.second_order_error([&states, &second], slopes, &bend, length);
+            assert!(linearization.prepare_second_order(length));
+            let second = second_order(&linearization, rates, at_end, &begin, &bend, length);
             assert!(linearization.prepare_third_order(length));
-            let (third, third_error) = linearization.third_order(rates, &begin, length);
+            let third = third_order(&linearization, rates, at_end, &begin, length);
             let exact = ((1.0 + length).sin() - 1.0_f64.sin()).exp();
-            [(second[0] - exact, second_error[0]), (third[0] - exact, third_error[0])]
+            [second, third].map(|trial| (trial.states[0] - exact, trial.error[0]))
         };
         let (long, short) = (first_step(0.1), first_step(0.05));
         for (long, short) in long.into_iter().zip(short) {
@@ -322,6 +375,42 @@ mod tests {
             let ratio = long.1 / short.1;
             assert!((6.0..10.0).contains(&ratio), "the estimate falls by {ratio}");
         }
+    }
+
+    #[test]
+    fn what_a_step_teaches_is_in_the_linearization_and_in_its_inverse() {
+        // x' = −x·y, y' = x − 3·y, linearized at (1, 2), corrected along a way to (1.5, 1.8).
+        let rates = |z: &[f64; 2]| [-z[0] * z[1], z[0] - 3.0 * z[1]];
+        let (from, to, scales) = ([1.0, 2.0], [1.5, 1.8], [1.0, 2.0]);
+        let mut linearization = Linearization::default();
+        linearization.renew(rates, &from, &rates(&from), &scales, 5);
+        assert!(linearization.prepare_second_order(0.3));
+        let way: [f64; 2] = std::array::from_fn(|i| to[i] - from[i]);
+        let change: [f64; 2] = std::array::from_fn(|i| rates(&to)[i] - rates(&from)[i]);
+        linearization.correct(&way, &linearization.missed(&way, &change), &scales);
+        let along = product(&linearization.jacobian, &way);
+        let solved = linearization.solve([0.7, -0.4]);
+        let turned = product(&linearization.jacobian, &solved);
+        let back: [f64; 2] = std::array::from_fn(|i| solved[i] - GAMMA_2 * 0.3 * turned[i]);
+        for (found, expected) in along.iter().chain(&back).zip([change[0], change[1], 0.7, -0.4]) {
+            // A handful of operations on numbers of order 1.
+            assert!((found - expected).abs() < 1e-14, "{found} instead of {expected}");
+        }
+    }
+
+    #[test]
+    fn blocks_are_solved_each_by_its_own() {
+        let linearization = |slope: f64| {
+            let mut linearization = Linearization::default();
+            linearization.renew(|x: &[f64; 1]| [slope * x[0]], &[0.0], &[0.0], &[1.0], 1);
+            assert!(linearization.prepare_second_order(1.0));
+            linearization
+        };
+        let (first, last) = (linearization(-1.0), linearization(-5.0));
+        let [x, y] = Blocks(&first, &last).solve([1.0, 1.0]);
+        assert!(
+            (x - (1.0 + GAMMA_2).recip()).abs() < 1e-7 && (y - (1.0 + 5.0 * GAMMA_2).recip()).abs() < 1e-7
+        );
     }
 
     #[test]

@@ -1,13 +1,10 @@
-//! The length of an integrator's steps: long where its error is small, and no longer than its stability
-//! bears.
+//! The length of an integrator's steps: long where its error is small.
 //!
-//! A step is taken when no state's estimated error exceeds its tolerance. The next length follows from the
-//! errors of the last two steps (a proportional-integral controller: Gustafsson, Lundh and Söderlind, A PI
-//! stepsize control for the numerical solution of ordinary differential equations, BIT 28, 1988). Where
-//! stability limits the step, a controller that sees the last error alone oscillates around the limit and
-//! rejects every third step.
+//! A step is taken when no state's estimated error exceeds its tolerance. Estimates fall with the third power
+//! of the step, so that the third root of the error says by how much the step was too long or too short; after
+//! a step that was taken the next one follows this with the fourth root, which calms it.
 
-use crate::elementary::{exp2, log2};
+use crate::elementary::power;
 
 /// How far below the length that would just meet the tolerance the next step stays.
 const SAFETY: f64 = 0.9;
@@ -15,8 +12,6 @@ const SAFETY: f64 = 0.9;
 const LARGEST_CHANGE: f64 = 5.0;
 /// How much longer than proposed a step may be, so that rounding of its end does not make two of it.
 const ROUNDING: f64 = 1e-6;
-/// The error relative to the tolerance below which nothing more can be learned from it.
-const SMALLEST_ERROR: f64 = 1e-4;
 
 /// Controls the length of the steps of one integrator.
 #[derive(Clone, Copy, Debug)]
@@ -25,18 +20,17 @@ pub struct StepSize {
     pub next: f64,
     /// How many steps were judged.
     pub tried: u64,
-    /// The inverse order of the error estimate.
-    order: f64,
-    /// Logarithm to base 2 of the last taken step's error relative to the tolerance.
-    last_error: f64,
+    /// The length of the longest step.
+    longest: f64,
+    /// Whether the last step was not taken.
     rejected: bool,
 }
 
 impl StepSize {
-    /// A control that begins with steps of a length; the error of these falls with the power `order`.
+    /// A control that begins with steps of a length, and does not go beyond another.
     #[must_use]
-    pub fn new(first: f64, order: u32) -> Self {
-        Self { next: first, tried: 0, order: f64::from(order).recip(), last_error: 0.0, rejected: false }
+    pub fn new(first: f64, longest: f64) -> Self {
+        Self { next: first, tried: 0, longest, rejected: false }
     }
 
     /// The length of the next step, when `left` is still to go: the longest that leads to the end in equal
@@ -51,18 +45,17 @@ impl StepSize {
     /// Where it was cut short, what it allows is less than what was proposed before; then that stands.
     pub fn judge(&mut self, length: f64, error: f64) -> bool {
         self.tried += 1;
-        let seen = log2(error.max(SMALLEST_ERROR));
         if error <= 1.0 {
-            let ratio = exp2(self.order * (0.4 * self.last_error - 0.7 * seen));
+            let ratio = error.recip().sqrt().sqrt();
             let most = if self.rejected { 1.0 } else { LARGEST_CHANGE };
             let allowed = length * (SAFETY * ratio).clamp(LARGEST_CHANGE.recip(), most);
             let cut_short = length < self.next;
-            self.next = if cut_short && !self.rejected { self.next.max(allowed) } else { allowed };
-            self.last_error = seen;
+            let next = if cut_short && !self.rejected { self.next.max(allowed) } else { allowed };
+            self.next = next.min(self.longest);
             self.rejected = false;
             true
         } else {
-            let ratio = if error.is_finite() { SAFETY * exp2(-self.order * seen) } else { 0.0 };
+            let ratio = if error.is_finite() { SAFETY * power(error, -1.0 / 3.0) } else { 0.0 };
             self.next = length * ratio.max(LARGEST_CHANGE.recip());
             self.rejected = true;
             false
@@ -102,7 +95,7 @@ mod tests {
 
     #[test]
     fn the_steps_to_an_end_are_equal_and_not_longer_than_proposed() {
-        let steps = StepSize::new(0.3, 3);
+        let steps = StepSize::new(0.3, 1.0);
         assert!((steps.within(1.0) - 0.25).abs() < 1e-15);
         assert!((steps.within(0.3) - 0.3).abs() < f64::EPSILON && (steps.within(1e-9) - 1e-9).abs() < 1e-24);
         // The end carries rounding.
@@ -111,7 +104,7 @@ mod tests {
 
     #[test]
     fn large_errors_are_rejected_and_small_ones_lengthen_the_step() {
-        let mut steps = StepSize::new(0.1, 3);
+        let mut steps = StepSize::new(0.1, 1.0);
         assert!(!steps.judge(0.1, 8.0));
         // The third root of 8 with the margin.
         assert!((steps.next - 0.045).abs() < 1e-12, "{}", steps.next);
@@ -122,7 +115,7 @@ mod tests {
 
     #[test]
     fn a_short_step_to_an_end_does_not_shorten_those_after_it() {
-        let mut steps = StepSize::new(0.1, 3);
+        let mut steps = StepSize::new(0.1, 1.0);
         assert!(steps.judge(1e-6, 1e-9));
         assert!((steps.next - 0.1).abs() < f64::EPSILON);
     }

@@ -161,9 +161,12 @@ fn uneven_steps_follow_the_recorded_experiment() {
     while row < rows.len() {
         bench.inputs = inputs_of(&rows[row][1..11]);
         // Several of the experiment's steps at once where the inputs stay, up to 1.5 s; or one in parts.
+        let most = random.between(0.0, 1.5);
         let mut last = row;
-        let most = row + random.between(0.0, 120.0) as usize;
-        while last + 1 < rows.len() && last < most && rows[last + 1][1..11] == rows[row][1..11] {
+        while last + 1 < rows.len()
+            && rows[last + 1][1..11] == rows[row][1..11]
+            && rows[last + 1][0] < bench.time + most
+        {
             last += 1;
         }
         let end = rows[last][0];
