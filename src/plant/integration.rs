@@ -92,13 +92,20 @@ pub struct Pace {
     gas_path: Memory<GAS_PATH, GAS_PATH_INPUTS>,
     /// The derivatives of the gas path's derivatives with respect to the share of the wastegate's area.
     by_area: [f64; GAS_PATH],
+    /// Whether the vacuum tank was held: the actuation's derivatives are others then.
+    tank_is_frozen: bool,
 }
 
-fmi2_export::persistent!(Pace { actuation, gas_path, by_area });
+fmi2_export::persistent!(Pace { actuation, gas_path, by_area, tank_is_frozen });
 
 impl Default for Pace {
     fn default() -> Self {
-        Self { actuation: Memory::default(), gas_path: Memory::default(), by_area: [0.0; GAS_PATH] }
+        Self {
+            actuation: Memory::default(),
+            gas_path: Memory::default(),
+            by_area: [0.0; GAS_PATH],
+            tank_is_frozen: false,
+        }
     }
 }
 
@@ -149,19 +156,18 @@ impl<const STATES: usize, const INPUTS: usize> Memory<STATES, INPUTS> {
 }
 
 /// How many inputs the actuation has.
-const ACTUATION_INPUTS: usize = 6;
+const ACTUATION_INPUTS: usize = 5;
 /// How many inputs the gas path has.
 const GAS_PATH_INPUTS: usize = 7;
 
-/// All that the actuation sees of what is not its state.
-fn actuation_inputs(system: &System, inputs: &Inputs) -> [f64; ACTUATION_INPUTS] {
+/// The inputs that the actuation sees.
+fn actuation_inputs(inputs: &Inputs) -> [f64; ACTUATION_INPUTS] {
     [
         inputs.hp_wastegate_pwm,
         inputs.vacuum_pump,
         inputs.supply_voltage,
         inputs.ambient_pressure,
         inputs.ambient_temperature,
-        f64::from(u8::from(system.is_tank_frozen())),
     ]
 }
 
@@ -228,6 +234,10 @@ impl Pace {
         states: &mut [f64; States::COUNT],
         interval: Interval,
     ) -> Result<Evaluation, Failure> {
+        if self.tank_is_frozen != system.is_tank_frozen() {
+            self.tank_is_frozen = system.is_tank_frozen();
+            self.actuation = Memory { step: self.actuation.step, ..Memory::default() };
+        }
         if system.actuator.exhaust_area == 0.0 {
             self.advance_apart(system, signal, states, interval)
         } else {
@@ -426,7 +436,7 @@ impl<'a, F: Fn(f64) -> Inputs> Ahead<'a, F> {
     ) -> Self {
         let inputs = (signal.at)(interval.from);
         let slopes = memory
-            .slopes(&actuation_inputs(system, &inputs))
+            .slopes(&actuation_inputs(&inputs))
             .unwrap_or_else(|| system.actuate(&inputs, &states, 0.0).derivatives);
         let scales = (&ACTUATION_SCALES, ACTUATION_SHARE);
         Self {
@@ -505,7 +515,7 @@ impl<'a, F: Fn(f64) -> Inputs> Ahead<'a, F> {
     /// Ends the interval. Returns what the actuation does there.
     fn end(&mut self) -> Actuation {
         let inputs = (self.signal.at)(self.course.time);
-        self.memory.end(&self.course, actuation_inputs(self.system, &inputs));
+        self.memory.end(&self.course, actuation_inputs(&inputs));
         self.actuation.unwrap_or_else(|| self.system.actuate(&inputs, &self.course.states, 0.0))
     }
 }

@@ -147,3 +147,18 @@ fn a_frozen_tank_stays_and_a_thawed_one_fills() {
     bench.run(1.0);
     assert!(bench.variables.outputs.tank_pressure > pressure + 10.0);
 }
+
+#[test]
+fn a_tank_that_is_frozen_on_its_way_stays() {
+    for exhaust_area in [0.0, 1e-4] {
+        let mut bench = Bench::new(Inputs { vacuum_pump: 1.0, ..Inputs::default() }, |parameters, _| {
+            parameters.actuator.exhaust_area = exhaust_area;
+        });
+        bench.inputs.hp_wastegate_pwm = 80.0;
+        bench.run(0.05);
+        let pressure = bench.variables.outputs.tank_pressure;
+        bench.variables.parameters.tank.frozen = true;
+        bench.run(1.0);
+        assert!((bench.variables.outputs.tank_pressure - pressure).abs() < f64::EPSILON);
+    }
+}
