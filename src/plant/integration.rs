@@ -3,8 +3,8 @@
 //! The actuation is cheap, swings and meets kinks (stops, the reversal of friction, the valve's change of
 //! ports); the gas path is several times as expensive, stiff, does not swing, and is smooth. And as long as the
 //! exhaust does not push the wastegate, the actuation drives the gas path but not the other way round. So
-//! each takes the steps that suit it: the actuation goes [`Ahead`] in small ones, the gas path follows
-//! [`Behind`] in large ones and finds the rod's position in between by the actuation's cubic interpolation.
+//! each takes the steps that suit it: the actuation goes ahead in small ones, the gas path follows
+//! behind in large ones and finds the rod's position in between by the actuation's cubic interpolation.
 //! Where the exhaust does push, both go together.
 //!
 //! Tried on the recorded experiment of the tests: 40 s in steps of 12.5 ms, the largest error of all states
