@@ -1,6 +1,8 @@
 """One of both FMUs is replaced by one of PythonFMU, from a source in examples/foreign/: both directions.
 
-The lines that make FMUs and systems are those of docs/masters.md.
+The lines that make FMUs and systems are those of docs/masters.md. What loads an FMU of PythonFMU runs in a
+process of its own, which leaves out what runs at an exit: as the library of these FMUs is unloaded, it counts
+down in memory that is free.
 """
 
 from __future__ import annotations
@@ -9,15 +11,17 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable
 from math import exp, pi
 from pathlib import Path
 from zipfile import ZipFile
 
 import documents
+import fmpy.ssp.simulation
 import numpy as np
 import pytest
-from conftest import ROOT, Make
+from conftest import ROOT
 from experiments import (
     BOOST_STEPS,
     BOOST_STEPS_END,
@@ -65,23 +69,6 @@ def clone(exported: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
-def foreign(clone: Path) -> dict[str, Fmu]:
-    """The FMUs of another make, by their names."""
-    paths = (clone / "target" / "foreign").glob("*.fmu")
-    return {path.stem: Fmu(path, path.with_suffix("")) for path in paths}
-
-
-@pytest.fixture
-def pi_controller(make: Callable[[Fmu], Instance], foreign: dict[str, Fmu]) -> Instance:
-    return make(foreign["PiController"])
-
-
-@pytest.fixture
-def surrogate(make: Callable[[Fmu], Instance], foreign: dict[str, Fmu]) -> Instance:
-    return make(foreign["SurrogatePlant"])
-
-
 def transfer(source: Instance, target: Instance, wires: list[tuple[str, str, float]]) -> None:
     """Carries values over, in the target's names and units."""
     target.set({to: source.get(name) * factor for name, to, factor in wires})
@@ -111,9 +98,61 @@ def control_surrogate(ours: Instance, surrogate: Instance, at_once: bool = False
     return Record(zip(names, np.array(rows).T, strict=True))
 
 
-def test_controller_of_another_make_controls_our_plant(plant: Make, pi_controller: Instance) -> None:
+class Loops:
+    """What runs with FMUs of PythonFMU, in a process of its own."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def instance(self, name: str) -> Instance:
+        ours = name in ("BoostPlant", "BoostController")
+        path = self.folder / "target" / ("fmu" if ours else "foreign") / f"{name}.fmu"
+        return Instance(Fmu(path, Path(tempfile.mkdtemp(dir=self.folder))))
+
+    def foreign_controller(self, at_once: bool = False) -> Record:
+        inputs = {"boost_reference": REFERENCE}
+        members = self.instance("BoostPlant"), self.instance("PiController")
+        return couple(*members, inputs=inputs, at_once=at_once).run(BOOST_STEPS_END)
+
+    def foreign_controller_as_ssp_of_fmpy(self) -> Record:
+        members = self.instance("BoostPlant"), self.instance("PiController")
+        return ssp_of_fmpy(*members).run(BOOST_STEPS_END)
+
+    def foreign_controller_in_fmpy(self) -> Record:
+        # Which would unload the FMUs.
+        fmpy.ssp.simulation.free_fmu = lambda component: None
+        result = simulate_ssp(
+            str(self.folder / "target" / "foreign" / "pi.ssp"),
+            stop_time=BOOST_STEPS_END,
+            step_size=SAMPLE_TIME,
+            input={"boost_reference": REFERENCE, **constants(OPERATING_POINT)},
+        )
+        return Record(boost_pressure=result["boost_pressure"])
+
+    def foreign_plant(self, at_once: bool = False) -> Record:
+        return control_surrogate(self.instance("BoostController"), self.instance("SurrogatePlant"), at_once)
+
+    def foreign_plant_at_rest(self, *duties: float) -> Record:
+        surrogate, pressures = self.instance("SurrogatePlant"), []
+        for duty in duties:
+            surrogate.start({"wg_duty": duty / 100})
+            pressures.append(surrogate.get("p_boost") * 1e5)
+            surrogate.slave.reset()
+        return Record(boost_pressure=np.array(pressures))
+
+
+def loop(folder: Path, name: str, *arguments: float) -> Record:
+    """Runs one of the loops and gives its record."""
+    command = [sys.executable, __file__, folder, name, json.dumps(arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    columns = json.loads(done.stdout.splitlines()[-1])
+    return Record({name: np.array(column) for name, column in columns.items()})
+
+
+def test_controller_of_another_make_controls_our_plant(clone: Path) -> None:
     """It has the plant's names and units: nothing but the file changes."""
-    record = couple(plant(), pi_controller, inputs={"boost_reference": REFERENCE}).run(BOOST_STEPS_END)
+    record = loop(clone, "foreign_controller")
     steps = Steps(record, BOOST_STEPS, BOOST_STEPS_END)
     print(steps.summary())
     # The closed loop is slowest at 125 kPa, where a time constant of 1.04 s and a gain of -3210 Pa/% leave
@@ -126,9 +165,9 @@ def test_controller_of_another_make_controls_our_plant(plant: Make, pi_controlle
     assert set(record["vacuum_pump"]) == {0.0, 1.0}
 
 
-def test_our_controller_controls_a_plant_of_another_make(controller: Make, surrogate: Instance) -> None:
+def test_our_controller_controls_a_plant_of_another_make(clone: Path) -> None:
     """It has other names, and bar and 1 for Pa and %."""
-    record = control_surrogate(controller(), surrogate)
+    record = loop(clone, "foreign_plant")
     steps = Steps(record, BOOST_STEPS, BOOST_STEPS_END)
     print(steps.summary())
     # Of a lag that the controller takes for another there remains what fades with the integral time: at most
@@ -141,19 +180,19 @@ def test_our_controller_controls_a_plant_of_another_make(controller: Make, surro
     assert record["tank_pressure"].max() <= 35e3 + 100 * SAMPLE_TIME * (1 + 1e-6)
 
 
-def test_surrogate_is_fitted_to_the_maps(controller_fmu: Fmu, surrogate: Instance) -> None:
+def test_surrogate_is_fitted_to_the_maps(clone: Path, controller_fmu: Fmu) -> None:
     """Where its static map is in use, at 1500 rpm: the third column."""
 
-    def start(name: str, row: int) -> float:
-        place = f"[{row}]" if name == "boost_reference" else f"[{row},3]"
-        return float(controller_fmu.variables[f"schedule.{name}{place}"].start)
+    def column(name: str) -> np.ndarray:
+        place = "[{}]" if name == "boost_reference" else "[{},3]"
+        names = [f"schedule.{name}{place.format(row)}" for row in range(1, 17)]
+        return np.array([float(controller_fmu.variables[name].start) for name in names])
 
-    rows = [row for row in range(1, 17) if 125e3 <= start("boost_reference", row) <= 220e3]
-    for row in rows:
-        surrogate.start({"wg_duty": start("feedforward", row) / 100})
-        assert surrogate.get("p_boost") * 1e5 == pytest.approx(start("boost_reference", row), abs=FIT)
-        surrogate.slave.reset()
-    time_constants = [start("time_constant", row) for row in rows]
+    references = column("boost_reference")
+    used = (references >= 125e3) & (references <= 220e3)
+    found = loop(clone, "foreign_plant_at_rest", *column("feedforward")[used])["boost_pressure"]
+    assert np.abs(found - references[used]).max() <= FIT
+    time_constants = column("time_constant")[used]
     assert min(time_constants) < 1.5 < max(time_constants)
 
 
@@ -189,22 +228,14 @@ def test_system_converts_by_the_map(clone: Path) -> None:
     assert factors == pytest.approx(expected, rel=2e-16)
 
 
-def test_controller_of_another_make_in_the_ssp_of_fmpy(
-    clone: Path, plant: Make, pi_controller: Instance
-) -> None:
+def test_controller_of_another_make_in_the_ssp_of_fmpy(clone: Path) -> None:
     """Against the own master, to the last bit. Nothing is to be converted, which FMPy would leave out."""
-    result = simulate_ssp(
-        str(clone / "target" / "foreign" / "pi.ssp"),
-        stop_time=BOOST_STEPS_END,
-        step_size=SAMPLE_TIME,
-        input={"boost_reference": REFERENCE, **constants(OPERATING_POINT)},
-    )
-    record = ssp_of_fmpy(plant(), pi_controller).run(BOOST_STEPS_END)
+    result, record = (loop(clone, f"foreign_controller_{how}") for how in ("in_fmpy", "as_ssp_of_fmpy"))
     assert np.array_equal(result["boost_pressure"].view(np.uint64), record["boost_pressure"].view(np.uint64))
 
 
 IN_ECOS = """
-import json, sys
+import json, os, sys
 from ecospy import EcosSimulation
 folder, step, controller, *reached = sys.argv[1:]
 simulation = EcosSimulation(ssp_path=folder, step_size=float(step))
@@ -215,7 +246,8 @@ for reference in json.load(sys.stdin):
     simulation.step()
     rows.append([simulation.get_real(name) for name in reached])
 simulation.terminate()
-print(json.dumps(rows))
+print(json.dumps(rows), flush=True)
+os._exit(0)
 """
 """Runs a system, given the reference in each step; prints what each step reached."""
 
@@ -240,25 +272,29 @@ def run_in_ecos(system: Path, controller: str, boost: str) -> np.ndarray:
     return np.array(json.loads(done.stdout.splitlines()[-1]))
 
 
-def test_system_with_the_controller_of_another_make(
-    clone: Path, plant: Make, pi_controller: Instance
-) -> None:
+def test_system_with_the_controller_of_another_make(clone: Path) -> None:
     """In Ecos, against the own master that steps both at once."""
     system = clone / "target" / "foreign" / "pi.ssp"
     table = run_in_ecos(system, "PiController", "BoostPlant::boost_pressure")
 
-    inputs = {"boost_reference": REFERENCE}
-    record = couple(plant(), pi_controller, inputs=inputs, at_once=True).run(BOOST_STEPS_END)
+    record = loop(clone, "foreign_controller", True)
     expected = np.stack([record["boost_pressure"], record["hp_wastegate_pwm"]], axis=1)[1:]
     assert np.array_equal(table.view(np.uint64), expected.view(np.uint64))
 
 
-def test_system_with_the_plant_of_another_make(clone: Path, controller: Make, surrogate: Instance) -> None:
+def test_system_with_the_plant_of_another_make(clone: Path) -> None:
     """The same; the system converts the units."""
     system = clone / "target" / "foreign" / "surrogate.ssp"
     table = run_in_ecos(system, "BoostController", "SurrogatePlant::p_boost")
 
-    record = control_surrogate(controller(), surrogate, at_once=True)
+    record = loop(clone, "foreign_plant", True)
     expected = np.stack([record["boost_pressure"] / 1e5, record["hp_wastegate_pwm"]], axis=1)
     # Pressure is in bar again, which rounds twice.
     assert np.abs(table / expected - 1).max() <= 2 * np.finfo(float).eps
+
+
+if __name__ == "__main__":
+    folder, name, arguments = sys.argv[1:]
+    record = getattr(Loops(Path(folder)), name)(*json.loads(arguments))
+    print(json.dumps({name: column.tolist() for name, column in record.items()}), flush=True)
+    os._exit(0)
