@@ -30,6 +30,10 @@ pub(super) struct Model {
     pub(super) log_categories: Vec<Described>,
     /// The file of units, relative to the model's.
     pub(super) units: String,
+    /// The part of the documentation that is written by hand, likewise.
+    pub(super) documentation: Option<String>,
+    /// The picture that importers show the FMU with, likewise.
+    pub(super) icon: Option<String>,
     #[serde(default)]
     pub(super) enumerations: Vec<Enumeration>,
     #[serde(default)]

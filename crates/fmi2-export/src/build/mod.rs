@@ -63,10 +63,33 @@
 //! unit to what is displayed. A unit with a fractional exponent has no `base`: FMI has none for it.
 //! Every Real needs a unit, which for a number without dimension is a unit named `1`; `time` needs `s`.
 
+//!
+//! # Documentation and icon
+//!
+//! Beside modelDescription.xml a page for people is written, `index.html`: what the model is, how to run it,
+//! and every variable. It needs nothing but the JSON. What else there is to say its author adds by two fields
+//! of the model, both optional, with names of files relative to the JSON's:
+//!
+//! | field | file |
+//! |---|---|
+//! | `"documentation"` | a fragment of HTML, written as XML, that the page takes in: prose, equations in MathML, figures |
+//! | `"icon"` | the PNG that importers show the FMU with, 100 to 200 pixels wide |
+//!
+//! In the fragment `<var>vessel.mass</var>` becomes a link to the variable, and a name that no variable has
+//! fails the build; `<img src="vessel.svg" alt="…"/>` becomes the picture itself. `<h3 id="…">` is a heading
+//! that the page's contents list. The page has styles for `<div class="equation">` (formulas, and their source
+//! in a `<span>`) and `<ul class="symbols">` (entries of a symbol and its variable), and colours, by day and by
+//! night, for the classes `first`, `second`, `third`, `block` and `grid` of pictures, which draw in
+//! `currentColor`. The page is whole by itself: scripts, styles, and what is loaded from elsewhere are refused.
+//!
+//! The documentation is no part of the interface: it does not enter the GUID.
+
 mod check;
 mod dependencies;
 mod error;
+mod fragment;
 mod json;
+mod page;
 mod resolve;
 mod rust;
 mod xml;
@@ -80,12 +103,16 @@ pub use error::Error;
 /// What [`generate_into`] read and wrote.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Generated {
-    /// The file of units that the model's JSON names.
-    pub units: PathBuf,
+    /// The files that were read beside the model's JSON: units, documentation with its pictures, icon.
+    pub sources: Vec<PathBuf>,
     /// The modelDescription.xml.
     pub model_description: PathBuf,
     /// The typed interface, beside it.
     pub variables: PathBuf,
+    /// The documentation's page, `index.html` beside them.
+    pub documentation: PathBuf,
+    /// The icon, `model.png` beside them, where the JSON names one.
+    pub icon: Option<PathBuf>,
 }
 
 /// Generates the interface of a model into the folder of its name in `OUT_DIR`. For build scripts.
@@ -100,7 +127,11 @@ pub fn generate(json: impl AsRef<Path>) {
     println!("cargo::rerun-if-changed={}", json.display());
     let of_cargo = |name| env::var(name).unwrap_or_else(|_| panic!("{name} is set for build scripts only"));
     match generate_into(json, Path::new(&of_cargo("OUT_DIR")), &of_cargo("CARGO_PKG_VERSION")) {
-        Ok(generated) => println!("cargo::rerun-if-changed={}", generated.units.display()),
+        Ok(generated) => {
+            for source in generated.sources {
+                println!("cargo::rerun-if-changed={}", source.display());
+            }
+        }
         Err(error) => {
             println!("cargo::error={error}");
             panic!("{error}");
@@ -113,7 +144,8 @@ pub fn generate(json: impl AsRef<Path>) {
 /// `version` becomes the version in the XML.
 ///
 /// # Errors
-/// When the JSON or its file of units cannot be read, or contradicts itself or FMI 2.0.
+/// When the JSON or a file that it names cannot be read, or contradicts itself or FMI 2.0, or when the
+/// documentation names what the model does not have.
 pub fn generate_into(json: &Path, out_dir: &Path, version: &str) -> Result<Generated, Error> {
     let model: json::Model = json::read(json)?;
     let units_file = json.with_file_name(&model.units);
@@ -122,19 +154,43 @@ pub fn generate_into(json: &Path, out_dir: &Path, version: &str) -> Result<Gener
     let resolved = resolve::resolve(&model, &units, version).map_err(|refusal| Error::new(json, refusal))?;
     let structure = dependencies::Structure::new(&resolved.variables);
     let description = xml::Description::new(&resolved, &structure);
+    let beside = |name: &Option<String>| name.as_ref().map(|name| json.with_file_name(name));
+    let read_fragment = |file: PathBuf| fragment::read(&file, &page::anchors(&resolved));
+    let fragment = beside(&model.documentation).map(read_fragment).transpose()?;
+    let icon_source = beside(&model.icon);
+    let icon = icon_source.as_deref().map(read_icon).transpose()?;
+    let page = page::write(&resolved, &structure, &description.guid, fragment.as_ref());
+    let fragment_sources = fragment.map(|fragment| fragment.files).unwrap_or_default();
 
     let folder = out_dir.join(&model.model_identifier);
     fs::create_dir_all(&folder).map_err(|error| Error::new(&folder, error.to_string()))?;
-    let write = |name: &str, text: &str| {
+    let write = |name: &str, content: &[u8]| {
         let file = folder.join(name);
-        match fs::write(&file, text) {
+        match fs::write(&file, content) {
             Ok(()) => Ok(file),
             Err(error) => Err(Error::new(&file, error.to_string())),
         }
     };
+    let icon_file = folder.join("model.png");
+    if icon.is_none() && icon_file.exists() {
+        // Of a build before the icon was taken out of the JSON.
+        fs::remove_file(&icon_file).map_err(|error| Error::new(&icon_file, error.to_string()))?;
+    }
     Ok(Generated {
-        units: units_file,
-        model_description: write("modelDescription.xml", &description.text)?,
-        variables: write("variables.rs", &rust::generate(&resolved, &description.guid))?,
+        sources: [units_file].into_iter().chain(fragment_sources).chain(icon_source).collect(),
+        model_description: write("modelDescription.xml", description.text.as_bytes())?,
+        variables: write("variables.rs", rust::generate(&resolved, &description.guid).as_bytes())?,
+        documentation: write("index.html", page.as_bytes())?,
+        icon: icon.map(|icon| write("model.png", &icon)).transpose()?,
     })
+}
+
+/// The picture that importers show, which FMI 2.0.5 wants as a PNG (section 2.3).
+fn read_icon(file: &Path) -> Result<Vec<u8>, Error> {
+    let picture = fs::read(file).map_err(|error| Error::new(file, error.to_string()))?;
+    if picture.starts_with(b"\x89PNG\r\n\x1a\n") {
+        Ok(picture)
+    } else {
+        Err(Error::new(file, "it is no PNG".to_owned()))
+    }
 }

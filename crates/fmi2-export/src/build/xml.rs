@@ -13,6 +13,9 @@ use super::json::{self, Causality, Initial, Variability};
 use super::resolve::{DataType, Resolved, Role, Start, Variable};
 use crate::xml::{Attributes, XmlWriter, conversion, document, element, empty, float};
 
+/// What made the FMU.
+pub(super) const GENERATION_TOOL: &str = concat!("fmi2-export ", env!("CARGO_PKG_VERSION"));
+
 /// A modelDescription.xml and the GUID in it.
 pub(super) struct Description {
     pub(super) guid: String,
@@ -39,7 +42,7 @@ fn write(resolved: &Resolved<'_>, structure: &Structure, guid: &str) -> String {
         ("version", resolved.version.to_owned()),
         ("copyright", model.copyright.clone()),
         ("license", model.license.clone()),
-        ("generationTool", concat!("fmi2-export ", env!("CARGO_PKG_VERSION")).to_owned()),
+        ("generationTool", GENERATION_TOOL.to_owned()),
         ("variableNamingConvention", "structured".to_owned()),
     ];
     document(|writer| {
@@ -216,7 +219,7 @@ fn index(position: usize) -> usize {
     position + 1
 }
 
-fn start(start: &Start) -> String {
+pub(super) fn start(start: &Start) -> String {
     match start {
         Start::Real(value) => float(*value),
         Start::Integer(value) => value.to_string(),
@@ -237,7 +240,7 @@ fn causality(role: Role) -> &'static str {
     }
 }
 
-fn variability(variability: Variability) -> &'static str {
+pub(super) fn variability(variability: Variability) -> &'static str {
     match variability {
         Variability::Fixed => "fixed",
         Variability::Tunable => "tunable",
@@ -246,7 +249,7 @@ fn variability(variability: Variability) -> &'static str {
     }
 }
 
-fn initial(initial: Initial) -> &'static str {
+pub(super) fn initial(initial: Initial) -> &'static str {
     match initial {
         Initial::Exact => "exact",
         Initial::Approx => "approx",

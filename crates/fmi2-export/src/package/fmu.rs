@@ -5,7 +5,10 @@
 
 use std::io::{self, Seek, Write};
 
+use quick_xml::escape::escape;
+
 use super::archive;
+use crate::PACKAGE_MARK;
 
 /// A platform that FMI 2.0 names a folder for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -94,6 +97,20 @@ impl Fmu<'_> {
     }
 }
 
+/// Completes the page that the build made (its `index.html`) with what is known only now, for example the
+/// platforms that the FMU has libraries for: a line of text each. It belongs to
+/// `documentation/index.html`.
+///
+/// # Errors
+/// When the page is not one that the build made.
+pub fn documentation(page: &str, packed: &[String]) -> io::Result<String> {
+    let (before, after) = page.split_once(PACKAGE_MARK).ok_or_else(|| {
+        io::Error::new(io::ErrorKind::InvalidInput, format!("the page has no {PACKAGE_MARK}"))
+    })?;
+    let lines = packed.iter().map(escape).collect::<Vec<_>>().join("<br/>");
+    Ok(format!("{before}<div><dt>Packed for</dt><dd>{lines}</dd></div>{after}"))
+}
+
 /// Refuses what lies neither in a folder of the standard nor is its picture, or would be extracted elsewhere.
 fn refuse_stray(path: &str) -> io::Result<()> {
     let mut parts = path.split('/');
@@ -143,6 +160,18 @@ mod tests {
         let mut content = String::new();
         io::Read::read_to_string(&mut zip.by_name("binaries/win64/Lag.dll").unwrap(), &mut content).unwrap();
         assert_eq!(content, "dll");
+    }
+
+    #[test]
+    fn the_page_says_what_the_fmu_was_packed_for() {
+        let page = format!("<dl>{PACKAGE_MARK}</dl>");
+        let lines = ["linux64".to_owned(), "a <b> & c".to_owned()];
+        assert_eq!(
+            documentation(&page, &lines).unwrap(),
+            "<dl><div><dt>Packed for</dt><dd>linux64<br/>a &lt;b&gt; &amp; c</dd></div></dl>"
+        );
+        let error = documentation("<dl></dl>", &lines).unwrap_err();
+        assert_eq!(error.to_string(), "the page has no <!-- packed -->");
     }
 
     #[test]

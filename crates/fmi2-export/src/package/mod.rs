@@ -10,7 +10,7 @@ mod parameter_set;
 mod system_structure;
 mod units;
 
-pub use fmu::{Fmu, Platform};
+pub use fmu::{Fmu, Platform, documentation};
 pub use model_description::{Enumeration, ModelDescription, Variable};
 pub use parameter_set::{Parameter, ParameterSet, Value};
 pub use system_structure::{

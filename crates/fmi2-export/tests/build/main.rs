@@ -16,6 +16,7 @@ use fmi2_export::build::{Generated, generate_into};
 use fmi2_export::description::{Causality, DataType, Initial, Variability};
 use fmi2_export::{Inputs as _, Variables as _};
 
+mod documentation;
 mod refusals;
 mod structure;
 
@@ -37,6 +38,15 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
+/// An empty folder for one test, but for the small model.
+fn folder_with_model(name: &str) -> PathBuf {
+    let folder = folder(name);
+    for file in ["vessels.json", "units.json", "vessels.html", "vessels.svg", "vessels.png"] {
+        fs::copy(sources().join(file), folder.join(file)).expect("the folder for tests is writable");
+    }
+    folder
+}
+
 fn read(file: &Path) -> String {
     fs::read_to_string(file).unwrap_or_else(|error| panic!("{}: {error}", file.display()))
 }
@@ -51,12 +61,16 @@ fn generated_files_are_the_kept_ones() {
         generate(&sources());
     }
     let generated = generate(&folder("kept"));
-    assert_eq!(generated.units, sources().join("units.json"));
-    for (file, name) in
-        [(generated.model_description, "modelDescription.xml"), (generated.variables, "variables.rs")]
-    {
-        assert_eq!(read(&file), read(&sources().join("Vessels").join(name)), "{name}");
-    }
+    let beside = ["units.json", "vessels.html", "vessels.svg", "vessels.png"];
+    assert_eq!(generated.sources, beside.map(|name| sources().join(name)));
+    let kept = |file: &Path| {
+        let name = file.file_name().expect("a file has a name");
+        assert_eq!(fs::read(file).ok(), fs::read(sources().join("Vessels").join(name)).ok(), "{name:?}");
+    };
+    kept(&generated.model_description);
+    kept(&generated.variables);
+    kept(&generated.documentation);
+    kept(&generated.icon.expect("the JSON names one"));
 }
 
 /// The elements of a list in `ModelStructure`: index and dependencies.

@@ -5,7 +5,7 @@ use std::fs;
 use fmi2_export::build::generate_into;
 use serde_json::{Value, json};
 
-use super::{folder, read, sources};
+use super::{folder_with_model, read, sources};
 
 /// What is said of the small model after an edit of it, without the folder.
 fn refusal(name: &str, edit: impl FnOnce(&mut Value)) -> String {
@@ -15,11 +15,12 @@ fn refusal(name: &str, edit: impl FnOnce(&mut Value)) -> String {
 }
 
 fn refusal_of_text(name: &str, model: &str, units: Option<&str>) -> String {
-    let folder = folder(name);
+    let folder = folder_with_model(name);
     let file = folder.join("vessels.json");
     fs::write(&file, model).expect("the folder for tests is writable");
-    let units = units.map_or_else(|| read(&sources().join("units.json")), str::to_owned);
-    fs::write(folder.join("units.json"), units).expect("the folder for tests is writable");
+    if let Some(units) = units {
+        fs::write(folder.join("units.json"), units).expect("the folder for tests is writable");
+    }
     match generate_into(&file, &folder, "1.2.3") {
         Ok(_) => "nothing was refused".to_owned(),
         Err(error) => {

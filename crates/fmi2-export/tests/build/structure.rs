@@ -8,7 +8,7 @@ use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 use serde_json::{Value, json};
 
-use super::{folder, read, sources};
+use super::{folder_with_model, read, sources};
 
 /// An element with its attributes.
 struct Element {
@@ -51,7 +51,7 @@ fn elements(xml: &str) -> Vec<Element> {
 
 /// The elements of what is generated for the small model after an edit of it and its units.
 fn generated(name: &str, edit: impl FnOnce(&mut Value, &mut Value)) -> Vec<Element> {
-    let folder = folder(name);
+    let folder = folder_with_model(name);
     let json = |file| serde_json::from_str(&read(&sources().join(file))).expect("it is JSON");
     let (mut model, mut units): (Value, Value) = (json("vessels.json"), json("units.json"));
     edit(&mut model, &mut units);

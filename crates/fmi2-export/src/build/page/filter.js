@@ -1,0 +1,18 @@
+// Shows the rows that hold all words of the field. The field itself is shown here: it does nothing else.
+const filter = document.getElementById("page-filter");
+const field = filter.querySelector("input");
+const rows = [...document.querySelectorAll("table.variables tr[id]")];
+const words = new Map(rows.map((row) => [row, row.textContent.toLowerCase()]));
+field.addEventListener("input", () => {
+  const wanted = field.value.toLowerCase().split(/\s+/);
+  for (const row of rows) {
+    row.hidden = !wanted.every((word) => words.get(row).includes(word));
+    // A matrix has its start values in a row of their own.
+    const next = row.nextElementSibling;
+    if (next?.querySelector("details")) next.hidden = row.hidden;
+  }
+  for (const group of document.querySelectorAll("table.variables > tbody, #page-variables section"))
+    group.hidden = !group.querySelector("tr[id]:not([hidden])");
+  filter.querySelector("output").value = `${rows.filter((row) => !row.hidden).length} of ${rows.length}`;
+});
+filter.hidden = false;
