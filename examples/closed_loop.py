@@ -78,7 +78,8 @@ def plot(file):
     print(f"wrote {file}")
 
 
-arguments = argparse.ArgumentParser(description=__doc__)
-arguments.add_argument("--plot", metavar="FILE", help="draw the run into a PNG or SVG file")
-if file := arguments.parse_args().plot:
-    plot(file)
+if __name__ == "__main__":
+    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument("--plot", metavar="FILE", help="draw the run into a PNG or SVG file")
+    if file := arguments.parse_args().plot:
+        plot(file)
