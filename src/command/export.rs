@@ -13,7 +13,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail};
 use cargo_metadata::{CrateType, Message, Metadata, MetadataCommand, Package};
-use fmi2_export::package::{Fmu, Platform};
+use fmi2_export::package::{self, Fmu, Platform};
 
 use super::coupling::Role;
 use super::ssp;
@@ -39,14 +39,17 @@ pub fn run(names: &[String], out: Option<PathBuf>, parameters: &[PathBuf]) -> Re
     fs::create_dir_all(&out).with_context(|| format!("cannot create the folder {}", out.display()))?;
     let licenses = licenses(metadata.workspace_root.as_std_path())?;
     for &name in models.keys() {
-        let description = build.description(name)?;
+        let generated = build.generated(name)?;
+        let description = read_text(&generated.join("modelDescription.xml"))?;
+        let mut files = documentation(&generated, &[platform])?;
+        files.extend(licenses.clone());
         let library =
             build.libraries.get(name).with_context(|| format!("cargo built no library of {name}"))?;
         let fmu = Fmu {
             model_identifier: name,
             model_description: &description,
             libraries: vec![(platform, read(library)?)],
-            files: licenses.clone(),
+            files,
         };
         write(&fmu, &out.join(format!("{name}.fmu")))?;
     }
@@ -94,17 +97,15 @@ struct Build {
 }
 
 impl Build {
-    /// The description that the build generated for a model.
-    fn description(&self, model: &str) -> Result<String> {
-        let file = self
-            .generated
+    /// The folder of what the build generated for a model.
+    fn generated(&self, model: &str) -> Result<PathBuf> {
+        self.generated
             .iter()
-            .map(|folder| folder.join(model).join("modelDescription.xml"))
-            .find(|file| file.is_file())
+            .map(|folder| folder.join(model))
+            .find(|folder| folder.join("modelDescription.xml").is_file())
             .with_context(|| {
                 format!("the build made no modelDescription.xml for {model}; does build.rs call fmi2_export::build::generate?")
-            })?;
-        fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))
+            })
     }
 }
 
@@ -149,6 +150,21 @@ fn compile<'a>(
     Ok(build)
 }
 
+/// The page that the build generated in a folder, with the platforms that the FMU has libraries for, and the
+/// icon where the model has one.
+fn documentation(generated: &Path, platforms: &[Platform]) -> Result<Vec<(String, Vec<u8>)>> {
+    let file = generated.join("index.html");
+    let folders: Vec<_> = platforms.iter().map(|platform| platform.folder().to_owned()).collect();
+    let page = package::documentation(&read_text(&file)?, &folders)
+        .with_context(|| format!("cannot use {}", file.display()))?;
+    let mut files = vec![("documentation/index.html".to_owned(), page.into_bytes())];
+    let icon = generated.join("model.png");
+    if icon.is_file() {
+        files.push(("model.png".to_owned(), read(&icon)?));
+    }
+    Ok(files)
+}
+
 /// The licenses of the workspace, for the FMU's documentation: the files whose names begin with LICENSE.
 fn licenses(root: &Path) -> Result<Vec<(String, Vec<u8>)>> {
     let failed = || format!("cannot read the folder {}", root.display());
@@ -163,6 +179,10 @@ fn licenses(root: &Path) -> Result<Vec<(String, Vec<u8>)>> {
         }
     }
     Ok(files)
+}
+
+fn read_text(file: &Path) -> Result<String> {
+    fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))
 }
 
 fn read(file: &Path) -> Result<Vec<u8>> {
