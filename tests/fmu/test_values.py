@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from conftest import Make
+from master import Reals
 
 STEP = 1 / 80
 
@@ -33,3 +34,17 @@ def test_duty_stays_in_its_range(controller: Make, mode: str, voltage: float) ->
     if voltage < 8.0:
         # In mode boost 75 % at 6 V (less is not believed) would be 150 %.
         assert max(duties) == 100.0
+
+
+def test_tunable_parameter_leaves_what_a_ramp_reached(plant: Make) -> None:
+    """Who sets it between two steps asks for no other inputs: outputs stay those of the step's end."""
+    instance = plant()
+    instance.start()
+    Reals(instance, ["engine_speed"]).set_derivatives([4e4])
+    instance.slave.doStep(0.0, STEP)
+    reached = {name: instance.get(name) for name in instance.fmu.named("output")}
+    instance.set({"tank.frozen": True})
+    assert {name: instance.get(name) for name in reached} == reached
+    # An input that is set brings its own value, and the others' that were set.
+    instance.set({"throttle": 1.0})
+    assert instance.get("air_mass_flow") != reached["air_mass_flow"]

@@ -223,7 +223,7 @@ impl<M: Model> Instance<M> {
                 memory.model.initialize(&mut memory.variables, memory.inputs.initial(), &mut context)?;
                 check_finite(&memory.variables, memory.time)?;
             }
-            Phase::StepComplete => memory.model.refresh(&mut memory.variables, memory.inputs.initial()),
+            Phase::StepComplete => memory.model.refresh(&mut memory.variables, memory.inputs.latest()),
             Phase::Instantiated | Phase::Terminated | Phase::Error => {}
         }
         memory.stale = false;
