@@ -7,21 +7,30 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::BufReader;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail};
-use cargo_metadata::{CrateType, Message, Metadata, MetadataCommand, Package};
-use fmi2_export::package::{self, Fmu, Platform};
+use cargo_metadata::{CrateType, Metadata, MetadataCommand, Package};
+use fmi2_export::package::{Fmu, Library, Platform, PlatformList, library};
 
+use super::compile::{Compiled, compile};
 use super::coupling::Role;
-use super::ssp;
+use super::target::{Build, Target};
+use super::{ssp, write_whole};
 
 /// Exports the named models, or all, into a folder; the package of both binds the parameter sets.
-pub fn run(names: &[String], out: Option<PathBuf>, parameters: &[PathBuf]) -> Result<()> {
-    let platform = Platform::host()
-        .context("FMI 2.0 has no name for this platform; see binaries/ in its section 2.3")?;
+pub fn run(
+    names: &[String],
+    out: Option<PathBuf>,
+    parameters: &[PathBuf],
+    targets: &[Target],
+    binaries: &[(Platform, PathBuf)],
+) -> Result<()> {
+    let builds = builds(targets)?;
+    let given = binaries
+        .iter()
+        .map(|(platform, file)| ModelLibrary::read(*platform, file))
+        .collect::<Result<Vec<_>>>()?;
     let metadata = MetadataCommand::new()
         // Nothing is asked of the dependencies: else cargo would fetch those of members that are not exported.
         .no_deps()
@@ -33,22 +42,24 @@ pub fn run(names: &[String], out: Option<PathBuf>, parameters: &[PathBuf]) -> Re
     if !parameters.is_empty() && !is_system {
         bail!("parameter sets are bound in the system of {}; export both", members.join(" and "));
     }
-    let build = compile(&metadata, models.values().copied(), platform)?;
+    let mut compiled = vec![];
+    for build in &builds {
+        compiled.push((build.platform, compile(&metadata, models.values().copied(), build)?));
+    }
+    let descriptions = descriptions(&models, &compiled)?;
+    let mut libraries = libraries(&descriptions, &compiled, given)?;
 
     let out = out.unwrap_or_else(|| metadata.target_directory.join("fmu").into());
     fs::create_dir_all(&out).with_context(|| format!("cannot create the folder {}", out.display()))?;
     let licenses = licenses(metadata.workspace_root.as_std_path())?;
-    for &name in models.keys() {
-        let generated = build.generated(name)?;
-        let description = read_text(&generated.join("modelDescription.xml"))?;
-        let mut files = documentation(&generated, &[platform])?;
+    for (&name, description) in &descriptions {
+        let libraries = libraries.remove(name).unwrap_or_default();
+        let mut files = documentation(&compiled[0].1.generated(name)?, &libraries)?;
         files.extend(licenses.clone());
-        let library =
-            build.libraries.get(name).with_context(|| format!("cargo built no library of {name}"))?;
         let fmu = Fmu {
             model_identifier: name,
-            model_description: &description,
-            libraries: vec![(platform, read(library)?)],
+            model_description: description,
+            libraries: libraries.into_iter().collect(),
             files,
         };
         write(&fmu, &out.join(format!("{name}.fmu")))?;
@@ -88,76 +99,127 @@ fn choose<'a>(metadata: &'a Metadata, names: &'a [String]) -> Result<BTreeMap<&'
         .collect()
 }
 
-/// What cargo built.
-struct Build {
-    /// The library of each model.
-    libraries: BTreeMap<String, PathBuf>,
-    /// The output folders of all build scripts.
-    generated: Vec<PathBuf>,
+/// What is to be built, each with its tools at hand.
+fn builds(targets: &[Target]) -> Result<Vec<Build>> {
+    let mut builds: Vec<Build> = vec![];
+    for build in targets.iter().flat_map(Target::builds) {
+        if builds.contains(&build) {
+            continue;
+        }
+        if let Some(other) = builds.iter().find(|other| other.platform == build.platform)
+            && build.platform != Platform::Darwin64
+        {
+            bail!("{} and {} are both for {}", other.name(), build.name(), build.platform.folder());
+        }
+        builds.push(build);
+    }
+    if builds.is_empty() {
+        builds.push(Build::host()?);
+    }
+    builds.iter().try_for_each(Build::check_tools)?;
+    Ok(builds)
 }
 
-impl Build {
-    /// The folder of what the build generated for a model.
-    fn generated(&self, model: &str) -> Result<PathBuf> {
-        self.generated
-            .iter()
-            .map(|folder| folder.join(model))
-            .find(|folder| folder.join("modelDescription.xml").is_file())
-            .with_context(|| {
-                format!("the build made no modelDescription.xml for {model}; does build.rs call fmi2_export::build::generate?")
-            })
-    }
-}
-
-/// Compiles packages for this platform; cargo's progress shows on stderr.
-fn compile<'a>(
-    metadata: &Metadata,
-    packages: impl Iterator<Item = &'a Package>,
-    platform: Platform,
-) -> Result<Build> {
-    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let mut command = Command::new(cargo);
-    command
-        .args(["build", "--release", "--message-format=json-render-diagnostics"])
-        .arg("--manifest-path")
-        .arg(metadata.workspace_root.join("Cargo.toml"))
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped());
-    for package in packages {
-        command.args(["--package", &package.name]);
-    }
-    let mut child = command.spawn().context("cannot run cargo; install Rust, or set CARGO to where it is")?;
-    let stdout = child.stdout.take().context("cargo has no output")?;
-    let mut build = Build { libraries: BTreeMap::new(), generated: vec![] };
-    for message in Message::parse_stream(BufReader::new(stdout)) {
-        match message.context("cannot read cargo's messages")? {
-            Message::BuildScriptExecuted(script) => build.generated.push(script.out_dir.into()),
-            Message::CompilerArtifact(artifact)
-                if artifact.target.crate_types.contains(&CrateType::CDyLib) =>
-            {
-                let is_library =
-                    |file: &Path| file.extension().is_some_and(|suffix| suffix == platform.library_suffix());
-                if let Some(file) = artifact.filenames.iter().find(|file| is_library(file.as_std_path())) {
-                    build.libraries.insert(artifact.target.name, file.clone().into());
-                }
+/// The description of each model, which is the same in all builds.
+fn descriptions<'a>(
+    models: &BTreeMap<&'a str, &Package>,
+    compiled: &[(Platform, Compiled)],
+) -> Result<BTreeMap<&'a str, String>> {
+    let mut descriptions = BTreeMap::new();
+    for &name in models.keys() {
+        for (platform, compiled) in compiled {
+            let description = compiled.description(name)?;
+            if *descriptions.entry(name).or_insert_with(|| description.clone()) != description {
+                bail!("the build for {} made another description of {name}", platform.folder());
             }
-            _ => {}
         }
     }
-    if !child.wait().context("cargo did not end")?.success() {
-        bail!("cargo could not build the models; its messages stand above");
-    }
-    Ok(build)
+    Ok(descriptions)
 }
 
-/// The page that the build generated in a folder, with the platforms that the FMU has libraries for, and the
-/// icon where the model has one.
-fn documentation(generated: &Path, platforms: &[Platform]) -> Result<Vec<(String, Vec<u8>)>> {
-    let file = generated.join("index.html");
-    let folders: Vec<_> = platforms.iter().map(|platform| platform.folder().to_owned()).collect();
-    let page = package::documentation(&read_text(&file)?, &folders)
-        .with_context(|| format!("cannot use {}", file.display()))?;
-    let mut files = vec![("documentation/index.html".to_owned(), page.into_bytes())];
+/// A library that is to be packed.
+struct ModelLibrary<'a> {
+    platform: Platform,
+    file: &'a Path,
+    bytes: Vec<u8>,
+}
+
+impl<'a> ModelLibrary<'a> {
+    /// Reads a library, which must be one for its platform.
+    fn read(platform: Platform, file: &'a Path) -> Result<Self> {
+        let given = Self { platform, file, bytes: read(file)? };
+        Library::read(&given.bytes)
+            .and_then(|library| library.fits(platform))
+            .with_context(|| given.refused())?;
+        Ok(given)
+    }
+
+    fn refused(&self) -> String {
+        format!("{} cannot be the library for {}", self.file.display(), self.platform.folder())
+    }
+}
+
+/// The libraries of each model: those that were compiled, and those that were built elsewhere. By its GUID,
+/// each knows the description that it was built from.
+fn libraries<'a>(
+    descriptions: &BTreeMap<&'a str, String>,
+    compiled: &[(Platform, Compiled)],
+    given: Vec<ModelLibrary<'_>>,
+) -> Result<BTreeMap<&'a str, BTreeMap<Platform, Vec<u8>>>> {
+    let mut all = vec![];
+    for &name in descriptions.keys() {
+        for (platform, compiled) in compiled {
+            all.push(ModelLibrary::read(*platform, compiled.library(name)?)?);
+        }
+    }
+    all.extend(given);
+
+    let mut libraries: BTreeMap<&str, BTreeMap<Platform, Vec<u8>>> = BTreeMap::new();
+    for given in all {
+        let model = descriptions.iter().find(|(_, description)| {
+            guid(description).is_some_and(|guid| holds(&given.bytes, guid.as_bytes()))
+        });
+        let Some((&name, _)) = model else {
+            let models = descriptions.keys().copied().collect::<Vec<_>>().join(" or ");
+            bail!("{}: it was built from another description than {models}", given.refused());
+        };
+        let of_model = libraries.entry(name).or_default();
+        let bytes = match of_model.get(&given.platform) {
+            None => given.bytes,
+            Some(other) if given.platform == Platform::Darwin64 => {
+                library::join(&[other, &given.bytes]).with_context(|| given.refused())?
+            }
+            Some(_) => bail!("{}: {name} has one already", given.refused()),
+        };
+        of_model.insert(given.platform, bytes);
+    }
+    Ok(libraries)
+}
+
+/// A description's GUID.
+fn guid(model_description: &str) -> Option<&str> {
+    model_description.split("guid=\"").nth(1).and_then(|rest| rest.split('"').next())
+}
+
+/// Whether bytes hold a text.
+fn holds(bytes: &[u8], text: &[u8]) -> bool {
+    bytes.windows(text.len()).any(|window| window == text)
+}
+
+/// The page that the build generated in a folder, the list of the platforms that the FMU has libraries for, and
+/// the icon where the model has one.
+fn documentation(
+    generated: &Path,
+    libraries: &BTreeMap<Platform, Vec<u8>>,
+) -> Result<Vec<(String, Vec<u8>)>> {
+    let mut platforms = PlatformList::default();
+    for (platform, library) in libraries {
+        platforms.libraries.insert(*platform, Library::read(library)?);
+    }
+    let mut files = vec![
+        ("documentation/index.html".to_owned(), read(&generated.join("index.html"))?),
+        (PlatformList::PATH.to_owned(), platforms.to_string().into_bytes()),
+    ];
     let icon = generated.join("model.png");
     if icon.is_file() {
         files.push(("model.png".to_owned(), read(&icon)?));
@@ -181,22 +243,15 @@ fn licenses(root: &Path) -> Result<Vec<(String, Vec<u8>)>> {
     Ok(files)
 }
 
-fn read_text(file: &Path) -> Result<String> {
-    fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))
-}
-
 fn read(file: &Path) -> Result<Vec<u8>> {
     fs::read(file).with_context(|| format!("cannot read {}", file.display()))
 }
 
-/// Writes an FMU beside its place, then moves it there: whoever reads the file never sees half of it.
+/// Writes an FMU and says so.
 fn write(fmu: &Fmu<'_>, path: &Path) -> Result<()> {
-    let new = path.with_extension("fmu.new");
-    let failed = || format!("cannot write {}", path.display());
-    fmu.write(fs::File::create(&new).with_context(failed)?).with_context(failed)?;
-    fs::rename(&new, path).with_context(failed)?;
-    let kilobytes = fs::metadata(path).with_context(failed)?.len().div_ceil(1000);
-    let guid = fmu.model_description.split("guid=\"").nth(1).and_then(|rest| rest.split('"').next());
-    println!("{}  {kilobytes} kB  {}", path.display(), guid.unwrap_or("no GUID"));
+    write_whole(path, |file| fmu.write(file))?;
+    let size = fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len();
+    let guid = guid(fmu.model_description).unwrap_or("no GUID");
+    println!("{}  {} kB  {guid}", path.display(), size.div_ceil(1000));
     Ok(())
 }

@@ -1,21 +1,27 @@
 //! The command line: what it takes, and which room does the work.
 
 mod check;
+mod compile;
 mod coupling;
 mod export;
 mod fmu;
 mod info;
+mod merge;
 mod parameters;
 mod ssp;
+mod target;
 
-use std::fs::OpenOptions;
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
 
+use fmi2_export::package::Platform;
+
 use self::coupling::Role;
+use self::target::Target;
 
 /// Exports the plant and the controller of the boost control as FMI 2.0 co-simulation FMUs, and couples them
 /// with FMUs of other makers.
@@ -38,6 +44,25 @@ enum Command {
         /// Parameter sets that Boost.ssp binds to the FMU that has their parameters
         #[arg(long, value_name = "FILE.ssv")]
         parameters: Vec<PathBuf>,
+        /// What to build for: a folder's name of FMI (linux64, win64, darwin64, aarch64-linux ...) or a target's
+        /// of Rust, which may end in the oldest glibc, as x86_64-unknown-linux-gnu.2.17 [default: this platform]
+        #[arg(long = "target", value_name = "TARGET")]
+        targets: Vec<Target>,
+        /// A library that was built elsewhere from the same sources, and its platform
+        #[arg(long = "binary", value_name = "PLATFORM=FILE", value_parser = of_platform::<PathBuf>)]
+        binaries: Vec<(Platform, PathBuf)>,
+    },
+    /// Join FMUs of one model, each with libraries for other platforms, into one with all of them
+    Merge {
+        /// The FMUs
+        #[arg(value_name = "FILE.fmu", required = true)]
+        fmus: Vec<PathBuf>,
+        /// Where the library for a platform was run, for the FMU's documentation
+        #[arg(long = "ran", value_name = "PLATFORM=WHERE", value_parser = of_platform::<String>)]
+        runs: Vec<(Platform, String)>,
+        /// The file to write
+        #[arg(long, short, value_name = "FILE.fmu")]
+        out: PathBuf,
     },
     /// Show what an FMU is and which variables it has
     Info {
@@ -94,7 +119,10 @@ enum Command {
 /// Does what the command line asks for. Whether the answer is yes, where it is a question.
 pub fn run() -> Result<bool> {
     match Arguments::parse().command {
-        Command::Export { models, out, parameters } => export::run(&models, out, &parameters).map(|()| true),
+        Command::Export { models, out, parameters, targets, binaries } => {
+            export::run(&models, out, &parameters, &targets, &binaries).map(|()| true)
+        }
+        Command::Merge { fmus, runs, out } => merge::run(&fmus, &runs, &out).map(|()| true),
         Command::Info { file } => info::run(&file).map(|()| true),
         Command::Parameters { file, out } => parameters::run(&file, out.as_deref()).map(|()| true),
         Command::Check { file, role, map, write_map } => {
@@ -106,12 +134,26 @@ pub fn run() -> Result<bool> {
     }
 }
 
+/// Reads what is said of a platform: its folder, `=`, and the value.
+fn of_platform<Value: From<String>>(text: &str) -> Result<(Platform, Value)> {
+    let (folder, value) = text.split_once('=').context("there is no '=' in it")?;
+    Ok((folder.parse()?, value.to_owned().into()))
+}
+
 /// Prints a text. Whoever reads it may stop before its end, as `head` does.
 fn print(text: &str) -> Result<()> {
     match io::stdout().lock().write_all(text.as_bytes()) {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
         other => other.context("cannot print"),
     }
+}
+
+/// Writes a file beside its place, then moves it there: whoever reads it never sees half of it.
+fn write_whole(path: &Path, write: impl FnOnce(File) -> io::Result<()>) -> Result<()> {
+    let mut new = path.to_owned().into_os_string();
+    new.push(".new");
+    let failed = || format!("cannot write {}", path.display());
+    File::create(&new).and_then(write).and_then(|()| fs::rename(&new, path)).with_context(failed)
 }
 
 /// Writes a file that its user will edit: one that is there is kept.

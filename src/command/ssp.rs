@@ -1,7 +1,7 @@
 //! `ssp`: the coupled system of any plant and any controller, as a package of System Structure and
 //! Parameterization.
 
-use std::fs::{self, File};
+use std::fs;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail};
 use fmi2_export::package::{ModelDescription, ParameterSet, SystemPackage};
 
 use super::coupling::{Fit, Map, Member, Role, couple};
-use super::{check, fmu, parameters};
+use super::{check, fmu, parameters, write_whole};
 
 /// The system's name.
 const SYSTEM: &str = "Boost";
@@ -103,13 +103,11 @@ fn place(set: &ParameterSet, plant: &ModelDescription, controller: &ModelDescrip
     Ok(role)
 }
 
-/// Writes a package beside its place, then moves it there: whoever reads the file never sees half of it.
+/// Writes a package and says so.
 pub fn write(package: &SystemPackage, path: &Path) -> Result<()> {
-    let new = path.with_extension("ssp.new");
-    let failed = || format!("cannot write {}", path.display());
-    package.write(BufWriter::new(File::create(&new).with_context(failed)?)).with_context(failed)?;
-    fs::rename(&new, path).with_context(failed)?;
-    let kilobytes = fs::metadata(path).with_context(failed)?.len().div_ceil(1000);
+    write_whole(path, |file| package.write(BufWriter::new(file)))?;
+    let kilobytes =
+        fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len().div_ceil(1000);
     println!("{}  {kilobytes} kB", path.display());
     Ok(())
 }

@@ -161,8 +161,10 @@ def test_page_names_the_platforms_and_the_guid(
 ) -> None:
     facts = {fact[0].text: list(fact[1].itertext()) for fact in tree.xpath("//dl[@class='facts']/div")}
     with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
-        binaries = [entry.split("/") for entry in archive.namelist() if entry.startswith("binaries/")]
-    assert facts["Packed for"] == [folder for _, folder, _ in binaries]
+        folders = [entry.split("/")[1] for entry in archive.namelist() if entry.startswith("binaries/")]
+        platforms = archive.read("documentation/platforms.txt").decode()
+    assert facts["Platforms"] == ["those in ", "platforms.txt"]
+    assert [line.split(":")[0] for line in platforms.splitlines()[2:]] == folders
     assert facts["GUID"] == [fmus[name].description.guid]
 
 

@@ -23,10 +23,6 @@ mod xml;
 pub use inputs::{InputSignal, MAX_ORDER};
 pub use model::{Context, Error, Experiment, Inputs, InputsOf, Model, RealInput, Step, Variables};
 
-/// Where the documentation's page has room for what is known only when the FMU is packed.
-#[cfg(any(feature = "build", feature = "package"))]
-const PACKAGE_MARK: &str = "<!-- packed -->";
-
 /// Includes the typed interface that [`build::generate`](https://docs.rs/fmi2-export) made of a model's
 /// JSON, by the model's identifier.
 #[macro_export]

@@ -14,7 +14,6 @@ use super::fragment::Fragment;
 use super::json::{self, Units};
 use super::resolve::{DataType, Field, Part, Resolved, Role, Start};
 use super::xml;
-use crate::PACKAGE_MARK;
 
 /// The tables of variables in their order on the page: id, title, and whose variables.
 const TABLES: [(&str, &str, Role); 6] = [
@@ -65,7 +64,6 @@ pub(super) fn write(
         script = include_str!("page/filter.js"),
         contents = page.contents(fragment),
         facts = page.facts(guid),
-        package = PACKAGE_MARK,
         capabilities = page.capabilities(),
         commands = page.commands(),
         model = fragment.map(model_section).unwrap_or_default(),

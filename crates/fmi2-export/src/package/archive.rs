@@ -4,7 +4,7 @@
 //! Nothing is extracted here. What would do harm to whoever extracts it is refused: paths that lead out of
 //! the archive's folder, two entries of one path, entries of unbelievable sizes.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Read, Seek, Write};
 
 use zip::result::ZipResult;
@@ -13,6 +13,8 @@ use zip::{CompressionMethod, DateTime, ZipArchive};
 
 /// What all entries together may claim to hold in bytes; no FMU or system is as large.
 const LARGEST_CONTENT: u64 = 16 << 30;
+/// What all entries together may hold in bytes where all are read at once.
+const LARGEST_FILES: u64 = 2 << 30;
 /// What a single text that is read may hold in bytes; descriptions of the largest models have some 50 MB.
 const LARGEST_TEXT: u64 = 128 << 20;
 
@@ -66,6 +68,42 @@ fn read_text_up_to<R: Read + Seek>(
         return Err(broken(format!("its {path} is larger than {largest} bytes")));
     }
     Ok(text)
+}
+
+/// All files of an archive, by their paths.
+///
+/// # Errors
+/// When an entry is no file, damaged, or the files are too large.
+pub fn read_files<R: Read + Seek>(archive: &mut ZipArchive<R>) -> io::Result<BTreeMap<String, Vec<u8>>> {
+    read_files_up_to(LARGEST_FILES, archive)
+}
+
+fn read_files_up_to<R: Read + Seek>(
+    largest: u64,
+    archive: &mut ZipArchive<R>,
+) -> io::Result<BTreeMap<String, Vec<u8>>> {
+    let mut files = BTreeMap::new();
+    let mut left = largest;
+    for index in 0..archive.len() {
+        let entry = archive.by_index(index).map_err(|error| broken(error.to_string()))?;
+        let path = entry.name().map_err(|error| broken(error.to_string()))?.into_owned();
+        if entry.is_symlink() {
+            return Err(broken(format!("its entry '{path}' is a link")));
+        }
+        if entry.is_dir() {
+            continue;
+        }
+        let mut content = vec![];
+        let read = entry
+            .take(left + 1)
+            .read_to_end(&mut content)
+            .map_err(|error| broken(format!("its {path} cannot be read: {error}")))?;
+        left = left
+            .checked_sub(read as u64)
+            .ok_or_else(|| broken(format!("its files are larger than {largest} bytes")))?;
+        files.insert(path, content);
+    }
+    Ok(files)
 }
 
 /// Whether a path stays in the folder that it is extracted to, on every system.

@@ -5,59 +5,11 @@
 
 use std::io::{self, Seek, Write};
 
-use quick_xml::escape::escape;
-
 use super::archive;
-use crate::PACKAGE_MARK;
+use super::platform::Platform;
 
-/// A platform that FMI 2.0 names a folder for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-#[allow(missing_docs)]
-pub enum Platform {
-    Darwin64,
-    Linux32,
-    Linux64,
-    Win32,
-    Win64,
-}
-
-impl Platform {
-    /// The platform that this program runs on, if FMI 2.0 names a folder for it.
-    #[must_use]
-    pub fn host() -> Option<Self> {
-        match (std::env::consts::OS, std::env::consts::ARCH) {
-            // On macOS, one folder serves both architectures.
-            ("macos", "x86_64" | "aarch64") => Some(Self::Darwin64),
-            ("linux", "x86") => Some(Self::Linux32),
-            ("linux", "x86_64") => Some(Self::Linux64),
-            ("windows", "x86") => Some(Self::Win32),
-            ("windows", "x86_64") => Some(Self::Win64),
-            _ => None,
-        }
-    }
-
-    /// Its folder below `binaries/`.
-    #[must_use]
-    pub fn folder(self) -> &'static str {
-        match self {
-            Self::Darwin64 => "darwin64",
-            Self::Linux32 => "linux32",
-            Self::Linux64 => "linux64",
-            Self::Win32 => "win32",
-            Self::Win64 => "win64",
-        }
-    }
-
-    /// What the name of a library ends in there.
-    #[must_use]
-    pub fn library_suffix(self) -> &'static str {
-        match self {
-            Self::Darwin64 => "dylib",
-            Self::Linux32 | Self::Linux64 => "so",
-            Self::Win32 | Self::Win64 => "dll",
-        }
-    }
-}
+/// Where every importer reads what the FMU is.
+pub(super) const MODEL_DESCRIPTION: &str = "modelDescription.xml";
 
 /// The parts of an FMU.
 #[derive(Clone, Debug)]
@@ -84,31 +36,15 @@ impl Fmu<'_> {
             refuse_stray(path)?;
         }
         for (platform, library) in &self.libraries {
-            let (folder, suffix) = (platform.folder(), platform.library_suffix());
-            entries
-                .push((format!("binaries/{folder}/{}.{suffix}", self.model_identifier), library.as_slice()));
+            entries.push((platform.library_path(self.model_identifier), library.as_slice()));
         }
         entries.extend(self.files.iter().map(|(path, content)| (path.clone(), content.as_slice())));
         entries.sort();
         // First what every importer reads first.
-        entries.insert(0, ("modelDescription.xml".to_owned(), self.model_description.as_bytes()));
+        entries.insert(0, (MODEL_DESCRIPTION.to_owned(), self.model_description.as_bytes()));
         archive::write(writer, &entries)?;
         Ok(())
     }
-}
-
-/// Completes the page that the build made (its `index.html`) with what is known only now, for example the
-/// platforms that the FMU has libraries for: a line of text each. It belongs to
-/// `documentation/index.html`.
-///
-/// # Errors
-/// When the page is not one that the build made.
-pub fn documentation(page: &str, packed: &[String]) -> io::Result<String> {
-    let (before, after) = page.split_once(PACKAGE_MARK).ok_or_else(|| {
-        io::Error::new(io::ErrorKind::InvalidInput, format!("the page has no {PACKAGE_MARK}"))
-    })?;
-    let lines = packed.iter().map(escape).collect::<Vec<_>>().join("<br/>");
-    Ok(format!("{before}<div><dt>Packed for</dt><dd>{lines}</dd></div>{after}"))
 }
 
 /// Refuses what lies neither in a folder of the standard nor is its picture, or would be extracted elsewhere.
@@ -160,18 +96,6 @@ mod tests {
         let mut content = String::new();
         io::Read::read_to_string(&mut zip.by_name("binaries/win64/Lag.dll").unwrap(), &mut content).unwrap();
         assert_eq!(content, "dll");
-    }
-
-    #[test]
-    fn the_page_says_what_the_fmu_was_packed_for() {
-        let page = format!("<dl>{PACKAGE_MARK}</dl>");
-        let lines = ["linux64".to_owned(), "a <b> & c".to_owned()];
-        assert_eq!(
-            documentation(&page, &lines).unwrap(),
-            "<dl><div><dt>Packed for</dt><dd>linux64<br/>a &lt;b&gt; &amp; c</dd></div></dl>"
-        );
-        let error = documentation("<dl></dl>", &lines).unwrap_err();
-        assert_eq!(error.to_string(), "the page has no <!-- packed -->");
     }
 
     #[test]

@@ -1,18 +1,26 @@
 //! The files that models and systems are exchanged in, for commands.
 //!
-//! Written: [`Fmu`], [`SystemPackage`]. Read, of any maker: [`archive::open`] and
-//! [`ModelDescription`]. Both: [`ParameterSet`].
+//! Written: [`Fmu`], [`SystemPackage`], [`PlatformList`]. Read, of any maker: [`archive::open`],
+//! [`ModelDescription`] and [`Library`]. Both: [`ParameterSet`], and FMUs that are [`Merged`].
 
 pub mod archive;
 mod fmu;
+pub mod library;
+mod merge;
 mod model_description;
 mod parameter_set;
+mod platform;
+mod platform_list;
 mod system_structure;
 mod units;
 
-pub use fmu::{Fmu, Platform, documentation};
+pub use fmu::Fmu;
+pub use library::Library;
+pub use merge::{Merged, Part};
 pub use model_description::{Enumeration, ModelDescription, Variable};
 pub use parameter_set::{Parameter, ParameterSet, Value};
+pub use platform::Platform;
+pub use platform_list::PlatformList;
 pub use system_structure::{
     Component, Connection, Connector, End, Kind, Placement, System, SystemPackage, SystemStructure,
 };

@@ -1,0 +1,220 @@
+//! The library of a model as a file: what it was built for, and what it needs there.
+//!
+//! The file may be anyone's: only its headers are read, and what is no library is refused.
+
+use std::fmt::{self, Display};
+use std::io;
+
+use fat_macho::FatWriter;
+use object::read::elf::{ElfFile, FileHeader};
+use object::read::macho::{FatArch, MachHeader, MachOFatFile32, MachOFatFile64, MachOFile};
+use object::{Endianness, File, FileKind, Object, ObjectKind, macho};
+
+use super::archive::broken;
+use super::platform::Platform;
+
+/// The formats of shared libraries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Linux.
+    Elf,
+    /// macOS.
+    MachO,
+    /// Windows.
+    Pe,
+}
+
+impl Format {
+    /// What the name of a library ends in.
+    #[must_use]
+    pub fn suffix(self) -> &'static str {
+        match self {
+            Self::Elf => "so",
+            Self::MachO => "dylib",
+            Self::Pe => "dll",
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Elf => "ELF",
+            Self::MachO => "Mach-O",
+            Self::Pe => "PE",
+        }
+    }
+}
+
+/// The processors that libraries of FMUs are built for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[allow(missing_docs)]
+pub enum Architecture {
+    Aarch64,
+    X86,
+    X86_64,
+}
+
+impl Architecture {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Aarch64 => "aarch64",
+            Self::X86 => "x86",
+            Self::X86_64 => "x86-64",
+        }
+    }
+}
+
+/// What a library's file says of itself.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Library {
+    /// Its format.
+    pub format: Format,
+    /// The processors it is for: several in a universal library of macOS.
+    pub architectures: Vec<Architecture>,
+    /// The oldest glibc (ELF) or macOS (Mach-O) that it runs on: the numbers of its version, where it tells.
+    pub oldest_system: Option<Vec<u32>>,
+}
+
+impl Library {
+    /// Reads the headers of a library.
+    ///
+    /// # Errors
+    /// When it is no shared library, or one for other systems and processors than FMUs are built for.
+    pub fn read(bytes: &[u8]) -> io::Result<Self> {
+        let slices = slices(bytes).map_err(unreadable)?;
+        let mut slices = slices.into_iter().map(Self::read_slice);
+        let mut library =
+            slices.next().ok_or_else(|| broken("it is a universal library that holds none"))??;
+        for slice in slices {
+            let slice = slice?;
+            library.architectures.extend(slice.architectures);
+            library.oldest_system = library.oldest_system.max(slice.oldest_system);
+        }
+        library.architectures.sort();
+        Ok(library)
+    }
+
+    /// Reads a library for a single processor.
+    fn read_slice(bytes: &[u8]) -> io::Result<Self> {
+        let file = File::parse(bytes).map_err(unreadable)?;
+        if file.kind() != ObjectKind::Dynamic {
+            return Err(broken("it is no shared library"));
+        }
+        let architecture = match file.architecture() {
+            object::Architecture::Aarch64 => Architecture::Aarch64,
+            object::Architecture::I386 => Architecture::X86,
+            object::Architecture::X86_64 => Architecture::X86_64,
+            other => return Err(broken(format!("it is for the processor {other:?}"))),
+        };
+        let (format, oldest_system) = match &file {
+            File::Elf32(file) => (Format::Elf, glibc(file)),
+            File::Elf64(file) => (Format::Elf, glibc(file)),
+            File::MachO32(file) => (Format::MachO, macos(file)),
+            File::MachO64(file) => (Format::MachO, macos(file)),
+            File::Pe32(_) | File::Pe64(_) => (Format::Pe, Ok(None)),
+            _ => return Err(broken("it is no shared library")),
+        };
+        let oldest_system = oldest_system.map_err(unreadable)?;
+        Ok(Self { format, architectures: vec![architecture], oldest_system })
+    }
+
+    /// Refuses a library that does not belong into a platform's folder.
+    ///
+    /// # Errors
+    /// When its format or a processor is another one.
+    pub fn fits(&self, platform: Platform) -> io::Result<()> {
+        let is_for_it = |architecture| platform.architectures().contains(architecture);
+        if self.format == platform.format() && self.architectures.iter().all(is_for_it) {
+            return Ok(());
+        }
+        Err(broken(format!(
+            "it is {} for {}; {} takes {} for {}",
+            self.format.name(),
+            names(&self.architectures, " and "),
+            platform.folder(),
+            platform.format().name(),
+            names(platform.architectures(), " or ")
+        )))
+    }
+}
+
+/// As in `ELF for x86-64, glibc 2.17 or later`.
+impl Display for Library {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{} for {}", self.format.name(), names(&self.architectures, " and "))?;
+        let Some(numbers) = &self.oldest_system else { return Ok(()) };
+        let system = if self.format == Format::MachO { "macOS" } else { "glibc" };
+        let version = numbers.iter().map(u32::to_string).collect::<Vec<_>>().join(".");
+        write!(formatter, ", {system} {version} or later")
+    }
+}
+
+fn names(architectures: &[Architecture], between: &str) -> String {
+    architectures.iter().map(|architecture| architecture.name()).collect::<Vec<_>>().join(between)
+}
+
+/// The libraries in a universal one, or the one that it is.
+fn slices(bytes: &[u8]) -> object::Result<Vec<&[u8]>> {
+    fn all<'a, A: FatArch>(arches: &[A], bytes: &'a [u8]) -> object::Result<Vec<&'a [u8]>> {
+        arches.iter().map(|arch| arch.data(bytes)).collect()
+    }
+    match FileKind::parse(bytes)? {
+        FileKind::MachOFat32 => all(MachOFatFile32::parse(bytes)?.arches(), bytes),
+        FileKind::MachOFat64 => all(MachOFatFile64::parse(bytes)?.arches(), bytes),
+        _ => Ok(vec![bytes]),
+    }
+}
+
+/// The version of glibc that has all the symbols it asks for.
+fn glibc<Elf>(file: &ElfFile<'_, Elf>) -> object::Result<Option<Vec<u32>>>
+where
+    Elf: FileHeader<Endian = Endianness>,
+{
+    let (endian, sections) = (file.endian(), file.elf_section_table());
+    let Some((mut files, strings)) = sections.gnu_verneed(endian, file.data())? else { return Ok(None) };
+    let strings = sections.strings(endian, file.data(), strings)?;
+    let mut newest: Option<Vec<u32>> = None;
+    while let Some((_, mut versions)) = files.next()? {
+        while let Some(version) = versions.next()? {
+            let name = String::from_utf8_lossy(version.name(endian, strings)?);
+            let numbers = name.strip_prefix("GLIBC_").map(|version| version.split('.').map(str::parse));
+            // There are names without numbers, for what is private.
+            if let Some(Ok(numbers)) = numbers.map(Iterator::collect) {
+                newest = newest.max(Some(numbers));
+            }
+        }
+    }
+    Ok(newest)
+}
+
+/// The version of macOS that it was linked for.
+fn macos<Mach: MachHeader>(file: &MachOFile<'_, Mach>) -> object::Result<Option<Vec<u32>>> {
+    let mut commands = file.macho_load_commands()?;
+    while let Some(command) = commands.next()? {
+        if let Some((build, _)) = command.build_version(file.endian())?
+            && build.platform.get(file.endian()) == macho::PLATFORM_MACOS
+        {
+            let macho::Version(version) = build.minos.get(file.endian());
+            return Ok(Some(vec![version >> 16, version >> 8 & 0xff]));
+        }
+    }
+    Ok(None)
+}
+
+/// Joins libraries of macOS for different processors into a universal one.
+///
+/// # Errors
+/// When one is no such library, or two are for the same processor.
+pub fn join(libraries: &[&[u8]]) -> io::Result<Vec<u8>> {
+    let refused = |error: fat_macho::Error| broken(format!("they cannot be joined: {error}"));
+    let mut writer = FatWriter::new();
+    for &library in libraries {
+        writer.add(library).map_err(refused)?;
+    }
+    let mut bytes = vec![];
+    writer.write_to(&mut bytes).map_err(refused)?;
+    Ok(bytes)
+}
+
+fn unreadable(error: object::Error) -> io::Error {
+    broken(format!("it is no shared library: {error}"))
+}

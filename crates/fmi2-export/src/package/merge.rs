@@ -1,0 +1,151 @@
+//! Joins FMUs of one model, each with libraries for other platforms, into one with all of them.
+//!
+//! They may be anyone's, so nothing is taken for granted: the descriptions must be the same, each library
+//! must be what its folder says, and what differs otherwise is refused.
+
+use std::collections::BTreeMap;
+use std::io::{self, Seek, Write};
+
+use super::archive::{self, broken};
+use super::fmu::MODEL_DESCRIPTION;
+use super::library::{self, Library};
+use super::model_description::ModelDescription;
+use super::platform::Platform;
+use super::platform_list::PlatformList;
+
+/// An FMU that is to be merged.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// What messages call it.
+    pub name: String,
+    /// Its files by their paths, as [`archive::read_files`] has them.
+    pub files: BTreeMap<String, Vec<u8>>,
+}
+
+/// An FMU with the libraries of all parts.
+#[derive(Clone, Debug)]
+pub struct Merged {
+    files: BTreeMap<String, Vec<u8>>,
+    /// Its platforms.
+    pub platforms: PlatformList,
+}
+
+impl Merged {
+    /// Merges parts. `runs` tells where libraries were run, beyond what the parts say.
+    ///
+    /// # Errors
+    /// When the parts are of different models, or do not fit together; the message names them.
+    pub fn new(parts: &[Part], runs: &BTreeMap<Platform, String>) -> io::Result<Self> {
+        let (first, others) = parts.split_first().ok_or_else(|| broken("there is nothing to merge"))?;
+        let mut all_runs = first.runs();
+        let mut files: BTreeMap<&str, (&Part, Vec<u8>)> =
+            first.files.iter().map(|(path, content)| (path.as_str(), (first, content.clone()))).collect();
+        for other in others {
+            first.refuse_another_model(other)?;
+            first.refuse_other_documents(other)?;
+            for (path, content) in &other.files {
+                match files.get_mut(path.as_str()) {
+                    None => drop(files.insert(path, (other, content.clone()))),
+                    Some((_, known)) if known == content || path == PlatformList::PATH => {}
+                    Some((part, known)) => {
+                        *known = unite(path, known, content)
+                            .map_err(|error| broken(format!("{} and {}: {error}", part.name, other.name)))?;
+                    }
+                }
+            }
+            for (platform, run) in other.runs() {
+                let known: &mut String = all_runs.entry(platform).or_default();
+                if !known.contains(&run) {
+                    *known = if known.is_empty() { run } else { format!("{known}, {run}") };
+                }
+            }
+        }
+        all_runs.extend(runs.clone());
+
+        let description = first.description()?;
+        let mut platforms = PlatformList { libraries: BTreeMap::new(), runs: all_runs };
+        for (_, attributes) in &description.interfaces {
+            let identifier = attributes.iter().find(|(name, _)| name == "modelIdentifier");
+            for platform in Platform::ALL {
+                let path = identifier.map(|(_, identifier)| platform.library_path(identifier));
+                if let Some((part, content)) = path.and_then(|path| files.get(path.as_str())) {
+                    let library = Library::read(content).and_then(|it| it.fits(platform).map(|()| it));
+                    let library = library.map_err(|error| {
+                        broken(format!("the library for {} in {}: {error}", platform.folder(), part.name))
+                    })?;
+                    platforms.libraries.insert(platform, library);
+                }
+            }
+        }
+        if let Some(platform) = platforms.runs.keys().find(|run| !platforms.libraries.contains_key(run)) {
+            return Err(broken(format!("there is no library for {} that was run", platform.folder())));
+        }
+        let mut files: BTreeMap<_, _> =
+            files.into_iter().map(|(path, (_, content))| (path.to_owned(), content)).collect();
+        files.insert(PlatformList::PATH.to_owned(), platforms.to_string().into_bytes());
+        Ok(Self { files, platforms })
+    }
+
+    /// Writes the archive.
+    ///
+    /// # Errors
+    /// When writing fails.
+    pub fn write(&self, writer: impl Write + Seek) -> io::Result<()> {
+        let mut entries: Vec<_> =
+            self.files.iter().map(|(path, content)| (path.clone(), content.as_slice())).collect();
+        // First what every importer reads first.
+        entries.sort_by_key(|(path, _)| path != MODEL_DESCRIPTION);
+        Ok(archive::write(writer, &entries)?)
+    }
+}
+
+impl Part {
+    fn description(&self) -> io::Result<ModelDescription> {
+        let bytes = self.files.get(MODEL_DESCRIPTION);
+        let bytes =
+            bytes.ok_or_else(|| broken(format!("there is no {MODEL_DESCRIPTION} in {}", self.name)))?;
+        let text = str::from_utf8(bytes).map_err(io::Error::other);
+        text.and_then(ModelDescription::parse)
+            .map_err(|error| broken(format!("{MODEL_DESCRIPTION} in {} is broken: {error}", self.name)))
+    }
+
+    fn runs(&self) -> BTreeMap<Platform, String> {
+        let text = self.files.get(PlatformList::PATH).map(|bytes| String::from_utf8_lossy(bytes));
+        text.map(|text| PlatformList::read_runs(&text)).unwrap_or_default()
+    }
+
+    fn refuse_another_model(&self, other: &Self) -> io::Result<()> {
+        let [own, others] = [self, other].map(Self::description);
+        let (own, others) = (own?, others?);
+        let guids = [own.attribute("guid"), others.attribute("guid")];
+        let refuse = |what: String| Err(broken(format!("{} and {} {what}", self.name, other.name)));
+        if guids[0] != guids[1] {
+            return refuse(format!("are different models, with the GUIDs {} and {}", guids[0], guids[1]));
+        }
+        if self.files.get(MODEL_DESCRIPTION) != other.files.get(MODEL_DESCRIPTION) {
+            return refuse(format!("have the GUID {} and yet different descriptions", guids[0]));
+        }
+        Ok(())
+    }
+
+    /// Refuses another FMU that differs in more than its libraries and the list of these.
+    fn refuse_other_documents(&self, other: &Self) -> io::Result<()> {
+        for path in self.files.keys().chain(other.files.keys()) {
+            if path.starts_with("binaries/") || path == PlatformList::PATH {
+                continue;
+            }
+            if self.files.get(path) != other.files.get(path) {
+                return Err(broken(format!("{} and {} differ in {path}", self.name, other.name)));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// One library of two that lie in the same place.
+fn unite(path: &str, first: &[u8], second: &[u8]) -> io::Result<Vec<u8>> {
+    if path.split('/').nth(1) == Some(Platform::Darwin64.folder()) {
+        return library::join(&[first, second]).map_err(|error| broken(format!("both hold {path}: {error}")));
+    }
+    Err(broken(format!("both hold {path}, and these differ")))
+}

@@ -1,0 +1,110 @@
+//! The platforms that an FMU may hold libraries for: the folders of these and what belongs into them
+//! (FMI 2.0.5, section 2.3).
+//!
+//! The standard names folders for x86. For other processors it refers to the platform tuples of FMI 3.0
+//! (section 2.5.1.4.1 there).
+
+use std::io;
+use std::str::FromStr;
+
+use super::library::{Architecture, Format};
+
+/// A platform that FMI 2.0 has a folder for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[allow(missing_docs)]
+pub enum Platform {
+    Aarch64Darwin,
+    Aarch64Linux,
+    Aarch64Windows,
+    /// By the standard macOS on x86-64. On Apple Silicon FMPy and others look here, too, so the library may
+    /// be for either processor, or a universal one for both.
+    Darwin64,
+    Linux32,
+    Linux64,
+    Win32,
+    Win64,
+}
+
+impl Platform {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::Aarch64Darwin,
+        Self::Aarch64Linux,
+        Self::Aarch64Windows,
+        Self::Darwin64,
+        Self::Linux32,
+        Self::Linux64,
+        Self::Win32,
+        Self::Win64,
+    ];
+
+    /// The platform that this program runs on, if FMI 2.0 has a folder for it.
+    #[must_use]
+    pub fn host() -> Option<Self> {
+        match (std::env::consts::OS, std::env::consts::ARCH) {
+            ("macos", "x86_64" | "aarch64") => Some(Self::Darwin64),
+            ("linux", "aarch64") => Some(Self::Aarch64Linux),
+            ("linux", "x86") => Some(Self::Linux32),
+            ("linux", "x86_64") => Some(Self::Linux64),
+            ("windows", "aarch64") => Some(Self::Aarch64Windows),
+            ("windows", "x86") => Some(Self::Win32),
+            ("windows", "x86_64") => Some(Self::Win64),
+            _ => None,
+        }
+    }
+
+    /// Its folder below `binaries/`.
+    #[must_use]
+    pub fn folder(self) -> &'static str {
+        match self {
+            Self::Aarch64Darwin => "aarch64-darwin",
+            Self::Aarch64Linux => "aarch64-linux",
+            Self::Aarch64Windows => "aarch64-windows",
+            Self::Darwin64 => "darwin64",
+            Self::Linux32 => "linux32",
+            Self::Linux64 => "linux64",
+            Self::Win32 => "win32",
+            Self::Win64 => "win64",
+        }
+    }
+
+    /// The format of libraries there.
+    #[must_use]
+    pub fn format(self) -> Format {
+        match self {
+            Self::Aarch64Darwin | Self::Darwin64 => Format::MachO,
+            Self::Aarch64Linux | Self::Linux32 | Self::Linux64 => Format::Elf,
+            Self::Aarch64Windows | Self::Win32 | Self::Win64 => Format::Pe,
+        }
+    }
+
+    /// The processors that a library there may be for.
+    #[must_use]
+    pub fn architectures(self) -> &'static [Architecture] {
+        match self {
+            Self::Aarch64Darwin | Self::Aarch64Linux | Self::Aarch64Windows => &[Architecture::Aarch64],
+            Self::Darwin64 => &[Architecture::X86_64, Architecture::Aarch64],
+            Self::Linux32 | Self::Win32 => &[Architecture::X86],
+            Self::Linux64 | Self::Win64 => &[Architecture::X86_64],
+        }
+    }
+
+    /// Where a library of this platform lies in the archive.
+    #[must_use]
+    pub fn library_path(self, model_identifier: &str) -> String {
+        format!("binaries/{}/{model_identifier}.{}", self.folder(), self.format().suffix())
+    }
+}
+
+/// From its folder.
+impl FromStr for Platform {
+    type Err = io::Error;
+
+    fn from_str(folder: &str) -> io::Result<Self> {
+        Self::ALL.into_iter().find(|platform| platform.folder() == folder).ok_or_else(|| {
+            let known = Self::ALL.map(Self::folder).join(", ");
+            let message = format!("FMI 2.0 has no platform '{folder}'; it has {known}");
+            io::Error::new(io::ErrorKind::InvalidInput, message)
+        })
+    }
+}

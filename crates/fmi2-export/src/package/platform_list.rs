@@ -1,0 +1,52 @@
+//! `documentation/platforms.txt`: for which platforms an FMU has libraries, what these need, and where they
+//! were run.
+
+use std::collections::BTreeMap;
+use std::fmt::{self, Display};
+
+use super::library::Library;
+use super::platform::Platform;
+
+/// Begins the part of a line that tells where the library was run.
+const RUN: &str = "; run: ";
+
+/// The platforms of an FMU.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct PlatformList {
+    /// What the library of each is.
+    pub libraries: BTreeMap<Platform, Library>,
+    /// Where the library of a platform was run: in which system or emulator.
+    pub runs: BTreeMap<Platform, String>,
+}
+
+impl PlatformList {
+    /// Where the list lies in the archive.
+    pub const PATH: &'static str = "documentation/platforms.txt";
+
+    /// Reads from a list where the libraries were run; what the libraries are, they tell themselves.
+    #[must_use]
+    pub fn read_runs(text: &str) -> BTreeMap<Platform, String> {
+        text.lines()
+            .filter_map(|line| {
+                let (folder, rest) = line.split_once(": ")?;
+                let (_, run) = rest.split_once(RUN)?;
+                Some((folder.parse().ok()?, run.to_owned()))
+            })
+            .collect()
+    }
+}
+
+/// The text of the file: a line for each platform.
+impl Display for PlatformList {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(formatter, "The libraries of this FMU by their folders below binaries/\n")?;
+        for (platform, library) in &self.libraries {
+            write!(formatter, "{}: {library}", platform.folder())?;
+            match self.runs.get(platform) {
+                Some(run) => writeln!(formatter, "{RUN}{run}")?,
+                None => writeln!(formatter, "; only built")?,
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,32 @@
+//! `merge`: joins FMUs of one model, built on several machines, into one for all platforms.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use fmi2_export::package::{Merged, Part, Platform, archive};
+
+use super::{print, write_whole};
+
+/// Merges FMUs; `runs` says where libraries were run.
+pub fn run(fmus: &[PathBuf], runs: &[(Platform, String)], out: &Path) -> Result<()> {
+    let parts = fmus.iter().map(|path| read(path)).collect::<Result<Vec<_>>>()?;
+    let mut known = BTreeMap::new();
+    for (platform, run) in runs {
+        if known.insert(*platform, run.clone()).is_some() {
+            bail!("it is said twice where {} was run", platform.folder());
+        }
+    }
+    let merged = Merged::new(&parts, &known).context("the FMUs cannot be merged")?;
+    write_whole(out, |file| merged.write(file))?;
+    print(&merged.platforms.to_string())
+}
+
+fn read(path: &Path) -> Result<Part> {
+    let shown = path.display();
+    let file = File::open(path).with_context(|| format!("cannot open {shown}"))?;
+    let files = archive::open(BufReader::new(file)).and_then(|mut archive| archive::read_files(&mut archive));
+    Ok(Part { name: shown.to_string(), files: files.with_context(|| format!("{shown} is no FMU"))? })
+}
