@@ -4,7 +4,8 @@
 //! Where an equation has a kink, what is differentiated is the branch that the value is on; at the kink
 //! itself the one that is named there.
 
-use std::f64::consts::LOG2_E;
+use std::array;
+use std::f64::consts::{LN_2, LOG2_E};
 
 use num_dual::DualNum;
 
@@ -41,27 +42,31 @@ pub trait Scalar: DualNum<Primitive = f64> + Copy {
     /// The logarithms to base 2 of several numbers, side by side.
     #[must_use]
     fn logarithms<const N: usize>(numbers: [Self; N]) -> [Self; N] {
-        if Self::NDERIV == 0 {
-            elementary::log2s(numbers.map(|number| number.re())).map(Self::from)
-        } else {
-            numbers.map(|number| number.log2())
-        }
+        let values = elementary::log2s(numbers.map(|number| number.re()));
+        array::from_fn(|index| numbers[index].mapped(values[index], LOG2_E / numbers[index].re()))
     }
 
     /// 2 to several powers, side by side.
     #[must_use]
     fn powers_of_two<const N: usize>(exponents: [Self; N]) -> [Self; N] {
-        if Self::NDERIV == 0 {
-            elementary::exp2s(exponents.map(|exponent| exponent.re())).map(Self::from)
-        } else {
-            exponents.map(|exponent| exponent.exp2())
-        }
+        let values = elementary::exp2s(exponents.map(|exponent| exponent.re()));
+        array::from_fn(|index| exponents[index].mapped(values[index], LN_2 * values[index]))
     }
 
     /// The exponential function.
     #[must_use]
     fn exponential(self) -> Self {
-        if Self::NDERIV == 0 { Self::from(elementary::exp2(LOG2_E * self.re())) } else { self.exp() }
+        let value = elementary::exp2(LOG2_E * self.re());
+        self.mapped(value, value)
+    }
+
+    /// What a function makes of this number: its value, and by its slope the first derivatives.
+    ///
+    /// So the derivatives, too, are those of our own elementary functions: the same on every platform.
+    #[must_use]
+    fn mapped(self, value: f64, slope: f64) -> Self {
+        const { assert!(Self::NDERIV <= 1, "a slope gives first derivatives only") };
+        if Self::NDERIV == 0 { Self::from(value) } else { (self - self.re()) * slope + value }
     }
 
     /// Whether the number is zero and has no derivative that could tell.
