@@ -45,6 +45,8 @@ pub struct Enumeration {
 pub struct Variable {
     /// The name.
     pub name: String,
+    /// The number that calls refer to it by.
+    pub value_reference: String,
     /// `Real`, `Integer`, `Boolean`, `String`, `Enumeration`, or a type of FMI 3.0.
     pub data_type: String,
     /// The enumeration that the variable is of, or another declared type.
@@ -196,6 +198,7 @@ impl Variable {
     fn new(attributes: &Attributes) -> Self {
         Self {
             name: attributes.text("name"),
+            value_reference: attributes.text("valueReference"),
             causality: attributes.text("causality"),
             variability: attributes.text("variability"),
             initial: attributes.text("initial"),

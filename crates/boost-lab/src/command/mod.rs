@@ -1,0 +1,54 @@
+//! The command line: what it takes, and which room does the work.
+
+mod simulate;
+
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use clap::{Parser, Subcommand};
+
+/// The laboratory: drives FMUs through experiments of boost control.
+#[derive(Parser)]
+#[command(name = "boost-lab", version, arg_required_else_help = true)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Run a scenario: FMUs coupled, or one alone
+    Simulate {
+        /// The scenario, which docs/laboratory.md describes
+        #[arg(value_name = "SCENARIO.toml")]
+        scenario: PathBuf,
+        /// The folder of the FMUs [default: the scenario's folder]
+        #[arg(long, value_name = "DIR")]
+        fmus: Option<PathBuf>,
+        /// Another file for an FMU of the scenario, by its name there
+        #[arg(long, value_name = "NAME=FILE.fmu", value_parser = name_and_path)]
+        fmu: Vec<(String, PathBuf)>,
+        /// The file to write, or a folder to write it to [default: <scenario>.csv]
+        #[arg(long, value_name = "FILE.csv|DIR")]
+        out: Option<PathBuf>,
+        /// Draw what is recorded
+        #[arg(long, value_name = "FILE.svg")]
+        plot: Option<PathBuf>,
+    },
+}
+
+/// Does what the command line asks for. Whether the answer is yes, where it is a question.
+pub fn run() -> Result<bool> {
+    match Arguments::parse().command {
+        Command::Simulate { scenario, fmus, fmu, out, plot } => {
+            simulate::run(&scenario, fmus.as_deref(), &fmu, out, plot.as_deref()).map(|()| true)
+        }
+    }
+}
+
+fn name_and_path(text: &str) -> Result<(String, PathBuf)> {
+    match text.split_once('=') {
+        Some((name, path)) if !name.is_empty() && !path.is_empty() => Ok((name.to_owned(), path.into())),
+        _ => bail!("expected NAME=FILE.fmu"),
+    }
+}

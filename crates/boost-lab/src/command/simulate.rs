@@ -1,0 +1,98 @@
+//! `simulate`: a scenario, to a CSV file and a plot.
+
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use boost_lab::master::{Fmus, Master};
+use boost_lab::plot::{Figure, Line, Panel, color};
+use boost_lab::record::Record;
+use boost_lab::scenario::Scenario;
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// How many steps go by between two looks at the progress bar.
+const STEPS_PER_LOOK: u32 = 256;
+
+/// Runs a scenario.
+pub fn run(
+    path: &Path,
+    folder: Option<&Path>,
+    files: &[(String, PathBuf)],
+    out: Option<PathBuf>,
+    plot: Option<&Path>,
+) -> Result<()> {
+    let mut scenario = Scenario::read(path, folder)?;
+    for (name, file) in files {
+        let Some(member) = scenario.fmus.iter_mut().find(|member| member.name == *name) else {
+            let names: Vec<_> = scenario.fmus.iter().map(|member| member.name.as_str()).collect();
+            bail!("{} has no FMU {name}: there are {}", path.display(), names.join(", "));
+        };
+        member.file.clone_from(file);
+    }
+
+    let master = Master::new(&scenario, &mut Fmus::default())?;
+    // It draws nothing where standard error is no terminal.
+    let bar = ProgressBar::new(u64::from(master.steps()?));
+    bar.set_style(
+        ProgressStyle::with_template("{wide_bar} {percent} %  {eta} left").context("no progress bar")?,
+    );
+    let run = master.run(|step| {
+        if step % STEPS_PER_LOOK == 0 {
+            bar.set_position(u64::from(step));
+        }
+    });
+    bar.finish_and_clear();
+    let run = run?;
+    for (name, message) in &run.warnings {
+        eprintln!("warning: {name}: {}", message.text);
+    }
+
+    let name = format!("{}.csv", path.file_stem().unwrap_or_default().to_string_lossy());
+    let out = match out {
+        Some(out) if out.is_dir() => out.join(name),
+        Some(out) => out,
+        None => name.into(),
+    };
+    let write = || run.record.write_csv(BufWriter::new(File::create(&out)?));
+    write().with_context(|| format!("cannot write {}", out.display()))?;
+    println!("{}  {} rows", out.display(), run.record.time().len());
+    if let Some(plot) = plot {
+        let svg = draw(&run.record).svg();
+        std::fs::write(plot, svg).with_context(|| format!("cannot write {}", plot.display()))?;
+        println!("{}", plot.display());
+    }
+    Ok(())
+}
+
+/// A panel for each unit, over time.
+fn draw(record: &Record) -> Figure {
+    let mut units: Vec<&str> = vec![];
+    for column in record.columns() {
+        if !units.contains(&column.unit.as_str()) {
+            units.push(&column.unit);
+        }
+    }
+    let panel = |unit: &&str| {
+        let of_unit: Vec<_> = record.columns().iter().filter(|column| column.unit == **unit).collect();
+        let (shown, factor) = shown(unit);
+        let height = 110.0_f64.max(20.0 * of_unit.len() as f64);
+        let mut panel = Panel::new("time (s)", &shown).height(height);
+        for (column, color) in of_unit.iter().zip(color::CYCLE.iter().cycle()) {
+            let values = column.values.iter().map(|value| factor * value);
+            panel = panel.line(Line::new(record.time(), values).label(&column.name).color(color));
+        }
+        [panel]
+    };
+    units.iter().map(panel).fold(Figure::new(), Figure::row).shared_x()
+}
+
+/// The unit in which values are drawn, and the factor to it.
+fn shown(unit: &str) -> (String, f64) {
+    match unit {
+        "" | "1" => (String::new(), 1.0),
+        "Pa" => ("kPa".to_owned(), 1e-3),
+        "rpm" => ("1000 rpm".to_owned(), 1e-3),
+        other => (other.to_owned(), 1.0),
+    }
+}

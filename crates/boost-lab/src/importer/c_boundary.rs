@@ -1,0 +1,407 @@
+//! The C side: the functions of an FMU's library, and the calls that go through it. All of the laboratory's
+//! `unsafe` is here.
+//!
+//! A library is foreign code, whose inside nothing can vouch for. What is kept here is this side of the
+//! contract of FMI 2.0: signatures as the standard declares them, pointers that are valid and lengths that
+//! belong to them, callbacks that outlive the instance (FMUs keep the pointer to them), no call after a fatal
+//! error, and no instance in two threads. What comes back is taken as it is: a status is a number, since a
+//! careless FMU returns any.
+#![allow(unsafe_code)]
+
+use std::cell::Cell;
+use std::collections::VecDeque;
+use std::ffi::{CStr, CString, c_char, c_int, c_void};
+use std::path::Path;
+use std::ptr;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use anyhow::{Context, Result};
+use fmi2_export::c_types::{
+    Boolean, CO_SIMULATION, Component, FALSE, FmuState, Integer, TRUE, ValueReference,
+};
+use libloading::Library;
+
+use super::messages::{Message, Status};
+
+/// How many messages of an instance are kept: the last ones.
+const KEPT_MESSAGES: usize = 1000;
+
+/// `fmi2CallbackFunctions` (FMI 2.0.5, section 2.1.5).
+#[repr(C)]
+struct CallbackFunctions {
+    logger: unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char, ...),
+    allocate_memory: unsafe extern "C" fn(usize, usize) -> *mut c_void,
+    free_memory: unsafe extern "C" fn(*mut c_void),
+    step_finished: *const c_void,
+    component_environment: *const Receiver,
+}
+
+unsafe extern "C" {
+    /// In logger.c.
+    fn boost_lab_log(
+        environment: *mut c_void,
+        instance: *const c_char,
+        status: c_int,
+        category: *const c_char,
+        format: *const c_char,
+        ...
+    );
+    /// Of the C library, as the standard asks for.
+    fn calloc(count: usize, size: usize) -> *mut c_void;
+    /// Of the C library, too.
+    fn free(memory: *mut c_void);
+}
+
+/// Takes an instance's messages. Its first field is what logger.c knows of it.
+#[repr(C)]
+struct Receiver {
+    receive: unsafe extern "C" fn(*const Receiver, c_int, *const c_char, *const c_char),
+    messages: Mutex<VecDeque<Message>>,
+}
+
+/// Keeps a message.
+///
+/// # Safety
+/// `receiver` is the one of a living instance; the texts are null or end with a zero byte.
+unsafe extern "C" fn receive(
+    receiver: *const Receiver,
+    status: c_int,
+    category: *const c_char,
+    text: *const c_char,
+) {
+    // SAFETY: the callers' promise.
+    let (receiver, category, text) = unsafe { (&*receiver, text_at(category), text_at(text)) };
+    // An FMU may log from threads of its own.
+    let mut messages = receiver.messages.lock().unwrap_or_else(PoisonError::into_inner);
+    if messages.len() == KEPT_MESSAGES {
+        messages.pop_front();
+    }
+    messages.push_back(Message { status: Status(status), category, text });
+}
+
+/// A copy of a C text; empty where there is none.
+///
+/// # Safety
+/// `text` is null or ends with a zero byte.
+unsafe fn text_at(text: *const c_char) -> String {
+    if text.is_null() {
+        return String::new();
+    }
+    // SAFETY: the caller's promise.
+    unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned()
+}
+
+/// Declares the functions of a library: those that each FMU for co-simulation must have, and those that one
+/// can do without.
+macro_rules! functions {
+    (
+        required { $($name:ident: $symbol:literal ($($argument:ty),*) $(-> $result:ty)?;)* }
+        optional { $($other:ident: $other_symbol:literal ($($other_argument:ty),*) -> $other_result:ty;)* }
+    ) => {
+        /// The functions of an FMU's library, which stays loaded as long as they are there.
+        pub struct Functions {
+            $($name: unsafe extern "C" fn($($argument),*) $(-> $result)?,)*
+            $($other: Option<unsafe extern "C" fn($($other_argument),*) -> $other_result>,)*
+            _library: Library,
+        }
+
+        impl Functions {
+            /// Loads a library.
+            pub fn load(path: &Path) -> Result<Self> {
+                // SAFETY: loading runs the library's initializers. That an FMU's code may run is what its
+                // user asks for by naming it.
+                let library = unsafe { Library::new(path) }.context("its library cannot be loaded")?;
+                Ok(Self {
+                    $(
+                        // SAFETY: the signature is the one that the standard declares for this name.
+                        $name: *unsafe { library.get($symbol) }.with_context(|| {
+                            format!("its library has no {}", concat!($symbol))
+                        })?,
+                    )*
+                    $(
+                        // SAFETY: as above.
+                        $other: unsafe { library.get($other_symbol) }.ok().map(|symbol| *symbol),
+                    )*
+                    _library: library,
+                })
+            }
+        }
+    };
+}
+
+functions! {
+    required {
+        instantiate: "fmi2Instantiate" (
+            *const c_char, c_int, *const c_char, *const c_char, *const CallbackFunctions, Boolean, Boolean
+        ) -> Component;
+        free_instance: "fmi2FreeInstance" (Component);
+        setup_experiment: "fmi2SetupExperiment" (Component, Boolean, f64, f64, Boolean, f64) -> c_int;
+        enter_initialization_mode: "fmi2EnterInitializationMode" (Component) -> c_int;
+        exit_initialization_mode: "fmi2ExitInitializationMode" (Component) -> c_int;
+        terminate: "fmi2Terminate" (Component) -> c_int;
+        get_real: "fmi2GetReal" (Component, *const ValueReference, usize, *mut f64) -> c_int;
+        get_integer: "fmi2GetInteger" (Component, *const ValueReference, usize, *mut Integer) -> c_int;
+        get_boolean: "fmi2GetBoolean" (Component, *const ValueReference, usize, *mut Boolean) -> c_int;
+        get_string: "fmi2GetString" (Component, *const ValueReference, usize, *mut *const c_char) -> c_int;
+        set_real: "fmi2SetReal" (Component, *const ValueReference, usize, *const f64) -> c_int;
+        set_integer: "fmi2SetInteger" (Component, *const ValueReference, usize, *const Integer) -> c_int;
+        set_boolean: "fmi2SetBoolean" (Component, *const ValueReference, usize, *const Boolean) -> c_int;
+        set_string: "fmi2SetString" (Component, *const ValueReference, usize, *const *const c_char) -> c_int;
+        do_step: "fmi2DoStep" (Component, f64, f64, Boolean) -> c_int;
+    }
+    optional {
+        get_state: "fmi2GetFMUstate" (Component, *mut FmuState) -> c_int;
+        set_state: "fmi2SetFMUstate" (Component, FmuState) -> c_int;
+        free_state: "fmi2FreeFMUstate" (Component, *mut FmuState) -> c_int;
+        get_real_status: "fmi2GetRealStatus" (Component, c_int, *mut f64) -> c_int;
+    }
+}
+
+/// `fmi2LastSuccessfulTime` of `fmi2StatusKind`.
+const LAST_SUCCESSFUL_TIME: c_int = 2;
+
+/// An instance. It stays in the thread that made it, and so do its saved states.
+pub struct Handle {
+    component: Component,
+    functions: Arc<Functions>,
+    receiver: Box<Receiver>,
+    /// Whether `fmi2Terminate` is due before the instance is freed.
+    steps: Cell<bool>,
+    /// Whether the instance gave up for good: then the standard forbids any call.
+    is_dead: Cell<bool>,
+    // What the FMU may have pointers to as long as it lives.
+    _callbacks: Box<CallbackFunctions>,
+    _texts: [CString; 3],
+}
+
+impl Handle {
+    /// Calls `fmi2Instantiate`.
+    ///
+    /// # Errors
+    /// What the FMU logged when it made no instance.
+    pub fn new(functions: &Arc<Functions>, texts: [CString; 3]) -> std::result::Result<Self, Vec<Message>> {
+        let receiver = Box::new(Receiver { receive, messages: Mutex::default() });
+        let callbacks = Box::new(CallbackFunctions {
+            logger: boost_lab_log,
+            allocate_memory: calloc,
+            free_memory: free,
+            step_finished: ptr::null(),
+            component_environment: &raw const *receiver,
+        });
+        let [name, guid, resources] = &texts;
+        // SAFETY: the texts and the callbacks, in boxes that do not move, live as long as the instance.
+        let component = unsafe {
+            (functions.instantiate)(
+                name.as_ptr(),
+                CO_SIMULATION,
+                guid.as_ptr(),
+                resources.as_ptr(),
+                &raw const *callbacks,
+                FALSE,
+                TRUE,
+            )
+        };
+        if component.is_null() {
+            return Err(receiver.take());
+        }
+        Ok(Self {
+            component,
+            functions: Arc::clone(functions),
+            receiver,
+            steps: Cell::new(false),
+            is_dead: Cell::new(false),
+            _callbacks: callbacks,
+            _texts: texts,
+        })
+    }
+
+    /// What was logged since the last time.
+    pub fn take_messages(&self) -> Vec<Message> {
+        self.receiver.take()
+    }
+
+    /// Calls a function, unless the instance is dead.
+    fn call(&self, function: impl FnOnce(Component) -> c_int) -> Status {
+        if self.is_dead.get() {
+            return Status::FATAL;
+        }
+        let status = Status(function(self.component));
+        if status == Status::FATAL {
+            self.is_dead.set(true);
+        }
+        status
+    }
+
+    /// Calls `fmi2SetupExperiment`.
+    pub fn setup_experiment(&self, start_time: f64, stop_time: Option<f64>) -> Status {
+        let (is_defined, stop_time) = stop_time.map_or((FALSE, 0.0), |time| (TRUE, time));
+        // SAFETY: the component is alive.
+        self.call(|component| unsafe {
+            (self.functions.setup_experiment)(component, FALSE, 0.0, start_time, is_defined, stop_time)
+        })
+    }
+
+    /// Calls `fmi2EnterInitializationMode`.
+    pub fn enter_initialization_mode(&self) -> Status {
+        // SAFETY: the component is alive.
+        self.call(|component| unsafe { (self.functions.enter_initialization_mode)(component) })
+    }
+
+    /// Calls `fmi2ExitInitializationMode`.
+    pub fn exit_initialization_mode(&self) -> Status {
+        // SAFETY: the component is alive.
+        let status = self.call(|component| unsafe { (self.functions.exit_initialization_mode)(component) });
+        self.steps.set(status.succeeded());
+        status
+    }
+
+    /// Calls `fmi2DoStep`. A state that was saved may be restored after it.
+    pub fn do_step(&self, time: f64, size: f64) -> Status {
+        // SAFETY: the component is alive.
+        let status = self.call(|component| unsafe { (self.functions.do_step)(component, time, size, FALSE) });
+        self.steps.set(status.succeeded());
+        status
+    }
+
+    /// After a discarded step: the time up to which it succeeded, if the FMU tells.
+    pub fn last_successful_time(&self) -> Option<f64> {
+        let get = self.functions.get_real_status?;
+        let mut time = f64::NAN;
+        // SAFETY: the component is alive, the place to write to is ours.
+        let status = self.call(|component| unsafe { get(component, LAST_SUCCESSFUL_TIME, &raw mut time) });
+        status.succeeded().then_some(time).filter(|time| time.is_finite())
+    }
+
+    /// Calls `fmi2GetReal`.
+    pub fn get_real(&self, references: &[ValueReference], values: &mut [f64]) -> Status {
+        assert_eq!(references.len(), values.len(), "each value has its reference");
+        // SAFETY: the component is alive, both arrays have this length.
+        self.call(|component| unsafe {
+            (self.functions.get_real)(component, references.as_ptr(), references.len(), values.as_mut_ptr())
+        })
+    }
+
+    /// Calls `fmi2GetInteger`.
+    pub fn get_integer(&self, references: &[ValueReference], values: &mut [Integer]) -> Status {
+        assert_eq!(references.len(), values.len(), "each value has its reference");
+        // SAFETY: the component is alive, both arrays have this length.
+        self.call(|component| unsafe {
+            (self.functions.get_integer)(
+                component,
+                references.as_ptr(),
+                references.len(),
+                values.as_mut_ptr(),
+            )
+        })
+    }
+
+    /// Calls `fmi2GetBoolean`.
+    pub fn get_boolean(&self, references: &[ValueReference], values: &mut [Boolean]) -> Status {
+        assert_eq!(references.len(), values.len(), "each value has its reference");
+        // SAFETY: the component is alive, both arrays have this length.
+        self.call(|component| unsafe {
+            (self.functions.get_boolean)(
+                component,
+                references.as_ptr(),
+                references.len(),
+                values.as_mut_ptr(),
+            )
+        })
+    }
+
+    /// Calls `fmi2GetString` for one variable.
+    pub fn get_string(&self, reference: ValueReference, value: &mut String) -> Status {
+        let mut text = ptr::null();
+        // SAFETY: the component is alive, both arrays have one element.
+        let status = self.call(|component| unsafe {
+            (self.functions.get_string)(component, &raw const reference, 1, &raw mut text)
+        });
+        if status.succeeded() {
+            // SAFETY: the FMU's text is valid until the next call, and copied before.
+            *value = unsafe { text_at(text) };
+        }
+        status
+    }
+
+    /// Calls `fmi2SetReal`.
+    pub fn set_real(&self, references: &[ValueReference], values: &[f64]) -> Status {
+        assert_eq!(references.len(), values.len(), "each value has its reference");
+        // SAFETY: the component is alive, both arrays have this length.
+        self.call(|component| unsafe {
+            (self.functions.set_real)(component, references.as_ptr(), references.len(), values.as_ptr())
+        })
+    }
+
+    /// Calls `fmi2SetInteger`.
+    pub fn set_integer(&self, references: &[ValueReference], values: &[Integer]) -> Status {
+        assert_eq!(references.len(), values.len(), "each value has its reference");
+        // SAFETY: the component is alive, both arrays have this length.
+        self.call(|component| unsafe {
+            (self.functions.set_integer)(component, references.as_ptr(), references.len(), values.as_ptr())
+        })
+    }
+
+    /// Calls `fmi2SetBoolean`.
+    pub fn set_boolean(&self, references: &[ValueReference], values: &[Boolean]) -> Status {
+        assert_eq!(references.len(), values.len(), "each value has its reference");
+        // SAFETY: the component is alive, both arrays have this length.
+        self.call(|component| unsafe {
+            (self.functions.set_boolean)(component, references.as_ptr(), references.len(), values.as_ptr())
+        })
+    }
+
+    /// Calls `fmi2SetString` for one variable.
+    pub fn set_string(&self, reference: ValueReference, value: &CStr) -> Status {
+        let text = value.as_ptr();
+        // SAFETY: the component is alive, both arrays have one element.
+        self.call(|component| unsafe {
+            (self.functions.set_string)(component, &raw const reference, 1, &raw const text)
+        })
+    }
+
+    /// Calls `fmi2GetFMUstate`; none where the FMU has no such function.
+    pub fn get_state(&self) -> Option<(Status, FmuState)> {
+        let get = self.functions.get_state?;
+        let mut state = ptr::null_mut();
+        // SAFETY: the component is alive; a null state asks for a new one.
+        let status = self.call(|component| unsafe { get(component, &raw mut state) });
+        Some((status, state))
+    }
+
+    /// Calls `fmi2SetFMUstate`; none where the FMU has no such function.
+    pub fn set_state(&self, state: FmuState) -> Option<Status> {
+        let set = self.functions.set_state?;
+        // SAFETY: the component is alive, and the state is one that it gave and that is not freed.
+        let status = self.call(|component| unsafe { set(component, state) });
+        // What a step before made impossible is possible again.
+        self.steps.set(status.succeeded());
+        Some(status)
+    }
+
+    /// Calls `fmi2FreeFMUstate`.
+    pub fn free_state(&self, mut state: FmuState) {
+        if let Some(free) = self.functions.free_state {
+            // SAFETY: the component is alive, and the state is one that it gave and that is not freed.
+            self.call(|component| unsafe { free(component, &raw mut state) });
+        }
+    }
+}
+
+impl Drop for Handle {
+    fn drop(&mut self) {
+        if self.steps.get() {
+            // SAFETY: the component is alive.
+            self.call(|component| unsafe { (self.functions.terminate)(component) });
+        }
+        if !self.is_dead.get() {
+            // SAFETY: the component is alive, and this is the last call.
+            unsafe { (self.functions.free_instance)(self.component) };
+        }
+    }
+}
+
+impl Receiver {
+    fn take(&self) -> Vec<Message> {
+        self.messages.lock().unwrap_or_else(PoisonError::into_inner).drain(..).collect()
+    }
+}

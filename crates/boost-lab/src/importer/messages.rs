@@ -1,0 +1,105 @@
+//! What FMUs say: statuses, messages, and the error of a call that failed.
+
+use std::ffi::c_int;
+use std::fmt;
+
+/// A status, as the FMU gave it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Status(pub c_int);
+
+impl Status {
+    /// `fmi2Warning`.
+    pub const WARNING: Self = Self(1);
+    /// `fmi2Discard`.
+    pub const DISCARD: Self = Self(2);
+    /// `fmi2Fatal`.
+    pub const FATAL: Self = Self(4);
+
+    /// Whether the function did what it was called for.
+    #[must_use]
+    pub fn succeeded(self) -> bool {
+        // fmi2OK or fmi2Warning.
+        matches!(self.0, 0 | 1)
+    }
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let known = ["fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending"];
+        match usize::try_from(self.0).ok().and_then(|status| known.get(status)) {
+            Some(name) => formatter.write_str(name),
+            None => write!(formatter, "{}, which is no status of FMI", self.0),
+        }
+    }
+}
+
+/// What an instance logged.
+#[derive(Clone, Debug)]
+pub struct Message {
+    /// How bad it is.
+    pub status: Status,
+    /// The FMU's own category.
+    pub category: String,
+    /// The text.
+    pub text: String,
+}
+
+/// Of all that was logged since the last call that told something, what tells why a call failed: the
+/// complaints, or else the last messages.
+pub(super) fn telling(mut messages: Vec<Message>) -> Vec<Message> {
+    const LAST: usize = 3;
+    if messages.iter().any(|message| message.status.0 > Status::WARNING.0) {
+        messages.retain(|message| message.status.0 > Status::WARNING.0);
+        messages
+    } else {
+        messages.split_off(messages.len().saturating_sub(LAST))
+    }
+}
+
+/// A call that failed, and what the FMU said.
+#[derive(Debug)]
+pub struct CallFailed {
+    /// The instance's name.
+    pub instance: String,
+    /// The function.
+    pub function: &'static str,
+    /// The variables that it was called for, where there are few.
+    pub variables: Vec<String>,
+    /// The time that the instance had reached (s); none before it was told one.
+    pub time: Option<f64>,
+    /// What the function returned; none where it returned no instance.
+    pub status: Option<Status>,
+    /// The time up to which a discarded step succeeded (s), where the FMU tells.
+    pub last_successful_time: Option<f64>,
+    /// What the instance logged in the call.
+    pub messages: Vec<Message>,
+}
+
+impl fmt::Display for CallFailed {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{}: {}", self.instance, self.function)?;
+        if let [variables @ .., last] = self.variables.as_slice()
+            && variables.len() < 3
+        {
+            write!(formatter, " of ")?;
+            variables.iter().try_for_each(|variable| write!(formatter, "{variable}, "))?;
+            write!(formatter, "{last}")?;
+        }
+        if let Some(time) = self.time {
+            write!(formatter, " at {time} s")?;
+        }
+        match self.status {
+            Some(status) => write!(formatter, " gave {status}")?,
+            None => write!(formatter, " made no instance")?,
+        }
+        if let Some(time) = self.last_successful_time {
+            write!(formatter, ", having reached {time} s")?;
+        }
+        if self.messages.is_empty() {
+            return write!(formatter, "; the FMU does not say why");
+        }
+        self.messages.iter().try_for_each(|message| write!(formatter, "\n  {}", message.text.trim_end()))
+    }
+}
+
+impl std::error::Error for CallFailed {}

@@ -1,0 +1,509 @@
+//! Drives FMUs of any maker: co-simulation, FMI 2.0.
+//!
+//! An [`Fmu`] is an FMU that is extracted and loaded; it makes [`Instance`]s, in any thread, and each of them
+//! stays in its thread. Variables go by their names, which are resolved once: a [`Selection`] gets or sets
+//! numbers of any type in one go and allocates nothing. The error of a call that fails is a [`CallFailed`]: the
+//! function, the time, and what the FMU said.
+//!
+//! This is the only room that knows how FMUs are called. Why it calls them itself: of the crates that import
+//! FMI 2.0, `fmi` needs libclang to be built and crashes on messages without a category, and `fmi-rs` (0.3.4)
+//! crashes with FMUs that keep the pointer to the callbacks, as many do, and with a status that the standard
+//! does not know.
+
+mod c_boundary;
+mod folder;
+mod messages;
+
+use std::ffi::CString;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail};
+use fmi2_export::c_types::{FmuState, ValueReference};
+use fmi2_export::package::{ModelDescription, ParameterSet, Platform, Value, Variable};
+use tempfile::TempDir;
+
+use self::c_boundary::{Functions, Handle};
+pub use self::messages::{CallFailed, Message, Status};
+
+/// An FMU, extracted and loaded.
+pub struct Fmu {
+    path: PathBuf,
+    description: ModelDescription,
+    functions: Arc<Functions>,
+    // Dropped after the library in it.
+    folder: TempDir,
+}
+
+impl Fmu {
+    /// Extracts an FMU, reads its description and loads its library.
+    ///
+    /// # Errors
+    /// The message names the file and says what is wrong with it.
+    pub fn open(path: &Path) -> Result<Arc<Self>> {
+        Self::open_anonymous(path).with_context(|| format!("cannot import {}", path.display())).map(Arc::new)
+    }
+
+    fn open_anonymous(path: &Path) -> Result<Self> {
+        let folder = folder::extract(path)?;
+        let xml = std::fs::read_to_string(folder.path().join("modelDescription.xml"))
+            .context("its modelDescription.xml cannot be read")?;
+        let description = ModelDescription::parse(&xml).context("its modelDescription.xml is broken")?;
+        let version = description.attribute("fmiVersion");
+        if !version.starts_with("2.") {
+            bail!("it is one of FMI {version}; FMI 2.0 is what is known here");
+        }
+        let Some(identifier) = description.co_simulation_identifier() else {
+            bail!("it is not for co-simulation");
+        };
+        let Some(platform) = Platform::host() else { bail!("FMI 2.0 knows no FMUs for this platform") };
+        let library = platform.library_path(identifier);
+        if !folder.path().join(&library).is_file() {
+            bail!("it has no {library}: it is not for this platform");
+        }
+        let functions = Functions::load(&folder.path().join(library))?;
+        Ok(Self { path: path.to_owned(), description, functions: Arc::new(functions), folder })
+    }
+
+    /// What the FMU says of itself.
+    #[must_use]
+    pub fn description(&self) -> &ModelDescription {
+        &self.description
+    }
+
+    /// A variable.
+    ///
+    /// # Errors
+    /// When there is none of that name; the message names the likeliest.
+    pub fn variable(&self, name: &str) -> Result<&Variable> {
+        self.description.variable(name).with_context(|| {
+            let names = self.description.variables.iter().map(|variable| variable.name.as_str());
+            format!("{} has no variable {name}{}", self.path.display(), like(name, names))
+        })
+    }
+
+    /// The names of the variables of a causality, in the FMU's order.
+    pub fn names<'a>(&'a self, causality: &'a str) -> impl Iterator<Item = &'a str> {
+        self.description.of_causality(causality).map(|variable| variable.name.as_str())
+    }
+
+    /// Resolves variables.
+    ///
+    /// # Errors
+    /// When there is none of a name, or it is a text.
+    pub fn select<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Result<Selection> {
+        let mut selection = Selection::default();
+        for name in names {
+            let variable = self.variable(name)?;
+            let reference = reference(variable)?;
+            let position = selection.names.len();
+            match variable.data_type.as_str() {
+                "Real" => selection.reals.push(reference, position),
+                "Integer" | "Enumeration" => selection.integers.push(reference, position),
+                "Boolean" => selection.booleans.push(reference, position),
+                other => bail!("{name} is of the type {other}, which is no number"),
+            }
+            selection.names.push(name.to_owned());
+        }
+        Ok(selection)
+    }
+
+    /// Makes an instance.
+    ///
+    /// # Errors
+    /// When the FMU refuses; the message says why if the FMU does.
+    pub fn instantiate(self: &Arc<Self>, name: &str) -> Result<Instance> {
+        let resources = folder::uri(&self.folder.path().join("resources"));
+        let texts = [name, self.description.attribute("guid"), &resources].map(CString::new);
+        let [Ok(name_text), Ok(guid), Ok(resources)] = texts else {
+            bail!("the name {name:?} holds a zero byte")
+        };
+        match Handle::new(&self.functions, [name_text, guid, resources]) {
+            Ok(handle) => {
+                let handle = Rc::new(handle);
+                Ok(Instance {
+                    fmu: Arc::clone(self),
+                    name: name.to_owned(),
+                    handle,
+                    time: None,
+                    warnings: vec![],
+                })
+            }
+            Err(messages) => bail!(CallFailed {
+                instance: name.to_owned(),
+                function: "fmi2Instantiate",
+                variables: vec![],
+                time: None,
+                status: None,
+                last_successful_time: None,
+                messages: messages::telling(messages),
+            }),
+        }
+    }
+}
+
+fn reference(variable: &Variable) -> Result<ValueReference> {
+    variable.value_reference.parse().with_context(|| {
+        format!("the value reference of {} is '{}'", variable.name, variable.value_reference)
+    })
+}
+
+/// The name that is likeliest meant, as the end of a message.
+pub fn like<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
+    known
+        .map(|other| (strsim::jaro_winkler(name, other), other))
+        .filter(|(likeness, _)| *likeness > 0.8)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map_or_else(String::new, |(_, name)| format!("; the nearest is {name}"))
+}
+
+/// Some variables that are numbers, resolved, in the order of their names.
+#[derive(Default)]
+pub struct Selection {
+    names: Vec<String>,
+    reals: Group<f64>,
+    integers: Group<i32>,
+    /// An `fmi2Boolean` is an int.
+    booleans: Group<i32>,
+}
+
+/// Those of a type.
+#[derive(Default)]
+struct Group<T> {
+    references: Vec<ValueReference>,
+    positions: Vec<usize>,
+    values: Vec<T>,
+}
+
+impl<T: Copy + Default> Group<T> {
+    fn push(&mut self, reference: ValueReference, position: usize) {
+        self.references.push(reference);
+        self.positions.push(position);
+        self.values.push(T::default());
+    }
+
+    fn gather(&mut self, values: &[f64], convert: impl Fn(f64) -> T) {
+        for (own, &position) in self.values.iter_mut().zip(&self.positions) {
+            *own = convert(values[position]);
+        }
+    }
+
+    fn scatter(&self, values: &mut [f64], convert: impl Fn(T) -> f64) {
+        for (&own, &position) in self.values.iter().zip(&self.positions) {
+            values[position] = convert(own);
+        }
+    }
+}
+
+impl Selection {
+    /// The names.
+    #[must_use]
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+}
+
+/// An instance of an FMU.
+pub struct Instance {
+    fmu: Arc<Fmu>,
+    name: String,
+    handle: Rc<Handle>,
+    time: Option<f64>,
+    warnings: Vec<Message>,
+}
+
+/// A state that an instance saved; it can go back to it as often as is wanted.
+pub struct SavedState {
+    state: FmuState,
+    handle: Rc<Handle>,
+    time: Option<f64>,
+}
+
+impl Drop for SavedState {
+    fn drop(&mut self) {
+        self.handle.free_state(self.state);
+    }
+}
+
+impl Instance {
+    /// The FMU that it is of.
+    #[must_use]
+    pub fn fmu(&self) -> &Arc<Fmu> {
+        &self.fmu
+    }
+
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The time that it has reached (s).
+    #[must_use]
+    pub fn time(&self) -> Option<f64> {
+        self.time
+    }
+
+    /// What it warned of since the last time.
+    pub fn take_warnings(&mut self) -> Vec<Message> {
+        self.collect();
+        std::mem::take(&mut self.warnings)
+    }
+
+    /// Keeps the warnings of what was logged.
+    fn collect(&mut self) {
+        let messages = self.handle.take_messages();
+        self.warnings.extend(messages.into_iter().filter(|message| message.status == Status::WARNING));
+    }
+
+    /// Takes what a function returned.
+    fn check(&mut self, function: &'static str, variables: &[String], status: Status) -> Result<()> {
+        if status == Status(0) {
+            return Ok(());
+        }
+        if status.succeeded() {
+            self.collect();
+            return Ok(());
+        }
+        let is_discarded_step = status == Status::DISCARD && function == "fmi2DoStep";
+        bail!(CallFailed {
+            instance: self.name.clone(),
+            function,
+            variables: variables.to_owned(),
+            time: self.time,
+            status: Some(status),
+            messages: messages::telling(self.handle.take_messages()),
+            last_successful_time: if is_discarded_step { self.handle.last_successful_time() } else { None },
+        });
+    }
+
+    /// Tells the experiment's times (s); values may be set before.
+    ///
+    /// # Errors
+    /// When the FMU refuses.
+    pub fn set_up(&mut self, start_time: f64, stop_time: Option<f64>) -> Result<()> {
+        let status = self.handle.setup_experiment(start_time, stop_time);
+        self.check("fmi2SetupExperiment", &[], status)?;
+        self.time = Some(start_time);
+        Ok(())
+    }
+
+    /// Begins the initialization.
+    ///
+    /// # Errors
+    /// When the FMU refuses.
+    pub fn enter_initialization(&mut self) -> Result<()> {
+        let status = self.handle.enter_initialization_mode();
+        self.check("fmi2EnterInitializationMode", &[], status)
+    }
+
+    /// Ends the initialization: from now on it steps.
+    ///
+    /// # Errors
+    /// When the FMU refuses.
+    pub fn exit_initialization(&mut self) -> Result<()> {
+        let status = self.handle.exit_initialization_mode();
+        self.check("fmi2ExitInitializationMode", &[], status)
+    }
+
+    /// Steps from a time (s) by a size (s).
+    ///
+    /// # Errors
+    /// When the FMU refuses, or discards the step.
+    pub fn step(&mut self, time: f64, size: f64) -> Result<()> {
+        let status = self.handle.do_step(time, size);
+        self.check("fmi2DoStep", &[], status)?;
+        self.time = Some(time + size);
+        Ok(())
+    }
+
+    /// Gets the values of variables.
+    ///
+    /// # Errors
+    /// When the FMU refuses.
+    pub fn get(&mut self, selection: &mut Selection, values: &mut [f64]) -> Result<()> {
+        let Selection { names, reals, integers, booleans } = selection;
+        if !reals.references.is_empty() {
+            let status = self.handle.get_real(&reals.references, &mut reals.values);
+            self.check("fmi2GetReal", names, status)?;
+            reals.scatter(values, |value| value);
+        }
+        if !integers.references.is_empty() {
+            let status = self.handle.get_integer(&integers.references, &mut integers.values);
+            self.check("fmi2GetInteger", names, status)?;
+            integers.scatter(values, f64::from);
+        }
+        if !booleans.references.is_empty() {
+            let status = self.handle.get_boolean(&booleans.references, &mut booleans.values);
+            self.check("fmi2GetBoolean", names, status)?;
+            booleans.scatter(values, |value| f64::from(value != 0));
+        }
+        Ok(())
+    }
+
+    /// Sets variables. An Integer becomes the nearest whole number, a Boolean true from 0.5 on.
+    ///
+    /// # Errors
+    /// When the FMU refuses.
+    pub fn set(&mut self, selection: &mut Selection, values: &[f64]) -> Result<()> {
+        let Selection { names, reals, integers, booleans } = selection;
+        if !reals.references.is_empty() {
+            reals.gather(values, |value| value);
+            let status = self.handle.set_real(&reals.references, &reals.values);
+            self.check("fmi2SetReal", names, status)?;
+        }
+        if !integers.references.is_empty() {
+            #[allow(clippy::cast_possible_truncation)]
+            // what is out of range becomes the nearest that is not
+            integers.gather(values, |value| value.round() as i32);
+            let status = self.handle.set_integer(&integers.references, &integers.values);
+            self.check("fmi2SetInteger", names, status)?;
+        }
+        if !booleans.references.is_empty() {
+            booleans.gather(values, |value| i32::from(value >= 0.5));
+            let status = self.handle.set_boolean(&booleans.references, &booleans.values);
+            self.check("fmi2SetBoolean", names, status)?;
+        }
+        Ok(())
+    }
+
+    /// The number that a variable is now.
+    ///
+    /// # Errors
+    /// When there is no such variable, it is a text, or the FMU refuses.
+    pub fn number(&mut self, name: &str) -> Result<f64> {
+        let mut value = [0.0];
+        let mut selection = self.fmu.select([name])?;
+        self.get(&mut selection, &mut value)?;
+        Ok(value[0])
+    }
+
+    /// Sets a variable to a value of its type, in its unit or one that converts to it.
+    ///
+    /// # Errors
+    /// When there is no such variable, the value is not for it, or the FMU refuses it.
+    pub fn set_value(&mut self, name: &str, value: &Value) -> Result<()> {
+        self.set_value_of(name, value, &ParameterSet::default())
+    }
+
+    /// Sets the parameters of a set.
+    ///
+    /// # Errors
+    /// As [`set_value`](Self::set_value), at the first that fails.
+    pub fn set_parameters(&mut self, set: &ParameterSet) -> Result<()> {
+        set.parameters
+            .iter()
+            .try_for_each(|parameter| self.set_value_of(&parameter.name, &parameter.value, set))
+    }
+
+    fn set_value_of(&mut self, name: &str, value: &Value, set: &ParameterSet) -> Result<()> {
+        let fmu = Arc::clone(&self.fmu);
+        let variable = fmu.variable(name)?;
+        let references = [reference(variable)?];
+        let named = [name.to_owned()];
+        match (variable.data_type.as_str(), value) {
+            ("Real", &Value::Integer(value)) => {
+                let status = self.handle.set_real(&references, &[f64::from(value)]);
+                self.check("fmi2SetReal", &named, status)?;
+            }
+            ("Real", Value::Real(value, unit)) => {
+                let value = match unit {
+                    Some(unit) if *unit != variable.unit => convert(*value, unit, variable, set, &fmu)?,
+                    _ => *value,
+                };
+                let status = self.handle.set_real(&references, &[value]);
+                self.check("fmi2SetReal", &named, status)?;
+            }
+            ("Integer", &Value::Integer(value)) => {
+                let status = self.handle.set_integer(&references, &[value]);
+                self.check("fmi2SetInteger", &named, status)?;
+            }
+            ("Enumeration", Value::Enumeration(item) | Value::String(item)) => {
+                let enumeration = fmu.description.enumeration(&variable.declared_type);
+                let items = enumeration.map_or(&[] as &[_], |known| known.items.as_slice());
+                let Some((_, value)) = items.iter().find(|(name, _)| name == item) else {
+                    let names: Vec<_> = items.iter().map(|(name, _)| name.as_str()).collect();
+                    bail!("{name} cannot be {item}: it is one of {}", names.join(", "));
+                };
+                let status = self.handle.set_integer(&references, &[*value]);
+                self.check("fmi2SetInteger", &named, status)?;
+            }
+            ("Boolean", &Value::Boolean(value)) => {
+                let status = self.handle.set_boolean(&references, &[i32::from(value)]);
+                self.check("fmi2SetBoolean", &named, status)?;
+            }
+            ("String", Value::String(value)) => {
+                let text =
+                    CString::new(value.as_str()).with_context(|| format!("{name} holds a zero byte"))?;
+                let status = self.handle.set_string(references[0], &text);
+                self.check("fmi2SetString", &named, status)?;
+            }
+            (wanted, given) => {
+                let given = match given {
+                    Value::Real(..) => "Real",
+                    Value::Integer(_) => "Integer",
+                    Value::Boolean(_) => "Boolean",
+                    Value::String(_) => "String",
+                    Value::Enumeration(_) => "Enumeration",
+                };
+                bail!("{name} is of the type {wanted}, the value of the type {given}");
+            }
+        }
+        Ok(())
+    }
+
+    /// The text that a variable is now.
+    ///
+    /// # Errors
+    /// When there is no such variable, or the FMU refuses.
+    pub fn text(&mut self, name: &str) -> Result<String> {
+        let fmu = Arc::clone(&self.fmu);
+        let reference = reference(fmu.variable(name)?)?;
+        let mut value = String::new();
+        let status = self.handle.get_string(reference, &mut value);
+        self.check("fmi2GetString", &[name.to_owned()], status)?;
+        Ok(value)
+    }
+
+    /// Saves the state.
+    ///
+    /// # Errors
+    /// When the FMU cannot do that, or fails to.
+    pub fn save(&mut self) -> Result<SavedState> {
+        let Some((status, state)) = self.handle.get_state() else {
+            bail!("{}: the FMU cannot save its state", self.name);
+        };
+        self.check("fmi2GetFMUstate", &[], status)?;
+        Ok(SavedState { state, handle: Rc::clone(&self.handle), time: self.time })
+    }
+
+    /// Goes back to a state that this instance saved.
+    ///
+    /// # Errors
+    /// When the state is another instance's, or the FMU fails.
+    pub fn restore(&mut self, saved: &SavedState) -> Result<()> {
+        if !Rc::ptr_eq(&self.handle, &saved.handle) {
+            bail!("{}: the state is another instance's", self.name);
+        }
+        let Some(status) = self.handle.set_state(saved.state) else {
+            bail!("{}: the FMU cannot go back to a state", self.name);
+        };
+        self.check("fmi2SetFMUstate", &[], status)?;
+        self.time = saved.time;
+        Ok(())
+    }
+}
+
+/// A value in the variable's unit.
+fn convert(value: f64, unit: &str, variable: &Variable, set: &ParameterSet, fmu: &Fmu) -> Result<f64> {
+    let own =
+        set.units.iter().find(|known| known.name == unit).cloned().or_else(|| fmu.description.unit(unit));
+    let own = own.with_context(|| format!("{}: the unit {unit} is not defined", variable.name))?;
+    let wanted = fmu.description.unit(&variable.unit).and_then(|unit| unit.base);
+    let conversion = own.base.zip(wanted).and_then(|(own, wanted)| own.to(&wanted));
+    let conversion = conversion.with_context(|| {
+        format!("{}: the unit {unit} does not convert to {}", variable.name, variable.unit)
+    })?;
+    Ok(conversion.apply(value))
+}

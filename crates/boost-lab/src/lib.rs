@@ -1,0 +1,14 @@
+//! The laboratory: drives FMUs through the experiments of boost control.
+//!
+//! - [`importer`] drives FMUs of any maker; nothing else knows how they are called.
+//! - [`scenario`] reads experiments from TOML files.
+//! - [`master`] couples FMUs by equal names and steps them through a scenario.
+//! - [`record`] is what comes of it.
+//! - [`plot`] draws it as SVG.
+#![deny(unsafe_code)]
+
+pub mod importer;
+pub mod master;
+pub mod plot;
+pub mod record;
+pub mod scenario;

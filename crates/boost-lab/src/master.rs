@@ -1,0 +1,484 @@
+//! The master: couples instances by equal names, and steps them through a scenario.
+//!
+//! An output goes to the inputs of its name at the others. A signal of the scenario drives the inputs of its
+//! name that nothing else drives; one that a scenario gives an FMU for itself comes before what another FMU
+//! would give.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail};
+use rand::SeedableRng;
+use rand_distr::{Distribution, Normal};
+use rand_pcg::Pcg64;
+
+use crate::importer::{Fmu, Instance, Message, Selection, like};
+use crate::record::Record;
+use crate::scenario::{Assignment, Input, Member, Scenario, Signal, Stepping};
+
+/// How often outputs become inputs in initialization: a plant that settles for the controller's outputs gives
+/// the controller its measured supply, and this its outputs.
+const INITIAL_EXCHANGES: usize = 2;
+
+/// The FMUs of experiments, each loaded once, by their paths.
+#[derive(Default)]
+pub struct Fmus(BTreeMap<PathBuf, Arc<Fmu>>);
+
+impl Fmus {
+    /// The FMU of a member.
+    fn get(&mut self, member: &Member) -> Result<Arc<Fmu>> {
+        if let Some(fmu) = self.0.get(&member.file) {
+            return Ok(Arc::clone(fmu));
+        }
+        let fmu = member.place.locate(Fmu::open(&member.file))?;
+        self.0.insert(member.file.clone(), Arc::clone(&fmu));
+        Ok(fmu)
+    }
+}
+
+/// Instances that step together.
+pub struct Master<'a> {
+    scenario: &'a Scenario,
+    members: Vec<Coupled<'a>>,
+    noise: Vec<NoiseOn>,
+    recorder: Recorder,
+    steps_done: u32,
+}
+
+/// An instance, and what it takes.
+struct Coupled<'a> {
+    member: &'a Member,
+    instance: Instance,
+    driven: Driven,
+    wires: Vec<Wires>,
+}
+
+/// The inputs that signals drive.
+struct Driven {
+    selection: Selection,
+    signals: Vec<Signal>,
+    values: Vec<f64>,
+}
+
+/// What an instance takes from another.
+struct Wires {
+    source: usize,
+    outputs: Selection,
+    inputs: Selection,
+    values: Vec<f64>,
+}
+
+/// Noise on a wire.
+struct NoiseOn {
+    target: usize,
+    wires: usize,
+    position: usize,
+    distribution: Normal<f64>,
+    generator: Pcg64,
+}
+
+/// Takes the rows of the record.
+struct Recorder {
+    /// What the columns are, each from a signal or an instance.
+    sources: Vec<Source>,
+    selections: Vec<(Selection, Vec<f64>)>,
+    row: Vec<f64>,
+    record: Record,
+}
+
+enum Source {
+    Signal(Signal),
+    Instance { member: usize, position: usize },
+}
+
+/// What a run gave.
+pub struct Run {
+    /// The recorded variables.
+    pub record: Record,
+    /// What the instances warned of, with their names.
+    pub warnings: Vec<(String, Message)>,
+}
+
+impl<'a> Master<'a> {
+    /// Instantiates and couples the FMUs of a scenario.
+    ///
+    /// # Errors
+    /// When an FMU cannot be imported, or the scenario names what it has not.
+    pub fn new(scenario: &'a Scenario, fmus: &mut Fmus) -> Result<Self> {
+        let loaded: Vec<_> = scenario.fmus.iter().map(|member| fmus.get(member)).collect::<Result<_>>()?;
+        for input in &scenario.inputs {
+            input.place.locate(has_input(&loaded, &input.name))?;
+        }
+        let mut members = vec![];
+        for (index, member) in scenario.fmus.iter().enumerate() {
+            let fmu = &loaded[index];
+            let wires = wires(scenario, &loaded, index)?;
+            let wired =
+                |name: &str| wires.iter().any(|wires| wires.inputs.names().iter().any(|input| input == name));
+            let mut inputs: Vec<&Input> = vec![];
+            for input in &member.inputs {
+                input.place.locate(has_input(&loaded[index..=index], &input.name))?;
+                inputs.push(input);
+            }
+            for input in &scenario.inputs {
+                if wired(&input.name) {
+                    return Err(input.place.error(format!(
+                        "{} gets {} from another FMU; a signal among its own inputs would replace it",
+                        member.name, input.name
+                    )));
+                }
+                let is_taken = inputs.iter().any(|own| own.name == input.name);
+                if !is_taken && fmu.names("input").any(|name| name == input.name) {
+                    inputs.push(input);
+                }
+            }
+            let driven = Driven {
+                selection: fmu.select(inputs.iter().map(|input| input.name.as_str()))?,
+                values: vec![f64::NAN; inputs.len()],
+                signals: inputs.iter().map(|input| input.signal.clone()).collect(),
+            };
+            let instance = member.place.locate(fmu.instantiate(&member.name))?;
+            members.push(Coupled { member, instance, driven, wires });
+        }
+        let noise = noise(scenario, &members)?;
+        let recorder = Recorder::new(scenario, &loaded)?;
+        Ok(Self { scenario, members, noise, recorder, steps_done: 0 })
+    }
+
+    /// The communication point that was reached (s).
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        self.scenario.start_time + f64::from(self.steps_done) * self.scenario.step
+    }
+
+    /// Brings all instances to the scenario's start.
+    ///
+    /// Those that start with the experiment are initialized together; those that run in come after them, with
+    /// what these put out.
+    ///
+    /// # Errors
+    /// What an FMU refuses.
+    pub fn initialize(&mut self) -> Result<()> {
+        let start_time = self.scenario.start_time;
+        let (late, prompt): (Vec<_>, Vec<_>) =
+            (0..self.members.len()).partition(|&index| self.members[index].member.run_in.is_some());
+        for &index in &prompt {
+            self.members[index].begin(start_time, start_time, &[])?;
+        }
+        for _ in 0..INITIAL_EXCHANGES {
+            for &target in &prompt {
+                self.take(target, |source| prompt.contains(&source), false)?;
+            }
+        }
+        for &index in &prompt {
+            self.members[index].instance.exit_initialization()?;
+        }
+        for index in late {
+            let Some(run_in) = &self.members[index].member.run_in else { continue };
+            self.members[index].begin(start_time - run_in.duration, start_time, &run_in.during)?;
+            self.take(index, |source| prompt.contains(&source), false)?;
+            let instance = &mut self.members[index].instance;
+            instance.exit_initialization()?;
+            let begin = start_time - run_in.duration;
+            let step = self.scenario.step;
+            for step_index in 0..count(run_in.duration, step)? {
+                instance.step(begin + f64::from(step_index) * step, step)?;
+            }
+            assign(instance, &run_in.after)?;
+        }
+        self.recorder.take(start_time, &mut self.members)
+    }
+
+    /// Takes a communication step and records its end.
+    ///
+    /// # Errors
+    /// What an FMU refuses.
+    pub fn step(&mut self) -> Result<()> {
+        let (time, size) = (self.time(), self.scenario.step);
+        for coupled in &mut self.members {
+            coupled.drive(time)?;
+        }
+        match self.scenario.stepping {
+            Stepping::InTurn => {
+                for index in 0..self.members.len() {
+                    self.take(index, |_| true, true)?;
+                    self.members[index].instance.step(time, size)?;
+                }
+            }
+            Stepping::AtOnce => {
+                for index in 0..self.members.len() {
+                    self.take(index, |_| true, true)?;
+                }
+                for coupled in &mut self.members {
+                    coupled.instance.step(time, size)?;
+                }
+            }
+        }
+        self.steps_done += 1;
+        let time = self.time();
+        self.recorder.take(time, &mut self.members)
+    }
+
+    /// How many communication steps the scenario has.
+    ///
+    /// # Errors
+    /// When they are too many to count.
+    pub fn steps(&self) -> Result<u32> {
+        count(self.scenario.stop_time - self.scenario.start_time, self.scenario.step)
+    }
+
+    /// Runs a scenario from its start to its end; `progress` is told each step.
+    ///
+    /// # Errors
+    /// What an FMU refuses.
+    pub fn run(mut self, mut progress: impl FnMut(u32)) -> Result<Run> {
+        self.initialize()?;
+        for index in 0..self.steps()? {
+            progress(index);
+            self.step()?;
+        }
+        let warnings = self.members.iter_mut().flat_map(|coupled| {
+            let name = coupled.instance.name().to_owned();
+            coupled.instance.take_warnings().into_iter().map(move |message| (name.clone(), message))
+        });
+        let warnings = warnings.collect();
+        Ok(Run { record: self.recorder.record, warnings })
+    }
+
+    /// Hands an instance what the others put out.
+    fn take(&mut self, target: usize, from: impl Fn(usize) -> bool, is_measured: bool) -> Result<()> {
+        for index in 0..self.members[target].wires.len() {
+            let [source, target_index] = [self.members[target].wires[index].source, target];
+            if !from(source) {
+                continue;
+            }
+            let [source, taker] =
+                self.members.get_disjoint_mut([source, target_index]).context("two FMUs")?;
+            let wires = &mut taker.wires[index];
+            source.instance.get(&mut wires.outputs, &mut wires.values)?;
+            if is_measured {
+                for noise in
+                    self.noise.iter_mut().filter(|noise| noise.target == target && noise.wires == index)
+                {
+                    wires.values[noise.position] += noise.distribution.sample(&mut noise.generator);
+                }
+            }
+            taker.instance.set(&mut wires.inputs, &wires.values)?;
+        }
+        Ok(())
+    }
+}
+
+/// Refuses an input that none of the FMUs has.
+fn has_input(fmus: &[Arc<Fmu>], name: &str) -> Result<()> {
+    let mut names = fmus.iter().flat_map(|fmu| fmu.names("input"));
+    if names.any(|known| known == name) {
+        return Ok(());
+    }
+    let names = fmus.iter().flat_map(|fmu| fmu.names("input"));
+    bail!("no FMU has an input {name}{}", like(name, names))
+}
+
+/// How many steps fit a duration, which is a multiple of the step to rounding.
+fn count(duration: f64, step: f64) -> Result<u32> {
+    let count = (duration / step).round();
+    if (count * step - duration).abs() > 1e-9 * duration.max(1.0) {
+        bail!("{duration} s is no multiple of the communication step, {step} s");
+    }
+    if count > f64::from(u32::MAX) {
+        bail!("{count} communication steps are too many");
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    // it is whole, above zero and small enough
+    Ok(count as u32)
+}
+
+/// Sets values.
+fn assign(instance: &mut Instance, values: &[Assignment]) -> Result<()> {
+    values.iter().try_for_each(|assignment| {
+        assignment.place.locate(instance.set_value(&assignment.name, &assignment.value))
+    })
+}
+
+impl Coupled<'_> {
+    /// Sets start values and enters the initialization. Signals have the values of the experiment's start.
+    fn begin(&mut self, start_time: f64, experiment_start: f64, also: &[Assignment]) -> Result<()> {
+        self.instance.set_up(start_time, None)?;
+        for (set, place) in &self.member.parameters {
+            place.locate(self.instance.set_parameters(set))?;
+        }
+        assign(&mut self.instance, &self.member.values)?;
+        assign(&mut self.instance, also)?;
+        self.drive(experiment_start)?;
+        self.instance.enter_initialization()?;
+        Ok(())
+    }
+
+    /// Sets the inputs that signals drive, where one changed.
+    fn drive(&mut self, time: f64) -> Result<()> {
+        let Driven { selection, signals, values } = &mut self.driven;
+        let mut is_changed = false;
+        for (signal, value) in signals.iter().zip(values.iter_mut()) {
+            let now = signal.at(time);
+            is_changed |= now.to_bits() != value.to_bits();
+            *value = now;
+        }
+        if is_changed {
+            self.instance.set(selection, values)?;
+        }
+        Ok(())
+    }
+}
+
+/// What goes to an FMU from the others: outputs of the names of inputs that its own signals do not drive.
+fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], target: usize) -> Result<Vec<Wires>> {
+    let member = &scenario.fmus[target];
+    let mut all = vec![];
+    let mut wired: BTreeMap<&str, usize> = BTreeMap::new();
+    for (source, fmu) in fmus.iter().enumerate().filter(|&(source, _)| source != target) {
+        let is_wired = |name: &&str| {
+            fmus[target].names("input").any(|input| input == *name)
+                && !member.inputs.iter().any(|input| input.name == *name)
+        };
+        let names: Vec<_> = fmu.names("output").filter(is_wired).collect();
+        for &name in &names {
+            if let Some(other) = wired.insert(name, source) {
+                let [one, two] = [other, source].map(|index| scenario.fmus[index].name.as_str());
+                return Err(member.place.error(format!("{one} and {two} both have an output {name}")));
+            }
+            let [given, taken] = [fmu, &fmus[target]].map(|fmu| fmu.variable(name).map(|found| &found.unit));
+            let (given, taken) = (given?, taken?);
+            if !given.is_empty() && !taken.is_empty() && given != taken {
+                return Err(member.place.error(format!(
+                    "{name} is in {taken}, but {} has it in {given}",
+                    scenario.fmus[source].name
+                )));
+            }
+        }
+        if !names.is_empty() {
+            let values = vec![0.0; names.len()];
+            let outputs = fmu.select(names.iter().copied())?;
+            let inputs = fmus[target].select(names)?;
+            all.push(Wires { source, outputs, inputs, values });
+        }
+    }
+    Ok(all)
+}
+
+/// The noise of a scenario, on every wire of the name.
+fn noise(scenario: &Scenario, members: &[Coupled<'_>]) -> Result<Vec<NoiseOn>> {
+    let mut all = vec![];
+    for noise in &scenario.noise {
+        let before = all.len();
+        for (target, coupled) in members.iter().enumerate() {
+            for (wires, known) in coupled.wires.iter().enumerate() {
+                if let Some(position) = known.inputs.names().iter().position(|name| *name == noise.name) {
+                    let distribution =
+                        Normal::new(0.0, noise.standard_deviation).context("no distribution")?;
+                    let generator = Pcg64::seed_from_u64(noise.seed);
+                    all.push(NoiseOn { target, wires, position, distribution, generator });
+                }
+            }
+        }
+        if all.len() == before {
+            let names =
+                members.iter().flat_map(|coupled| &coupled.wires).flat_map(|wires| wires.inputs.names());
+            let like = like(&noise.name, names.map(String::as_str));
+            return Err(noise.place.error(format!("no FMU gets {} from another{like}", noise.name)));
+        }
+    }
+    Ok(all)
+}
+
+impl Recorder {
+    fn new(scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Self> {
+        let mut names = vec![vec![]; fmus.len()];
+        let mut sources = vec![];
+        let mut columns = vec![];
+        let mut add = |name: &str, found: Found| {
+            let source = match found {
+                Found::Signal(signal) => Source::Signal(signal),
+                Found::Variable { member, name } => {
+                    names[member].push(name);
+                    Source::Instance { member, position: names[member].len() - 1 }
+                }
+            };
+            let unit = unit(name, scenario, fmus);
+            sources.push(source);
+            columns.push((name.to_owned(), unit));
+        };
+        if let Some(record) = &scenario.record {
+            for recorded in record {
+                let found = find(&recorded.name, scenario, fmus);
+                add(&recorded.name, recorded.place.locate(found)?);
+            }
+        } else {
+            for input in &scenario.inputs {
+                add(&input.name, Found::Signal(input.signal.clone()));
+            }
+            for (member, fmu) in fmus.iter().enumerate() {
+                for name in fmu.names("output") {
+                    add(name, Found::Variable { member, name: name.to_owned() });
+                }
+            }
+        }
+        let selections = names.iter().zip(fmus).map(|(names, fmu)| {
+            let selection = fmu.select(names.iter().map(String::as_str))?;
+            Ok((selection, vec![0.0; names.len()]))
+        });
+        let selections = selections.collect::<Result<_>>()?;
+        Ok(Self { selections, row: vec![0.0; sources.len()], record: Record::new(columns), sources })
+    }
+
+    fn take(&mut self, time: f64, members: &mut [Coupled<'_>]) -> Result<()> {
+        for (coupled, (selection, values)) in members.iter_mut().zip(&mut self.selections) {
+            coupled.instance.get(selection, values)?;
+        }
+        for (value, source) in self.row.iter_mut().zip(&self.sources) {
+            *value = match source {
+                Source::Signal(signal) => signal.at(time),
+                Source::Instance { member, position } => self.selections[*member].1[*position],
+            };
+        }
+        self.record.push(time, &self.row);
+        Ok(())
+    }
+}
+
+enum Found {
+    Signal(Signal),
+    Variable { member: usize, name: String },
+}
+
+/// What a name in `record` means: a signal, or else an output, or else any variable; of the FMU before the
+/// colon, if there is one.
+fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
+    if let Some(signal) = scenario.input(name) {
+        return Ok(Found::Signal(signal.clone()));
+    }
+    if let Some((member, name)) = name.split_once(':') {
+        let index = scenario.fmus.iter().position(|known| known.name == member);
+        let index = index.with_context(|| format!("no FMU has the name {member}"))?;
+        fmus[index].variable(name)?;
+        return Ok(Found::Variable { member: index, name: name.to_owned() });
+    }
+    let is_output = |fmu: &Arc<Fmu>| fmu.names("output").any(|output| output == name);
+    let is_known = |fmu: &Arc<Fmu>| fmu.description().variable(name).is_some();
+    let member = fmus.iter().position(is_output).or_else(|| fmus.iter().position(is_known));
+    let member = member.with_context(|| {
+        let all = fmus.iter().flat_map(|fmu| &fmu.description().variables);
+        format!("no FMU has a variable {name}{}", like(name, all.map(|variable| variable.name.as_str())))
+    })?;
+    Ok(Found::Variable { member, name: name.to_owned() })
+}
+
+/// The unit of what is recorded under a name.
+fn unit(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> String {
+    let name = name.split_once(':').map_or(name, |(member, rest)| {
+        if scenario.fmus.iter().any(|known| known.name == member) { rest } else { name }
+    });
+    let units = fmus.iter().filter_map(|fmu| fmu.description().variable(name)).map(|variable| &variable.unit);
+    let mut units = units.filter(|unit| !unit.is_empty());
+    units.next().cloned().unwrap_or_default()
+}

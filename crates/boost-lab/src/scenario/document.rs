@@ -1,0 +1,266 @@
+//! Reads a TOML file value by value. What is not as expected is told with file, line and key.
+
+use std::cell::RefCell;
+use std::fmt::Display;
+use std::ops::Range;
+use std::sync::Arc;
+
+use anyhow::{Error, Result, anyhow};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use crate::importer::like;
+
+/// Where something stands in a file.
+#[derive(Clone, Debug)]
+pub struct Place {
+    file: Arc<str>,
+    line: usize,
+    key: String,
+}
+
+impl Place {
+    /// An error with its place.
+    #[must_use]
+    pub fn error(&self, message: impl Display) -> Error {
+        anyhow!("{}, line {}, {}: {message}", self.file, self.line, self.key)
+    }
+
+    /// Puts the place before whatever went wrong.
+    ///
+    /// # Errors
+    /// When something went wrong.
+    pub fn locate<T>(&self, result: Result<T>) -> Result<T> {
+        result.map_err(|error| self.error(format!("{error:#}")))
+    }
+
+    /// The place of what stands below it.
+    fn child(&self, key: impl Display, line: usize) -> Self {
+        Self { file: Arc::clone(&self.file), line, key: key.to_string() }
+    }
+}
+
+/// A TOML file.
+pub struct Document<'a> {
+    text: &'a str,
+    file: Arc<str>,
+    root: Spanned<DeTable<'a>>,
+}
+
+impl<'a> Document<'a> {
+    /// Reads a text; `file` is its name in messages.
+    pub fn parse(file: &str, text: &'a str) -> Result<Self> {
+        let root = DeTable::parse(text).map_err(|error| {
+            let line = line(text, &error.span().unwrap_or_default());
+            anyhow!("{file}, line {line}: {}", error.message())
+        })?;
+        Ok(Self { text, file: file.into(), root })
+    }
+
+    /// The file's table.
+    pub fn root(&self) -> Table<'_> {
+        let place = Place { file: Arc::clone(&self.file), line: 1, key: "the file".to_owned() };
+        Table {
+            text: self.text,
+            table: self.root.get_ref(),
+            path: String::new(),
+            place,
+            read: RefCell::default(),
+        }
+    }
+}
+
+fn line(text: &str, span: &Range<usize>) -> usize {
+    1 + text.as_bytes().iter().take(span.start).filter(|&&byte| byte == b'\n').count()
+}
+
+/// A table, and which of its keys were read.
+pub struct Table<'a> {
+    text: &'a str,
+    table: &'a DeTable<'a>,
+    path: String,
+    place: Place,
+    read: RefCell<Vec<&'a str>>,
+}
+
+impl<'a> Table<'a> {
+    /// Where it stands.
+    pub fn place(&self) -> &Place {
+        &self.place
+    }
+
+    /// A value that may be left out.
+    pub fn optional(&self, key: &str) -> Option<Node<'a>> {
+        let (key, value) = self.table.get_key_value(key)?;
+        self.read.borrow_mut().push(key.get_ref());
+        Some(self.node(key.get_ref(), value))
+    }
+
+    /// A value that must be there.
+    pub fn required(&self, key: &str, expected: &str) -> Result<Node<'a>> {
+        self.optional(key).ok_or_else(|| self.place.error(format!("{key} is missing: {expected}")))
+    }
+
+    /// All values with their keys, in the order of the file.
+    pub fn entries(&self) -> impl Iterator<Item = (&'a str, Node<'a>)> {
+        self.table.iter().map(|(key, value)| {
+            self.read.borrow_mut().push(key.get_ref());
+            (key.get_ref().as_ref(), self.node(key.get_ref(), value))
+        })
+    }
+
+    /// Refuses what was not read.
+    pub fn finish(self) -> Result<()> {
+        let read = self.read.borrow();
+        for (key, value) in self.table {
+            let key = key.get_ref().as_ref();
+            if !read.contains(&key) {
+                let node = self.node(key, value);
+                return Err(node
+                    .place
+                    .error(format!("this key is not known{}", like(key, KEYS.iter().copied()))));
+            }
+        }
+        Ok(())
+    }
+
+    fn node(&self, key: &str, value: &'a Spanned<DeValue<'a>>) -> Node<'a> {
+        let key = if key.chars().all(|c| c.is_ascii_alphanumeric() || "_-".contains(c)) {
+            key.to_owned()
+        } else {
+            format!("\"{key}\"")
+        };
+        let path = if self.path.is_empty() { key } else { format!("{}.{key}", self.path) };
+        Node::new(self.text, value, path, &self.place)
+    }
+}
+
+/// The keys of a scenario, of which a wrong one may have been meant.
+const KEYS: &[&str] = &[
+    "title",
+    "description",
+    "step",
+    "start_time",
+    "stop_time",
+    "stepping",
+    "record",
+    "fmu",
+    "inputs",
+    "noise",
+    "name",
+    "file",
+    "values",
+    "parameters",
+    "run_in",
+    "duration",
+    "during",
+    "after",
+    "steps",
+    "points",
+    "ramp",
+    "sine",
+    "csv",
+    "column",
+    "hold",
+    "from",
+    "to",
+    "begin",
+    "end",
+    "mean",
+    "amplitude",
+    "frequency",
+    "phase",
+    "standard_deviation",
+    "seed",
+];
+
+/// A value, and where it stands.
+pub struct Node<'a> {
+    text: &'a str,
+    value: &'a DeValue<'a>,
+    path: String,
+    place: Place,
+}
+
+impl<'a> Node<'a> {
+    fn new(text: &'a str, value: &'a Spanned<DeValue<'a>>, path: String, parent: &Place) -> Self {
+        let place = parent.child(&path, line(text, &value.span()));
+        Self { text, value: value.get_ref(), path, place }
+    }
+
+    /// Where it stands.
+    pub fn place(&self) -> &Place {
+        &self.place
+    }
+
+    /// The value as TOML has it.
+    pub fn value(&self) -> &'a DeValue<'a> {
+        self.value
+    }
+
+    /// The error that says what was expected.
+    pub fn unexpected(&self, expected: &str) -> Error {
+        let found = match self.value {
+            DeValue::String(text) => format!("the text \"{text}\""),
+            DeValue::Integer(number) => number.as_str().to_owned(),
+            DeValue::Float(number) => number.as_str().to_owned(),
+            DeValue::Boolean(value) => value.to_string(),
+            DeValue::Datetime(_) => "a date".to_owned(),
+            DeValue::Array(list) => format!("a list of {}", list.len()),
+            DeValue::Table(_) => "a table".to_owned(),
+        };
+        self.place.error(format!("expected {expected}, found {found}"))
+    }
+
+    /// A finite number.
+    pub fn number(&self, expected: &str) -> Result<f64> {
+        let text = match self.value {
+            DeValue::Float(number) => number.as_str(),
+            DeValue::Integer(number) if number.radix() == 10 => number.as_str(),
+            _ => return Err(self.unexpected(expected)),
+        };
+        let number = text.parse().ok().filter(|number: &f64| number.is_finite());
+        number.ok_or_else(|| self.unexpected(expected))
+    }
+
+    /// A finite number above zero.
+    pub fn positive(&self, expected: &str) -> Result<f64> {
+        let number = self.number(expected)?;
+        if number > 0.0 { Ok(number) } else { Err(self.unexpected(expected)) }
+    }
+
+    /// A whole number.
+    pub fn integer<T: std::str::FromStr>(&self, expected: &str) -> Result<T> {
+        match self.value {
+            DeValue::Integer(number) if number.radix() == 10 => number.as_str().parse().ok(),
+            _ => None,
+        }
+        .ok_or_else(|| self.unexpected(expected))
+    }
+
+    /// A text.
+    pub fn string(&self, expected: &str) -> Result<&'a str> {
+        self.value.as_str().ok_or_else(|| self.unexpected(expected))
+    }
+
+    /// A table.
+    pub fn table(&self, expected: &str) -> Result<Table<'a>> {
+        let DeValue::Table(table) = self.value else { return Err(self.unexpected(expected)) };
+        Ok(Table {
+            text: self.text,
+            table,
+            path: self.path.clone(),
+            place: self.place.clone(),
+            read: RefCell::default(),
+        })
+    }
+
+    /// The values of a list.
+    pub fn list(&self, expected: &str) -> Result<Vec<Node<'a>>> {
+        let DeValue::Array(list) = self.value else { return Err(self.unexpected(expected)) };
+        let node = |(index, value)| {
+            Node::new(self.text, value, format!("{}[{}]", self.path, index + 1), &self.place)
+        };
+        Ok(list.iter().enumerate().map(node).collect())
+    }
+}

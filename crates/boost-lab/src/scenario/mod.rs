@@ -1,0 +1,287 @@
+//! Scenarios: the TOML files that say which FMUs are coupled, how they start, what drives them and what is
+//! recorded. docs/laboratory.md describes every key.
+
+mod document;
+mod signal;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use fmi2_export::package::{ParameterSet, Value};
+use toml::de::DeValue;
+
+pub use self::document::Place;
+use self::document::{Document, Node, Table};
+pub use self::signal::Signal;
+
+/// An experiment.
+#[derive(Clone, Debug)]
+pub struct Scenario {
+    /// What it shows, in a line.
+    pub title: String,
+    /// The communication step (s).
+    pub step: f64,
+    /// When it begins (s).
+    pub start_time: f64,
+    /// When it ends (s).
+    pub stop_time: f64,
+    /// In which order the FMUs step.
+    pub stepping: Stepping,
+    /// The FMUs, in the order of stepping.
+    pub fmus: Vec<Member>,
+    /// What drives the inputs of every FMU that has them.
+    pub inputs: Vec<Input>,
+    /// What is added to values on their way from one FMU to another.
+    pub noise: Vec<Noise>,
+    /// What is recorded; all inputs that are driven and all outputs where this is left out.
+    pub record: Option<Vec<Recorded>>,
+}
+
+/// The order in a communication step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stepping {
+    /// One after the other, each with what those before it just put out.
+    InTurn,
+    /// All with what was put out in the step before.
+    AtOnce,
+}
+
+/// An FMU of an experiment.
+#[derive(Clone, Debug)]
+pub struct Member {
+    /// Its name in the experiment.
+    pub name: String,
+    /// The file.
+    pub file: PathBuf,
+    /// Where it stands.
+    pub place: Place,
+    /// Parameter sets that are set before initialization.
+    pub parameters: Vec<(ParameterSet, Place)>,
+    /// Values that are set before initialization, after the sets.
+    pub values: Vec<Assignment>,
+    /// Whether it runs alone before the experiment, and how.
+    pub run_in: Option<RunIn>,
+    /// What drives its inputs, instead of another FMU.
+    pub inputs: Vec<Input>,
+}
+
+/// A start from an engine that has run: the FMU steps alone, its inputs as they are when the experiment
+/// begins, and reaches the experiment's start.
+#[derive(Clone, Debug)]
+pub struct RunIn {
+    /// How long (s).
+    pub duration: f64,
+    /// Values that are set before its initialization.
+    pub during: Vec<Assignment>,
+    /// Values that are set when it is over: of tunable parameters.
+    pub after: Vec<Assignment>,
+}
+
+/// A value for a variable.
+#[derive(Clone, Debug)]
+pub struct Assignment {
+    /// The variable.
+    pub name: String,
+    /// The value.
+    pub value: Value,
+    /// Where it stands.
+    pub place: Place,
+}
+
+/// What drives an input.
+#[derive(Clone, Debug)]
+pub struct Input {
+    /// The variable.
+    pub name: String,
+    /// Its value over time.
+    pub signal: Signal,
+    /// Where it stands.
+    pub place: Place,
+}
+
+/// Normally distributed noise on what one FMU gives another.
+#[derive(Clone, Debug)]
+pub struct Noise {
+    /// The variable.
+    pub name: String,
+    /// In the variable's unit.
+    pub standard_deviation: f64,
+    /// Of the generator: the same seed gives the same noise.
+    pub seed: u64,
+    /// Where it stands.
+    pub place: Place,
+}
+
+/// A variable that is recorded.
+#[derive(Clone, Debug)]
+pub struct Recorded {
+    /// Its name, with its FMU's name and a colon before it where there are several.
+    pub name: String,
+    /// Where it stands.
+    pub place: Place,
+}
+
+impl Scenario {
+    /// Reads a file. FMUs are looked for in `fmus`, or else beside the file, as everything else is.
+    ///
+    /// # Errors
+    /// When it is not as it should be; the message names file, line and key, and what was expected.
+    pub fn read(path: &Path, fmus: Option<&Path>) -> Result<Self> {
+        let text = fs::read_to_string(path)
+            .with_context(|| format!("cannot read the scenario {}", path.display()))?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        Self::parse(&path.to_string_lossy(), &text, folder, fmus.unwrap_or(folder))
+    }
+
+    /// Reads the text of a file, whose name is for messages. What it refers to is looked for in `folder`, FMUs
+    /// in `fmus`.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn parse(file: &str, text: &str, folder: &Path, fmus: &Path) -> Result<Self> {
+        let document = Document::parse(file, text)?;
+        let root = document.root();
+        let number = |key, default| root.optional(key).map_or(Ok(default), |node| node.number("a time in s"));
+        let start_time = number("start_time", 0.0)?;
+        let stop = root.required("stop_time", "a time in s")?;
+        let stop_time = stop.number("a time in s")?;
+        if stop_time <= start_time {
+            return Err(stop.unexpected(&format!("a time after start_time, {start_time} s")));
+        }
+        let scenario = Self {
+            title: root.optional("title").map_or(Ok(""), |node| node.string("a text"))?.to_owned(),
+            step: root.required("step", "the communication step in s")?.positive("a time above 0 in s")?,
+            start_time,
+            stop_time,
+            stepping: root.optional("stepping").map_or(Ok(Stepping::InTurn), |node| {
+                const EXPECTED: &str = "\"in_turn\" or \"at_once\"";
+                match node.string(EXPECTED)? {
+                    "in_turn" => Ok(Stepping::InTurn),
+                    "at_once" => Ok(Stepping::AtOnce),
+                    _ => Err(node.unexpected(EXPECTED)),
+                }
+            })?,
+            fmus: read_members(&root, folder, fmus)?,
+            inputs: root.optional("inputs").map_or(Ok(vec![]), |node| read_inputs(&node, folder))?,
+            noise: root.optional("noise").map_or(Ok(vec![]), |node| read_noise(&node))?,
+            record: root.optional("record").map(|node| read_record(&node)).transpose()?,
+        };
+        root.finish()?;
+        Ok(scenario)
+    }
+
+    /// The signal that drives an input of every FMU that has it.
+    #[must_use]
+    pub fn input(&self, name: &str) -> Option<&Signal> {
+        self.inputs.iter().find(|input| input.name == name).map(|input| &input.signal)
+    }
+}
+
+fn read_members(root: &Table<'_>, folder: &Path, fmus: &Path) -> Result<Vec<Member>> {
+    const EXPECTED: &str = "a table [[fmu]] for each FMU, in the order of stepping";
+    let list = root.required("fmu", EXPECTED)?;
+    let mut members: Vec<Member> = vec![];
+    for node in list.list(EXPECTED)? {
+        let member = read_member(&node, folder, fmus)?;
+        if members.iter().any(|other| other.name == member.name) {
+            return Err(member.place.error(format!("another FMU has the name {}", member.name)));
+        }
+        members.push(member);
+    }
+    if members.is_empty() { Err(list.unexpected(EXPECTED)) } else { Ok(members) }
+}
+
+fn read_member(node: &Node<'_>, folder: &Path, fmus: &Path) -> Result<Member> {
+    let table = node.table("a table [[fmu]]")?;
+    let file = table.required("file", "the FMU's path")?;
+    let member = Member {
+        name: table.required("name", "the FMU's name in the scenario")?.string("a text")?.to_owned(),
+        file: fmus.join(file.string("the FMU's path")?),
+        place: file.place().clone(),
+        parameters: table.optional("parameters").map_or(Ok(vec![]), |node| {
+            const EXPECTED: &str = "a list of paths of parameter sets (.ssv)";
+            node.list(EXPECTED)?.iter().map(|node| read_parameters(node, folder, EXPECTED)).collect()
+        })?,
+        values: table.optional("values").map_or(Ok(vec![]), |node| read_values(&node))?,
+        run_in: table.optional("run_in").map(|node| read_run_in(&node)).transpose()?,
+        inputs: table.optional("inputs").map_or(Ok(vec![]), |node| read_inputs(&node, folder))?,
+    };
+    table.finish()?;
+    Ok(member)
+}
+
+fn read_parameters(node: &Node<'_>, folder: &Path, expected: &str) -> Result<(ParameterSet, Place)> {
+    let path = folder.join(node.string(expected)?);
+    let set = fs::read_to_string(&path).and_then(|text| ParameterSet::parse(&text));
+    let set = set.with_context(|| format!("cannot read {}", path.display()));
+    Ok((node.place().locate(set)?, node.place().clone()))
+}
+
+fn read_values(node: &Node<'_>) -> Result<Vec<Assignment>> {
+    let table = node.table("a table of values by the names of variables")?;
+    let read = |(name, node): (&str, Node<'_>)| {
+        const EXPECTED: &str = "a number, true, false or a text";
+        let value = match node.value() {
+            DeValue::Integer(_) if node.integer::<i32>(EXPECTED).is_ok() => {
+                Value::Integer(node.integer(EXPECTED)?)
+            }
+            DeValue::Integer(_) | DeValue::Float(_) => Value::Real(node.number(EXPECTED)?, None),
+            DeValue::Boolean(value) => Value::Boolean(*value),
+            DeValue::String(text) => Value::String(text.as_ref().to_owned()),
+            _ => return Err(node.unexpected(EXPECTED)),
+        };
+        Ok(Assignment { name: name.to_owned(), value, place: node.place().clone() })
+    };
+    table.entries().map(read).collect()
+}
+
+fn read_run_in(node: &Node<'_>) -> Result<RunIn> {
+    let table = node.table("a table of duration, during and after")?;
+    let run_in = RunIn {
+        duration: table.required("duration", "a time in s")?.positive("a time above 0 in s")?,
+        during: table.optional("during").map_or(Ok(vec![]), |node| read_values(&node))?,
+        after: table.optional("after").map_or(Ok(vec![]), |node| read_values(&node))?,
+    };
+    table.finish()?;
+    Ok(run_in)
+}
+
+fn read_inputs(node: &Node<'_>, folder: &Path) -> Result<Vec<Input>> {
+    let table = node.table("a table of signals by the names of inputs")?;
+    let read = |(name, node): (&str, Node<'_>)| {
+        let signal = Signal::read(&node, folder)?;
+        Ok(Input { name: name.to_owned(), signal, place: node.place().clone() })
+    };
+    table.entries().map(read).collect()
+}
+
+fn read_noise(node: &Node<'_>) -> Result<Vec<Noise>> {
+    let table = node.table("a table of noises by the names of variables")?;
+    let read = |(name, node): (&str, Node<'_>)| {
+        let table = node.table("a table of standard_deviation and seed")?;
+        let noise = Noise {
+            name: name.to_owned(),
+            standard_deviation: table
+                .required("standard_deviation", "a number above 0, in the variable's unit")?
+                .positive("a number above 0, in the variable's unit")?,
+            seed: table.optional("seed").map_or(Ok(0), |node| node.integer("a whole number from 0 on"))?,
+            place: node.place().clone(),
+        };
+        table.finish()?;
+        Ok(noise)
+    };
+    table.entries().map(read).collect()
+}
+
+fn read_record(node: &Node<'_>) -> Result<Vec<Recorded>> {
+    const EXPECTED: &str = "a list of names of variables";
+    let read = |node: &Node<'_>| {
+        let name = node.string("the name of a variable")?.to_owned();
+        Ok(Recorded { name, place: node.place().clone() })
+    };
+    node.list(EXPECTED)?.iter().map(read).collect()
+}
+
+#[cfg(test)]
+mod tests;

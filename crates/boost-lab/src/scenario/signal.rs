@@ -1,0 +1,224 @@
+//! Signals: what an input is over time.
+
+use std::f64::consts::TAU;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use toml::de::DeValue;
+
+use super::document::{Node, Table};
+
+/// What a time may fall short of an instant by (s): communication points are computed as multiples of the step.
+const ROUNDING: f64 = 1e-9;
+
+/// A signal over time.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Signal {
+    /// One value.
+    Constant(f64),
+    /// Each value from its time on; the first also before.
+    Steps(Vec<(f64, f64)>),
+    /// Straight lines between points; the outermost values before and after.
+    Lines(Vec<(f64, f64)>),
+    /// A sine wave: mean, amplitude, frequency in Hz, phase in degrees at time 0.
+    Sine {
+        /// The mean.
+        mean: f64,
+        /// The amplitude.
+        amplitude: f64,
+        /// In Hz.
+        frequency: f64,
+        /// At time 0, in degrees.
+        phase: f64,
+    },
+}
+
+impl Signal {
+    /// The value at a time (s).
+    #[must_use]
+    pub fn at(&self, time: f64) -> f64 {
+        match self {
+            Self::Constant(value) => *value,
+            Self::Steps(points) => {
+                let begun = points.partition_point(|&(begin, _)| begin <= time + ROUNDING);
+                points[begun.saturating_sub(1)].1
+            }
+            Self::Lines(points) => {
+                let after = points.partition_point(|&(instant, _)| instant <= time);
+                let (Some(&(t0, y0)), Some(&(t1, y1))) =
+                    (points.get(after.wrapping_sub(1)), points.get(after))
+                else {
+                    return points[after.saturating_sub(1)].1;
+                };
+                (y1 - y0) / (t1 - t0) * (time - t0) + y0
+            }
+            Self::Sine { mean, amplitude, frequency, phase } => {
+                mean + amplitude * (TAU * (frequency * time + phase / 360.0)).sin()
+            }
+        }
+    }
+
+    /// The instants at which it jumps or bends (s).
+    #[must_use]
+    pub fn points(&self) -> &[(f64, f64)] {
+        match self {
+            Self::Steps(points) | Self::Lines(points) => points,
+            Self::Constant(_) | Self::Sine { .. } => &[],
+        }
+    }
+
+    /// Reads a signal; CSV files are looked for in `folder`.
+    ///
+    /// # Errors
+    /// When it is none, or its file is not as it should be; the message names the place.
+    pub(super) fn read(node: &Node<'_>, folder: &Path) -> Result<Self> {
+        const EXPECTED: &str = "a number, or a table with one of steps, points, ramp, sine and csv";
+        if matches!(node.value(), DeValue::Integer(_) | DeValue::Float(_)) {
+            return node.number(EXPECTED).map(Self::Constant);
+        }
+        let table = node.table(EXPECTED)?;
+        let signal = if let Some(points) = table.optional("steps") {
+            Self::Steps(read_points(&points, |before, after| before < after)?)
+        } else if let Some(points) = table.optional("points") {
+            Self::Lines(read_points(&points, |before, after| before < after)?)
+        } else if let Some(ramp) = table.optional("ramp") {
+            read_ramp(&ramp)?
+        } else if let Some(sine) = table.optional("sine") {
+            read_sine(&sine)?
+        } else if let Some(file) = table.optional("csv") {
+            read_csv(&table, &file, folder)?
+        } else {
+            return Err(node.unexpected(EXPECTED));
+        };
+        table.finish()?;
+        Ok(signal)
+    }
+}
+
+fn read_points(node: &Node<'_>, is_in_order: impl Fn(f64, f64) -> bool) -> Result<Vec<(f64, f64)>> {
+    const PAIR: &str = "a pair [time in s, value] of numbers";
+    let mut points: Vec<(f64, f64)> = vec![];
+    for pair in node.list("a list of pairs [time in s, value]")? {
+        let [time, value] = pair.list(PAIR)?.try_into().map_err(|_| pair.unexpected(PAIR))?;
+        let point = (time.number(PAIR)?, value.number(PAIR)?);
+        if let Some(&(before, _)) = points.last()
+            && !is_in_order(before, point.0)
+        {
+            return Err(pair.unexpected(&format!("a time after the one before, {before} s")));
+        }
+        points.push(point);
+    }
+    if points.is_empty() {
+        return Err(node.unexpected("at least one pair [time in s, value]"));
+    }
+    Ok(points)
+}
+
+fn read_ramp(node: &Node<'_>) -> Result<Signal> {
+    let table = node.table("a table of from, to, begin and end")?;
+    let number = |key, expected| table.required(key, expected)?.number(expected);
+    let from = number("from", "the value before the ramp")?;
+    let to = number("to", "the value after the ramp")?;
+    let begin = number("begin", "the time at which the ramp begins (s)")?;
+    let end = number("end", "the time at which the ramp ends (s)")?;
+    if begin >= end {
+        return Err(table
+            .place()
+            .error(format!("expected an end after the begin, found {begin} s to {end} s")));
+    }
+    table.finish()?;
+    Ok(Signal::Lines(vec![(begin, from), (end, to)]))
+}
+
+fn read_sine(node: &Node<'_>) -> Result<Signal> {
+    let table = node.table("a table of mean, amplitude, frequency and phase")?;
+    let number = |key, expected| table.required(key, expected)?.number(expected);
+    let signal = Signal::Sine {
+        mean: number("mean", "the mean value")?,
+        amplitude: number("amplitude", "the amplitude")?,
+        frequency: number("frequency", "the frequency (Hz)")?,
+        phase: table
+            .optional("phase")
+            .map_or(Ok(0.0), |phase| phase.number("the phase at time 0 (degrees)"))?,
+    };
+    table.finish()?;
+    Ok(signal)
+}
+
+fn read_csv(table: &Table<'_>, file: &Node<'_>, folder: &Path) -> Result<Signal> {
+    let column = table.required("column", "the name of the column")?;
+    let name = column.string("the name of the column")?;
+    let hold = match table.optional("hold") {
+        None => false,
+        Some(node) => node.value().as_bool().ok_or_else(|| {
+            node.unexpected("true where values hold until the next row, false where lines lead there")
+        })?,
+    };
+    let path = folder.join(file.string("the path of a CSV file")?);
+    let points = file
+        .place()
+        .locate(csv_column(&path, name).with_context(|| format!("cannot read {}", path.display())))?;
+    Ok(if hold { Signal::Steps(points) } else { Signal::Lines(points) })
+}
+
+/// A column over the first one, which is the time (s).
+fn csv_column(path: &Path, name: &str) -> Result<Vec<(f64, f64)>> {
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_path(path)?;
+    let header = reader.headers()?.clone();
+    let Some(column) = header.iter().skip(1).position(|known| known == name) else {
+        let names: Vec<_> = header.iter().skip(1).collect();
+        bail!("its header has no column {name}: there are {}", names.join(", "));
+    };
+    let column = column + 1;
+    let mut points: Vec<(f64, f64)> = vec![];
+    for row in reader.records() {
+        let row = row?;
+        let line = row.position().map_or(0, csv::Position::line);
+        let number = |index: usize| -> Result<f64> {
+            let text = row.get(index).unwrap_or_default();
+            let number = text.parse().ok().filter(|number: &f64| number.is_finite());
+            number.with_context(|| {
+                format!("line {line}, {}: expected a number, found \"{text}\"", &header[index])
+            })
+        };
+        let point = (number(0)?, number(column)?);
+        if let Some(&(before, _)) = points.last()
+            && point.0 <= before
+        {
+            bail!("line {line}, {}: expected a time after {before} s, found {} s", &header[0], point.0);
+        }
+        points.push(point);
+    }
+    if points.is_empty() {
+        bail!("it has no rows");
+    }
+    Ok(points)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_hold_from_their_time_on() {
+        let signal = Signal::Steps(vec![(0.0, 1.0), (2.0, 5.0)]);
+        // The last one falls short of 2 s as a sum of steps does.
+        let values = [-1.0, 0.0, 1.999, 2.0, 9.0, 2.0 - 4e-16].map(|time| signal.at(time));
+        assert_eq!(values.map(f64::to_bits), [1.0_f64, 1.0, 1.0, 5.0, 5.0, 5.0].map(f64::to_bits));
+    }
+
+    #[test]
+    fn lines_lead_from_point_to_point() {
+        let signal = Signal::Lines(vec![(0.0, 1.0), (2.0, 5.0), (4.0, 5.0)]);
+        let values = [-1.0, 0.0, 0.5, 2.0, 3.0, 4.0, 9.0].map(|time| signal.at(time));
+        assert_eq!(values.map(f64::to_bits), [1.0_f64, 1.0, 2.0, 5.0, 5.0, 5.0, 5.0].map(f64::to_bits));
+    }
+
+    #[test]
+    fn a_sine_has_its_mean_amplitude_frequency_and_phase() {
+        let signal = Signal::Sine { mean: 3.0, amplitude: 2.0, frequency: 0.25, phase: 90.0 };
+        for (time, value) in [(0.0, 5.0), (1.0, 3.0), (2.0, 1.0), (4.0, 5.0)] {
+            assert!((signal.at(time) - value).abs() < 1e-12, "at {time} s");
+        }
+    }
+}
