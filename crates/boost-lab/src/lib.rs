@@ -5,10 +5,12 @@
 //! - [`master`] couples FMUs by equal names and steps them through a scenario.
 //! - [`record`] is what comes of it.
 //! - [`plot`] draws it as SVG.
+//! - [`reproduce`] holds the paper against it, figure by figure.
 #![deny(unsafe_code)]
 
 pub mod importer;
 pub mod master;
 pub mod plot;
 pub mod record;
+pub mod reproduce;
 pub mod scenario;

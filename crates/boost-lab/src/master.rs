@@ -26,6 +26,11 @@ const INITIAL_EXCHANGES: usize = 2;
 pub struct Fmus(BTreeMap<PathBuf, Arc<Fmu>>);
 
 impl Fmus {
+    /// Those that are loaded.
+    pub fn iter(&self) -> impl Iterator<Item = &Fmu> {
+        self.0.values().map(Arc::as_ref)
+    }
+
     /// The FMU of a member.
     fn get(&mut self, member: &Member) -> Result<Arc<Fmu>> {
         if let Some(fmu) = self.0.get(&member.file) {

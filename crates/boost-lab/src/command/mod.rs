@@ -1,5 +1,6 @@
 //! The command line: what it takes, and which room does the work.
 
+mod reproduce;
 mod simulate;
 
 use std::path::PathBuf;
@@ -35,6 +36,20 @@ enum Command {
         #[arg(long, value_name = "FILE.svg")]
         plot: Option<PathBuf>,
     },
+    /// Reproduce the paper's figures, and hold its statements against what the FMUs do
+    ///
+    /// Exits with 0 when all statements hold, with 1 when one does not and with 2 when an experiment cannot be
+    /// run.
+    Reproduce {
+        /// The figures' numbers; all when none is named
+        figures: Vec<u32>,
+        /// The folder of `BoostPlant.fmu` and `BoostController.fmu`
+        #[arg(long, value_name = "DIR", default_value = "target/fmu")]
+        fmus: PathBuf,
+        /// The folder to write report.html and report.json to
+        #[arg(long, value_name = "DIR", default_value = "target/reproduction")]
+        out: PathBuf,
+    },
 }
 
 /// Does what the command line asks for. Whether the answer is yes, where it is a question.
@@ -43,6 +58,7 @@ pub fn run() -> Result<bool> {
         Command::Simulate { scenario, fmus, fmu, out, plot } => {
             simulate::run(&scenario, fmus.as_deref(), &fmu, out, plot.as_deref()).map(|()| true)
         }
+        Command::Reproduce { figures, fmus, out } => reproduce::run(&fmus, &out, &figures),
     }
 }
 

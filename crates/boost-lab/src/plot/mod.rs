@@ -5,9 +5,12 @@
 //! text.
 
 mod axis;
+mod legend;
 mod svg;
 
 use self::axis::Scale;
+use self::legend::Legend;
+pub use self::svg::escaped;
 use self::svg::{Anchor, Svg};
 
 /// The colours.
@@ -77,7 +80,25 @@ pub struct Line {
     dashes: Option<&'static str>,
     is_held: bool,
     is_right: bool,
-    has_markers: bool,
+    marks: Marks,
+}
+
+/// What stands for a line's points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Marks {
+    Stroke,
+    StrokeAndDots,
+    Dots,
+}
+
+impl Marks {
+    fn have_stroke(self) -> bool {
+        self != Self::Dots
+    }
+
+    fn have_dots(self) -> bool {
+        self != Self::Stroke
+    }
 }
 
 /// A shaded range of an axis.
@@ -194,7 +215,7 @@ impl Line {
             dashes: None,
             is_held: false,
             is_right: false,
-            has_markers: false,
+            marks: Marks::Stroke,
         }
     }
 
@@ -250,7 +271,14 @@ impl Line {
     /// With a marker at each point.
     #[must_use]
     pub fn markers(mut self) -> Self {
-        self.has_markers = true;
+        self.marks = Marks::StrokeAndDots;
+        self
+    }
+
+    /// Only a marker at each point.
+    #[must_use]
+    pub fn dots(mut self) -> Self {
+        self.marks = Marks::Dots;
         self
     }
 }
@@ -261,6 +289,8 @@ struct Frame {
     top: f64,
     width: f64,
     height: f64,
+    /// From the frame to the left axis' label.
+    label_distance: f64,
     x: Scale,
     y: Scale,
     right: Option<Scale>,
@@ -285,7 +315,13 @@ impl Figure {
     /// The SVG text.
     #[must_use]
     pub fn svg(&self) -> String {
-        let mut svg = Svg::new();
+        self.svg_named("figure")
+    }
+
+    /// The SVG text, for a page with other ones, which have other names.
+    #[must_use]
+    pub fn svg_named(&self, name: &str) -> String {
+        let mut svg = Svg::new(name);
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let x_scales: Vec<Vec<Scale>> = self.x_scales();
         // Frames in a column begin and end at the same place.
@@ -303,25 +339,34 @@ impl Figure {
             let is_last = index + 1 == self.rows.len();
             let has_x = is_last || !self.shares_x;
             let width = (WIDTH - GAP * (row.len() as f64 - 1.0)) / row.len() as f64;
-            let has_title = row.iter().any(|panel| panel.title.is_some());
-            let above = if has_title { 1.9 * FONT_SIZE } else { 0.6 * FONT_SIZE };
-            let below = if has_x { 3.2 * FONT_SIZE } else { 0.0 };
             let height = row.iter().map(|panel| panel.height).fold(0.0, f64::max);
-            for (column, panel) in row.iter().enumerate() {
+            let frame = |(column, panel): (usize, &Panel)| {
                 let margin = margins[column];
                 let (y, right) = panel.y_scales();
-                let frame = Frame {
-                    left: column as f64 * (width + GAP) + margin.left,
-                    top: top + above,
-                    width: width - margin.left - margin.right,
-                    height,
-                    x: x_scales[index][column].clone(),
-                    y,
-                    right,
-                };
-                panel.draw(&mut svg, &frame, has_x);
+                let left = column as f64 * (width + GAP) + margin.left;
+                let width = width - margin.left - margin.right;
+                let label_distance = margin.left - 1.1 * FONT_SIZE;
+                let x = x_scales[index][column].clone();
+                Frame { left, top: 0.0, width, height, label_distance, x, y, right }
+            };
+            let mut frames: Vec<_> = row.iter().enumerate().map(frame).collect();
+            let legends: Vec<_> =
+                row.iter().zip(&frames).map(|(panel, frame)| Legend::new(panel, frame)).collect();
+            let legend_height = legends.iter().flatten().map(Legend::height_above).fold(0.0, f64::max);
+            let has_title = row.iter().any(|panel| panel.title.is_some());
+            let title_height = if has_title { 1.9 * FONT_SIZE } else { 0.6 * FONT_SIZE };
+            top += title_height + legend_height;
+            for ((panel, frame), legend) in row.iter().zip(&mut frames).zip(&legends) {
+                frame.top = top;
+                panel.draw(&mut svg, frame, has_x);
+                if let Some(title) = &panel.title {
+                    svg.title(frame.left + frame.width / 2.0, top - legend_height - 0.6 * FONT_SIZE, title);
+                }
+                if let Some(legend) = legend {
+                    legend.draw(&mut svg, frame);
+                }
             }
-            top += above + height + below;
+            top += height + if has_x { 3.2 * FONT_SIZE } else { 0.0 };
         }
         svg.finish(WIDTH, top + 4.0)
     }
@@ -394,7 +439,6 @@ impl Panel {
         }
         svg.frame(left, top, width, height);
         self.draw_axes(svg, frame, has_x);
-        self.draw_legend(svg, frame);
     }
 
     fn draw_axes(&self, svg: &mut Svg, frame: &Frame, has_x: bool) {
@@ -425,48 +469,9 @@ impl Panel {
             svg.text(left + width / 2.0, bottom + 2.7 * FONT_SIZE, Anchor::Middle, &self.x.label);
         }
         let center = top + height / 2.0;
-        svg.upright(left - 5.0 - label_width(&frame.y) - 0.7 * FONT_SIZE, center, &self.left.label);
+        svg.upright(left - frame.label_distance, center, &self.left.label);
         if let (Some(axis), Some(scale)) = (&self.right, &frame.right) {
             svg.upright(far + 5.0 + label_width(scale) + 1.3 * FONT_SIZE, center, &axis.label);
-        }
-        if let Some(title) = &self.title {
-            svg.title(left + width / 2.0, top - 0.6 * FONT_SIZE, title);
-        }
-    }
-
-    /// The legend, in the corner that hides the least.
-    fn draw_legend(&self, svg: &mut Svg, frame: &Frame) {
-        const SAMPLE: f64 = 26.0;
-        const PADDING: f64 = 6.0;
-        let entries: Vec<_> =
-            self.lines.iter().filter_map(|line| line.label.as_ref().map(|label| (line, label))).collect();
-        let Some(longest) = entries.iter().map(|(_, label)| label.chars().count()).max() else { return };
-        let row = 1.35 * FONT_SIZE;
-        let size = (
-            SAMPLE + 3.0 * PADDING + 0.52 * FONT_SIZE * longest as f64,
-            row * entries.len() as f64 + PADDING,
-        );
-        let [near, far] = [frame.left + PADDING, frame.left + frame.width - size.0 - PADDING];
-        let [high, low] = [frame.top + PADDING, frame.top + frame.height - size.1 - PADDING];
-        let hidden = |&(x, y): &(f64, f64)| {
-            let lines = self.lines.iter().flat_map(|line| line.drawn(frame));
-            let is_hidden = |&(px, py): &(f64, f64)| {
-                (x - 4.0..x + size.0 + 4.0).contains(&px) && (y - 4.0..y + size.1 + 4.0).contains(&py)
-            };
-            lines.filter(is_hidden).count()
-        };
-        let middle = f64::midpoint(near, far);
-        let corners = [(far, high), (near, high), (far, low), (near, low), (middle, high), (middle, low)];
-        let Some(&(x, y)) = corners.iter().min_by_key(|corner| hidden(corner)) else { return };
-        svg.legend_box(x, y, size.0, size.1);
-        for (index, (line, label)) in entries.iter().enumerate() {
-            let middle = y + PADDING / 2.0 + row * (index as f64 + 0.5);
-            let ends = [(x + PADDING, middle), (x + PADDING + SAMPLE, middle)];
-            svg.polyline(&ends, line.color, line.width, line.dashes, None);
-            if line.has_markers {
-                svg.marker(x + PADDING + SAMPLE / 2.0, middle, line.color);
-            }
-            svg.text(x + 2.0 * PADDING + SAMPLE, middle + 0.35 * FONT_SIZE, Anchor::Start, label);
         }
     }
 }
@@ -489,8 +494,10 @@ impl Line {
     }
 
     fn draw(&self, svg: &mut Svg, frame: &Frame, clip: &str) {
-        svg.polyline(&thinned(&self.drawn(frame)), self.color, self.width, self.dashes, Some(clip));
-        if self.has_markers {
+        if self.marks.have_stroke() {
+            svg.polyline(&thinned(&self.drawn(frame)), self.color, self.width, self.dashes, Some(clip));
+        }
+        if self.marks.have_dots() {
             for &point in &self.points {
                 let (x, y) = frame.point(point, self.is_right);
                 svg.marker(x, y, self.color);

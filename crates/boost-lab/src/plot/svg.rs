@@ -23,19 +23,21 @@ impl Anchor {
 
 /// An SVG text in the making.
 pub struct Svg {
+    name: String,
     body: String,
     clips: usize,
 }
 
 impl Svg {
-    pub fn new() -> Self {
-        Self { body: String::new(), clips: 0 }
+    /// `name` makes its parts' names unique in a page.
+    pub fn new(name: &str) -> Self {
+        Self { name: name.to_owned(), body: String::new(), clips: 0 }
     }
 
-    /// A rectangle that lines can be clipped to; gives its name, which is unique where its place is.
+    /// A rectangle that lines can be clipped to; gives its name.
     pub fn clip(&mut self, x: f64, y: f64, width: f64, height: f64) -> String {
         self.clips += 1;
-        let name = format!("frame-{x:.0}-{y:.0}-{width:.0}-{height:.0}-{}", self.clips);
+        let name = format!("{}-frame-{}", self.name, self.clips);
         self.body += &format!(
             "<clipPath id=\"{name}\"><rect x=\"{x:.2}\" y=\"{y:.2}\" width=\"{width:.2}\" height=\"{height:.2}\"/>\
              </clipPath>\n"
@@ -97,13 +99,6 @@ impl Svg {
         );
     }
 
-    pub fn legend_box(&mut self, x: f64, y: f64, width: f64, height: f64) {
-        self.body += &format!(
-            "<rect x=\"{x:.2}\" y=\"{y:.2}\" width=\"{width:.2}\" height=\"{height:.2}\" fill=\"#ffffff\" \
-             fill-opacity=\"0.85\" stroke=\"#c8c8c8\" stroke-width=\"0.6\"/>\n"
-        );
-    }
-
     pub fn text(&mut self, x: f64, y: f64, anchor: Anchor, text: &str) {
         let (anchor, text) = (anchor.name(), escaped(text));
         self.body += &format!("<text x=\"{x:.2}\" y=\"{y:.2}\" text-anchor=\"{anchor}\">{text}</text>\n");
@@ -137,6 +132,7 @@ impl Svg {
 }
 
 /// A text as XML writes it.
+#[must_use]
 pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

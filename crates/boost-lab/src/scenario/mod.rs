@@ -176,6 +176,45 @@ impl Scenario {
     pub fn input(&self, name: &str) -> Option<&Signal> {
         self.inputs.iter().find(|input| input.name == name).map(|input| &input.signal)
     }
+
+    /// Gives an FMU another value before initialization.
+    ///
+    /// # Errors
+    /// When the scenario has no FMU of this name.
+    pub fn set_value(&mut self, fmu: &str, name: &str, value: Value) -> Result<()> {
+        let member = self.member_mut(fmu)?;
+        member.values.retain(|assignment| assignment.name != name);
+        let place = member.place.clone();
+        member.values.push(Assignment { name: name.to_owned(), value, place });
+        Ok(())
+    }
+
+    /// Gives an input of all FMUs that have it another signal.
+    ///
+    /// # Errors
+    /// When the scenario has no signal for it.
+    pub fn set_input(&mut self, name: &str, signal: Signal) -> Result<()> {
+        let input = self.inputs.iter_mut().find(|input| input.name == name);
+        input.with_context(|| format!("the scenario has no signal for {name}"))?.signal = signal;
+        Ok(())
+    }
+
+    /// Gives an input of one FMU a signal of its own.
+    ///
+    /// # Errors
+    /// When the scenario has no FMU of this name.
+    pub fn set_own_input(&mut self, fmu: &str, name: &str, signal: Signal) -> Result<()> {
+        let member = self.member_mut(fmu)?;
+        member.inputs.retain(|input| input.name != name);
+        let place = member.place.clone();
+        member.inputs.push(Input { name: name.to_owned(), signal, place });
+        Ok(())
+    }
+
+    fn member_mut(&mut self, name: &str) -> Result<&mut Member> {
+        let member = self.fmus.iter_mut().find(|member| member.name == name);
+        member.with_context(|| format!("the scenario has no FMU {name}"))
+    }
 }
 
 fn read_members(root: &Table<'_>, folder: &Path, fmus: &Path) -> Result<Vec<Member>> {

@@ -1,0 +1,42 @@
+//! `reproduce`: the paper's figures, to report.html and report.json.
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use boost_lab::reproduce::{FIGURES, Laboratory, html, json};
+
+/// Reproduces figures, all where none is named. Whether all statements hold.
+pub fn run(fmus: &Path, out: &Path, numbers: &[u32]) -> Result<bool> {
+    let figures: Vec<_> =
+        FIGURES.iter().filter(|figure| numbers.is_empty() || numbers.contains(&figure.number)).collect();
+    if let Some(unknown) =
+        numbers.iter().find(|number| FIGURES.iter().all(|figure| figure.number != **number))
+    {
+        let known: Vec<_> = FIGURES.iter().map(|figure| figure.number.to_string()).collect();
+        bail!("there is no experiment in Fig. {unknown}: there are {}", known.join(", "));
+    }
+    fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+
+    let mut laboratory = Laboratory::new(fmus);
+    let mut reproduced = vec![];
+    let mut all_hold = true;
+    for figure in figures {
+        let found = laboratory.reproduce(figure)?;
+        println!("Fig. {}: {}", figure.number, figure.title);
+        for claim in &found.evidence.claims {
+            let word = if claim.holds() { "holds" } else { "FAILS" };
+            println!("  {word}  {:28} {:>12.5} {}", claim.name, claim.value, claim.unit);
+            all_hold &= claim.holds();
+        }
+        reproduced.push(found);
+    }
+    for (name, text) in
+        [("report.html", html(&reproduced, &laboratory.fmus())), ("report.json", json(&reproduced)?)]
+    {
+        let path = out.join(name);
+        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+        println!("{}", path.display());
+    }
+    Ok(all_hold)
+}

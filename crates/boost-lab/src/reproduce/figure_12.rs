@@ -1,0 +1,101 @@
+//! Fig. 12: the structure of the controller: its terms, as it logs them, add up to its output.
+
+use anyhow::Result;
+
+use super::measure::greatest;
+use super::{Basis, Claim, Evidence, Laboratory, shipped};
+use crate::plot::{Figure, Line, Panel, color};
+
+pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
+    let (name, text) = shipped!("figure_12.toml");
+    let scenario = laboratory.scenario(name, text)?;
+    let record = laboratory.run(&scenario)?;
+    let get = |name| record.get(name);
+    let terms = ["feedforward_pwm", "proportional_term", "integral_term", "derivative_term"];
+
+    // At the start the controller has not yet sampled.
+    let mut sum_error = vec![];
+    let mut output_error = vec![];
+    let mut is_at_limit = vec![];
+    for row in 1..record.time().len() {
+        let at = |name| Ok::<_, anyhow::Error>(get(name)?[row]);
+        let sum = terms.iter().map(|name| at(name)).sum::<Result<f64>>()?;
+        let unsaturated = at("unsaturated_pwm")?;
+        sum_error.push((sum - unsaturated).abs());
+        let compensation = at("voltage_compensation")?;
+        let saturated = unsaturated.clamp(at("pwm_min")?, at("pwm_max")?.min(100.0 / compensation));
+        output_error.push((saturated * compensation - at("hp_wastegate_pwm")?).abs());
+        is_at_limit.push(at("saturated")?);
+    }
+
+    let line = |name, factor: f64| {
+        let values: Vec<_> = get(name)?.iter().map(|value| factor * value).collect();
+        Ok::<_, anyhow::Error>(Line::new(record.time(), values).held())
+    };
+    let figure = Figure::new()
+        .row([Panel::new("time (s)", "boost pressure (kPa)")
+            .height(130.0)
+            .line(line("boost_reference", 1e-3)?.thin().color(color::BLACK).label("reference"))
+            .line(
+                line("reference_model_pressure", 1e-3)?.dashed().color(color::GREEN).label("reference model"),
+            )
+            .line(line("boost_pressure", 1e-3)?.label("actual"))])
+        .row([Panel::new("time (s)", "duty at 12 V (%)")
+            .height(150.0)
+            .line(line("feedforward_pwm", 1.0)?.dashed().color(color::GREEN).label("feedforward"))
+            .line(line("unsaturated_pwm", 1.0)?.color(color::BLACK).thin().label("sum of all terms"))
+            .line(
+                line("hp_wastegate_pwm", 1.0)?
+                    .color(color::VERMILION)
+                    .label("output, limited and compensated for 13 V"),
+            )])
+        .row([Panel::new("time (s)", "terms (%)")
+            .height(130.0)
+            .line(line("proportional_term", 1.0)?.label("proportional"))
+            .line(line("integral_term", 1.0)?.color(color::VERMILION).label("integral"))
+            .line(line("derivative_term", 1.0)?.color(color::PURPLE).label("derivative"))])
+        .shared_x();
+    Ok(Evidence {
+        drawings: vec![("Steps of the reference at a supply of 13 V: what the controller's blocks put out.".into(), figure)],
+        claims: vec![
+            Claim {
+                name: "sum_of_terms",
+                paper: "The duty is the feedforward's and the PID controller's sum.",
+                value: greatest(sum_error),
+                unit: "%",
+                least: None,
+                most: Some(1e-9),
+                basis: Basis::Construction,
+                how: "The largest difference of unsaturated_pwm from the sum of feedforward_pwm, proportional_term, \
+                      integral_term and derivative_term. The bound is the rounding of doubles.",
+            },
+            Claim {
+                name: "compensated_output",
+                paper: "The compensator, 12 V over the supply, is behind the limits of the duty.",
+                value: greatest(output_error),
+                unit: "%",
+                least: None,
+                most: Some(1e-9),
+                basis: Basis::Construction,
+                how: "The largest difference of hp_wastegate_pwm from the limited unsaturated_pwm times \
+                      voltage_compensation.",
+            },
+            Claim {
+                name: "limits_act",
+                paper: "The duty is limited (Fig. 13: its saturation guarantees a fast response).",
+                value: is_at_limit.iter().sum(),
+                unit: "samples",
+                least: Some(1.0),
+                most: None,
+                basis: Basis::Prediction,
+                how: "How many samples are at a limit, by saturated; the claims above would show nothing of the limits \
+                      otherwise.",
+            },
+        ],
+        notes: vec![
+            "Beside the paper's blocks there is a reference model, off in the paper's own structure (the parameter \
+             structure): it tells feedforward and feedback what pressure to expect, and takes the overshoot away."
+                .into(),
+        ],
+    })
+}

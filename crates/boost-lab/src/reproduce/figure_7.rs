@@ -1,0 +1,92 @@
+//! Fig. 7: a slow ramp of the duty, up and down.
+
+use anyhow::Result;
+
+use super::measure::{greatest, interpolate};
+use super::{Basis, Claim, Evidence, Laboratory, shipped};
+use crate::plot::{Figure, Line, Panel, color};
+use crate::record::Record;
+
+/// Above this duty (%) the tank's pressure is the floor, and the pump's relay moves it.
+const TANK_IS_FLOOR: f64 = 85.0;
+
+/// A variable over the duty, on the way up and on the way down; the duty rises in both.
+fn branches(record: &Record, name: &str, factor: f64) -> Result<[Vec<(f64, f64)>; 2]> {
+    let points = record.get("hp_wastegate_pwm")?.iter().copied();
+    let points: Vec<_> = points.zip(record.get(name)?.iter().map(|value| factor * value)).collect();
+    let half = points.len() / 2;
+    let up = points[..=half].to_vec();
+    let down = points[half..].iter().rev().copied().collect();
+    // Where the duty stands for a sample, one point is enough.
+    Ok([up, down].map(|mut branch: Vec<(f64, f64)>| {
+        branch.dedup_by(|a, b| a.0 <= b.0);
+        branch
+    }))
+}
+
+/// The largest distance between the branches, at equal duty from 5 % to a limit.
+fn gap(branches: &[Vec<(f64, f64)>; 2], most: f64) -> f64 {
+    let duties = (0..=360).map(|index| 5.0 + 0.25 * f64::from(index)).filter(|&duty| duty < most);
+    greatest(duties.map(|duty| (interpolate(&branches[0], duty) - interpolate(&branches[1], duty)).abs()))
+}
+
+pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
+    let (name, text) = shipped!("figure_7.toml");
+    let scenario = laboratory.scenario(name, text)?;
+    let record = laboratory.run(&scenario)?;
+    let position = branches(&record, "hp_wastegate_position", 100.0)?;
+    let pressure = branches(&record, "actuator_pressure", 1e-3)?;
+
+    let panel = |label, title, [up, down]: &[Vec<(f64, f64)>; 2]| {
+        let line = |branch: &[(f64, f64)]| {
+            let duties: Vec<_> = branch.iter().map(|point| point.0).collect();
+            Line::new(&duties, branch.iter().map(|point| point.1).collect::<Vec<_>>())
+        };
+        Panel::new("duty (%)", label)
+            .title(title)
+            .height(240.0)
+            .x_range(0.0, 100.0)
+            .line(line(up).label("up"))
+            .line(line(down).dashed().color(color::VERMILION).label("down"))
+    };
+    let figure = Figure::new().row([
+        panel("actuator pressure (kPa)", "Actuator pressure", &pressure),
+        panel("wastegate position (%)", "Wastegate position", &position),
+    ]);
+    Ok(Evidence {
+        drawings: vec![(
+            "A ramp of the duty by 1 % per second, up and down, the pump's relay at work.".into(),
+            figure,
+        )],
+        claims: vec![
+            Claim {
+                name: "position_hysteresis",
+                paper: "The hysteresis of the actuator can be neglected: wastegate position.",
+                value: gap(&position, 95.01),
+                unit: "% of stroke",
+                least: None,
+                most: Some(2.0),
+                basis: Basis::Calibration,
+                how: "The largest distance of hp_wastegate_position on the two ways at equal duty, 5 to 95 %. The Coulomb \
+                      force was chosen small by this figure. The bound is what can be read from a plot of the whole \
+                      stroke.",
+            },
+            Claim {
+                name: "pressure_hysteresis",
+                paper: "The hysteresis of the actuator can be neglected: actuator pressure.",
+                value: 1e3 * gap(&pressure, TANK_IS_FLOOR),
+                unit: "Pa",
+                least: None,
+                most: Some(500.0),
+                basis: Basis::Prediction,
+                how: "The same of actuator_pressure, 5 to 85 %; above, the tank's pressure is the floor, and the relay \
+                      moves it between 30 and 35 kPa. The bound is half a percent of ambient pressure.",
+            },
+        ],
+        notes: vec![format!(
+            "Where the tank is the floor, the branches of the pressure differ by up to {:.1} kPa: the relay's band, \
+             no friction.",
+            gap(&pressure, 95.01)
+        )],
+    })
+}

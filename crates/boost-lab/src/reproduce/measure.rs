@@ -1,0 +1,88 @@
+//! What is measured in records.
+
+use anyhow::{Context, Result};
+
+use crate::record::Record;
+use crate::scenario::Signal;
+
+/// What a communication point, computed as a multiple of the step, may differ from a time by (s).
+const ROUNDING: f64 = 1e-6;
+
+/// The row of a communication point.
+pub fn row(record: &Record, time: f64) -> Result<usize> {
+    let row = record.time().partition_point(|&point| point < time - ROUNDING);
+    let point = record.time().get(row).filter(|&&point| (point - time).abs() <= ROUNDING);
+    point.map(|_| row).with_context(|| format!("{time} s was not recorded"))
+}
+
+/// A variable's value at a communication point.
+pub fn at(record: &Record, name: &str, time: f64) -> Result<f64> {
+    Ok(record.get(name)?[row(record, time)?])
+}
+
+/// A variable's values from a communication point to another, both included.
+pub fn between<'a>(record: &'a Record, name: &str, from: f64, to: f64) -> Result<&'a [f64]> {
+    Ok(&record.get(name)?[row(record, from)?..=row(record, to)?])
+}
+
+/// The least of some values.
+pub fn least(values: impl IntoIterator<Item = f64>) -> f64 {
+    values.into_iter().fold(f64::INFINITY, f64::min)
+}
+
+/// The greatest of some values.
+pub fn greatest(values: impl IntoIterator<Item = f64>) -> f64 {
+    values.into_iter().fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// By how much values differ among themselves.
+pub fn range(values: &[f64]) -> f64 {
+    greatest(values.iter().copied()) - least(values.iter().copied())
+}
+
+/// The value at a place between points whose places rise; the outermost values beyond.
+pub fn interpolate(points: &[(f64, f64)], place: f64) -> f64 {
+    Signal::Lines(points.to_vec()).at(place)
+}
+
+/// How boost pressure followed the steps of its reference.
+#[derive(Default)]
+pub struct Following {
+    /// Overshoot of each step up (Pa).
+    pub up: Vec<f64>,
+    /// Overshoot of each step down (Pa).
+    pub down: Vec<f64>,
+    /// Time to the first sample within a tenth of each step (s).
+    pub rise: Vec<f64>,
+    /// What is left before the next step (Pa).
+    pub end_error: Vec<f64>,
+}
+
+impl Following {
+    /// Measures each step of a reference, which end with the record.
+    pub fn new(record: &Record, steps: &[(f64, f64)]) -> Result<Self> {
+        let mut following = Self::default();
+        let end = record.time().last().copied().context("the record is empty")?;
+        let ends = steps.iter().skip(2).map(|step| step.0).chain([end]);
+        for (pair, end) in steps.windows(2).zip(ends) {
+            let [(_, before), (begin, after)] = *pair else { continue };
+            let boost = between(record, "boost_pressure", begin, end)?;
+            let overshoot = if after > before {
+                let overshoot = greatest(boost.iter().copied()) - after;
+                following.up.push(overshoot);
+                overshoot
+            } else {
+                let overshoot = after - least(boost.iter().copied());
+                following.down.push(overshoot);
+                overshoot
+            };
+            anyhow::ensure!(overshoot.is_finite(), "boost pressure is no number");
+            let reached =
+                boost.iter().position(|boost| (boost - after).abs() <= 0.1 * (after - before).abs());
+            let first = row(record, begin)?;
+            following.rise.push(reached.map_or(f64::INFINITY, |index| record.time()[first + index] - begin));
+            following.end_error.push((boost[boost.len() - 1] - after).abs());
+        }
+        Ok(following)
+    }
+}

@@ -1,0 +1,191 @@
+//! The paper's figures from the FMUs: each is one or more scenarios, what is measured in them, and a drawing
+//! laid out as the paper's.
+//!
+//! A [`Claim`] is a statement of the paper with the number that the FMUs give, the range that bears the
+//! statement out, and whether the number is a prediction of the model or was put into it.
+
+mod figure_1;
+mod figure_10;
+mod figure_11;
+mod figure_12;
+mod figure_13;
+mod figure_14;
+mod figure_6;
+mod figure_7;
+mod figure_8;
+mod figure_9;
+mod measure;
+mod report;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use serde::Serialize;
+
+use crate::importer::Fmu;
+use crate::master::{Fmus, Master};
+use crate::plot::Figure;
+use crate::record::Record;
+use crate::scenario::Scenario;
+
+pub use self::report::{html, json};
+
+/// A figure of the paper.
+pub struct PaperFigure {
+    /// Its number.
+    pub number: u32,
+    /// What it is about.
+    pub title: &'static str,
+    /// Runs its experiments.
+    reproduce: fn(&mut Laboratory) -> Result<Evidence>,
+}
+
+/// All figures that are experiments, in their order.
+pub const FIGURES: [PaperFigure; 10] = [
+    PaperFigure { number: 1, title: "A disturbance of the supply voltage", reproduce: figure_1::reproduce },
+    PaperFigure { number: 6, title: "Leakage and pressure over the duty", reproduce: figure_6::reproduce },
+    PaperFigure { number: 7, title: "Hysteresis of the actuator", reproduce: figure_7::reproduce },
+    PaperFigure {
+        number: 8,
+        title: "Spring, and the vacuum pump's disturbance",
+        reproduce: figure_8::reproduce,
+    },
+    PaperFigure { number: 9, title: "Ramp and steps of the duty", reproduce: figure_9::reproduce },
+    PaperFigure { number: 10, title: "The voltage compensated", reproduce: figure_10::reproduce },
+    PaperFigure {
+        number: 11,
+        title: "The low-pressure wastegate shut or open",
+        reproduce: figure_11::reproduce,
+    },
+    PaperFigure { number: 12, title: "Structure of the controller", reproduce: figure_12::reproduce },
+    PaperFigure { number: 13, title: "Steps of boost pressure", reproduce: figure_13::reproduce },
+    PaperFigure { number: 14, title: "Boost pressure under voltage steps", reproduce: figure_14::reproduce },
+];
+
+/// What a figure's experiments gave.
+pub struct Evidence {
+    /// The drawings, each with what it shows.
+    pub drawings: Vec<(String, Figure)>,
+    /// The statements.
+    pub claims: Vec<Claim>,
+    /// What else a reader must know: how the experiment differs from the paper's, what is not reproduced.
+    pub notes: Vec<String>,
+}
+
+/// A statement of the paper, held against the FMUs.
+#[derive(Clone, Debug, Serialize)]
+pub struct Claim {
+    /// What it is called in report.json, unique in its figure.
+    pub name: &'static str,
+    /// The paper's statement.
+    pub paper: &'static str,
+    /// The number that the FMUs give.
+    pub value: f64,
+    /// Its unit.
+    pub unit: &'static str,
+    /// The range that bears the statement out.
+    pub least: Option<f64>,
+    /// See above.
+    pub most: Option<f64>,
+    /// Where the number comes from.
+    pub basis: Basis,
+    /// How the number is computed, and why the range is what it is.
+    pub how: &'static str,
+}
+
+/// Where a number comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Basis {
+    /// Parameters were chosen so that the model gives it.
+    Calibration,
+    /// It follows from a model whose parameters were chosen by something else.
+    Prediction,
+    /// It follows from how the controller is built.
+    Construction,
+}
+
+impl Claim {
+    /// Whether the number is in the range.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        // A number that is none is in no range.
+        self.value >= self.least.unwrap_or(f64::NEG_INFINITY)
+            && self.value <= self.most.unwrap_or(f64::INFINITY)
+    }
+}
+
+impl Basis {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Calibration => "calibration",
+            Self::Prediction => "prediction",
+            Self::Construction => "construction",
+        }
+    }
+}
+
+/// A reproduced figure.
+pub struct Reproduced {
+    /// Which one.
+    pub figure: &'static PaperFigure,
+    /// What was found.
+    pub evidence: Evidence,
+    /// The scenarios that ran: names and texts.
+    pub scenarios: Vec<(&'static str, &'static str)>,
+}
+
+/// Where the experiments run.
+pub struct Laboratory {
+    folder: PathBuf,
+    fmus: Fmus,
+    scenarios: Vec<(&'static str, &'static str)>,
+}
+
+impl Laboratory {
+    /// One with the FMUs of a folder, `BoostPlant.fmu` and `BoostController.fmu`.
+    #[must_use]
+    pub fn new(folder: &Path) -> Self {
+        Self { folder: folder.to_owned(), fmus: Fmus::default(), scenarios: vec![] }
+    }
+
+    /// Reproduces a figure.
+    ///
+    /// # Errors
+    /// When an FMU is missing or fails.
+    pub fn reproduce(&mut self, figure: &'static PaperFigure) -> Result<Reproduced> {
+        let evidence = (figure.reproduce)(self).with_context(|| format!("Fig. {}", figure.number))?;
+        Ok(Reproduced { figure, evidence, scenarios: std::mem::take(&mut self.scenarios) })
+    }
+
+    /// The FMUs that were used, with their versions and GUIDs.
+    #[must_use]
+    pub fn fmus(&self) -> Vec<String> {
+        let describe = |fmu: &Fmu| {
+            let attribute = |name| fmu.description().attribute(name);
+            format!("{} {} {}", attribute("modelName"), attribute("version"), attribute("guid"))
+        };
+        self.fmus.iter().map(describe).collect()
+    }
+
+    /// A scenario that is shipped with the laboratory, by its file's name and text.
+    fn scenario(&mut self, name: &'static str, text: &'static str) -> Result<Scenario> {
+        if !self.scenarios.contains(&(name, text)) {
+            self.scenarios.push((name, text));
+        }
+        Scenario::parse(name, text, Path::new(""), &self.folder)
+    }
+
+    /// Runs a scenario.
+    fn run(&mut self, scenario: &Scenario) -> Result<Record> {
+        Ok(Master::new(scenario, &mut self.fmus)?.run(|_| ())?.record)
+    }
+}
+
+/// A scenario of the folder `scenarios`: its name and its text.
+macro_rules! shipped {
+    ($name:literal) => {
+        ($name, include_str!(concat!("../../scenarios/", $name)))
+    };
+}
+use shipped;
