@@ -3,6 +3,8 @@
 use std::ffi::c_int;
 use std::fmt;
 
+use fmi2_export::package::ModelDescription;
+
 /// A status, as the FMU gave it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Status(pub c_int);
@@ -46,14 +48,46 @@ pub struct Message {
 
 /// Of all that was logged since the last call that told something, what tells why a call failed: the
 /// complaints, or else the last messages.
-pub(super) fn telling(mut messages: Vec<Message>) -> Vec<Message> {
+pub(super) fn telling(mut messages: Vec<Message>, description: &ModelDescription) -> Vec<Message> {
     const LAST: usize = 3;
     if messages.iter().any(|message| message.status.0 > Status::WARNING.0) {
         messages.retain(|message| message.status.0 > Status::WARNING.0);
-        messages
     } else {
-        messages.split_off(messages.len().saturating_sub(LAST))
+        messages.drain(..messages.len().saturating_sub(LAST));
     }
+    messages.into_iter().map(|message| with_names(message, description)).collect()
+}
+
+/// A message with the names of the variables that it refers to as `#r12#`, and with `##` as the `#` that it
+/// stands for (FMI 2.0.5, section 2.1.5).
+pub(super) fn with_names(message: Message, description: &ModelDescription) -> Message {
+    if !message.text.contains('#') {
+        return message;
+    }
+    let mut text = String::new();
+    let mut parts = message.text.split('#');
+    text += parts.next().unwrap_or_default();
+    // Between two of them stands a reference; after it the text goes on.
+    while let Some(reference) = parts.next() {
+        let types: &[&str] = match reference.chars().next() {
+            Some('r') => &["Real"],
+            Some('i') => &["Integer", "Enumeration"],
+            Some('b') => &["Boolean"],
+            Some('s') => &["String"],
+            _ => &[],
+        };
+        let named = description.variables.iter().find(|variable| {
+            types.contains(&variable.data_type.as_str())
+                && reference.get(1..) == Some(&variable.value_reference)
+        });
+        match (named, parts.next()) {
+            (Some(variable), Some(rest)) => text += &format!("{}{rest}", variable.name),
+            (None, Some(rest)) if reference.is_empty() => text += &format!("#{rest}"),
+            (_, Some(rest)) => text += &format!("#{reference}#{rest}"),
+            (_, None) => text += &format!("#{reference}"),
+        }
+    }
+    Message { text, ..message }
 }
 
 /// A call that failed, and what the FMU said.

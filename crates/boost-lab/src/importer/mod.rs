@@ -137,7 +137,7 @@ impl Fmu {
                 time: None,
                 status: None,
                 last_successful_time: None,
-                messages: messages::telling(messages),
+                messages: messages::telling(messages, &self.description),
             }),
         }
     }
@@ -253,8 +253,9 @@ impl Instance {
 
     /// Keeps the warnings of what was logged.
     fn collect(&mut self) {
-        let messages = self.handle.take_messages();
-        self.warnings.extend(messages.into_iter().filter(|message| message.status == Status::WARNING));
+        let messages = self.handle.take_messages().into_iter();
+        let warnings = messages.filter(|message| message.status == Status::WARNING);
+        self.warnings.extend(warnings.map(|message| messages::with_names(message, &self.fmu.description)));
     }
 
     /// Takes what a function returned.
@@ -273,7 +274,7 @@ impl Instance {
             variables: variables.to_owned(),
             time: self.time,
             status: Some(status),
-            messages: messages::telling(self.handle.take_messages()),
+            messages: messages::telling(self.handle.take_messages(), &self.fmu.description),
             last_successful_time: if is_discarded_step { self.handle.last_successful_time() } else { None },
         });
     }

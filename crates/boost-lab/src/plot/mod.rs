@@ -354,7 +354,7 @@ impl Figure {
                 row.iter().zip(&frames).map(|(panel, frame)| Legend::new(panel, frame)).collect();
             let legend_height = legends.iter().flatten().map(Legend::height_above).fold(0.0, f64::max);
             let has_title = row.iter().any(|panel| panel.title.is_some());
-            let title_height = if has_title { 1.9 * FONT_SIZE } else { 0.6 * FONT_SIZE };
+            let title_height = if has_title { 2.0 * FONT_SIZE } else { FONT_SIZE };
             top += title_height + legend_height;
             for ((panel, frame), legend) in row.iter().zip(&mut frames).zip(&legends) {
                 frame.top = top;

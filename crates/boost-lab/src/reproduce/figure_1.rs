@@ -24,9 +24,9 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         Line::new(record.time(), record.get("supply_voltage")?.iter().copied()).held().color(color::BLACK);
     let figure = Figure::new()
         .row([Panel::new("time (s)", "supply (V)").height(80.0).x_band(DIP.0, DIP.1).line(voltage)])
-        .row([panel("actuator_pressure", "actuator pressure (kPa)", 1e-3)?])
-        .row([panel("hp_wastegate_position", "wastegate position (%)", 100.0)?])
-        .row([panel("boost_pressure", "boost pressure (kPa)", 1e-3)?])
+        .row([panel("actuator_pressure", "actuator (kPa)", 1e-3)?])
+        .row([panel("hp_wastegate_position", "wastegate (%)", 100.0)?])
+        .row([panel("boost_pressure", "boost (kPa)", 1e-3)?])
         .shared_x();
     Ok(Evidence {
         drawings: vec![(

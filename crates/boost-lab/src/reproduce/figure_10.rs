@@ -113,7 +113,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         ],
         notes: vec![format!(
             "The lag of the measured voltage leaves a pulse of up to {:.1} % of stroke at each edge, which is over within \
-             0.1 s; at the sampling of the paper's plot it hardly shows.",
+             0.1 s.",
             greatest(pulses)
         )],
     })

@@ -37,8 +37,8 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         .row([Panel::new("time (s)", "supply (V)").height(100.0).line(voltage)])
         .row([Panel::new("time (s)", "boost pressure (kPa)")
             .height(210.0)
-            .y_range(116.0, 128.0)
-            .right("duty (%)", Some((38.0, 86.0)))
+            .y_range(119.0, 127.0)
+            .right("duty (%)", Some((36.0, 66.0)))
             .line(duty.right().thin().label("duty (right)"))
             .line(Line::new(time, kilo(&record, "boost_reference")?).label("desired"))
             .line(

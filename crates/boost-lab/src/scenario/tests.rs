@@ -1,1 +1,186 @@
+use super::*;
 
+/// The least that a scenario needs, with lines after it.
+fn with(more: &str) -> String {
+    format!("step = 0.1\nstop_time = 1.0\n[[fmu]]\nname = \"plant\"\nfile = \"Plant.fmu\"\n{more}")
+}
+
+fn parse(text: &str) -> Result<Scenario> {
+    Scenario::parse("test.toml", text, Path::new("data"), Path::new("fmus"))
+}
+
+fn refusal(text: &str) -> String {
+    format!("{:#}", parse(text).unwrap_err())
+}
+
+#[test]
+fn what_is_left_out_has_its_default() {
+    let scenario = parse(&with("")).unwrap();
+    assert_eq!(scenario.start_time.to_bits(), 0.0_f64.to_bits());
+    assert_eq!(scenario.stepping, Stepping::InTurn);
+    assert_eq!(scenario.fmus[0].file, Path::new("fmus/Plant.fmu"));
+    assert!(scenario.record.is_none());
+    assert!(scenario.inputs.is_empty() && scenario.noise.is_empty());
+}
+
+#[test]
+fn everything_is_read() {
+    let scenario = parse(
+        r#"
+        title = "all"
+        step = 0.5
+        start_time = 1
+        stop_time = 3
+        stepping = "at_once"
+        record = ["a", "plant:b"]
+        [[fmu]]
+        name = "controller"
+        file = "C.fmu"
+        values = { mode = "open", gain = 2.5, count = 3, "air.on" = true }
+        [[fmu]]
+        name = "plant"
+        file = "P.fmu"
+        run_in = { duration = 20, during = { x = 1 }, after = { x = 2 } }
+        inputs = { valve = 0 }
+        [inputs]
+        a = 1
+        b = { steps = [[0, 1], [2.5, 3]] }
+        c = { points = [[0, 1], [2, 3]] }
+        d = { ramp = { from = 1, to = 2, begin = 3, end = 4 } }
+        e = { sine = { mean = 1, amplitude = 2, frequency = 3, phase = 90 } }
+        [noise]
+        y = { standard_deviation = 0.5, seed = 4 }
+        "#,
+    )
+    .unwrap();
+    assert_eq!((scenario.title.as_str(), scenario.stepping), ("all", Stepping::AtOnce));
+    let signals: Vec<_> = scenario.inputs.iter().map(|input| &input.signal).collect();
+    assert_eq!(
+        signals,
+        [
+            &Signal::Constant(1.0),
+            &Signal::Steps(vec![(0.0, 1.0), (2.5, 3.0)]),
+            &Signal::Lines(vec![(0.0, 1.0), (2.0, 3.0)]),
+            &Signal::Lines(vec![(3.0, 1.0), (4.0, 2.0)]),
+            &Signal::Sine { mean: 1.0, amplitude: 2.0, frequency: 3.0, phase: 90.0 },
+        ]
+    );
+    let values: Vec<_> =
+        scenario.fmus[0].values.iter().map(|value| (value.name.as_str(), &value.value)).collect();
+    assert_eq!(
+        values,
+        [
+            ("mode", &Value::String("open".to_owned())),
+            ("gain", &Value::Real(2.5, None)),
+            ("count", &Value::Integer(3)),
+            ("air.on", &Value::Boolean(true)),
+        ]
+    );
+    let run_in = scenario.fmus[1].run_in.as_ref().unwrap();
+    assert_eq!((run_in.duration.to_bits(), run_in.after.len()), (20.0_f64.to_bits(), 1));
+    assert_eq!(scenario.fmus[1].inputs[0].name, "valve");
+    assert_eq!(scenario.noise[0].seed, 4);
+    assert_eq!(scenario.record.unwrap()[1].name, "plant:b");
+}
+
+#[test]
+fn each_refusal_names_line_and_key_and_what_was_expected() {
+    let cases = [
+        ("step = 0.1", "line 1, the file: stop_time is missing: a time in s"),
+        ("step = = 1", "line 1: "),
+        ("step = 0\nstop_time = 1", "line 1, step: expected a time above 0 in s, found 0"),
+        ("step = true\nstop_time = 1", "line 1, step: expected a time above 0 in s, found true"),
+        ("step = 0.1\nstop_time = nan", "line 2, stop_time: expected a time in s, found nan"),
+        ("step = 0.1\nstop_time = -1", "line 2, stop_time: expected a time after start_time, 0 s, found -1"),
+        ("step = 0.1\nstop_time = 1", "line 1, the file: fmu is missing"),
+        ("step = 0.1\nstop_time = 1\nfmu = 3", "line 3, fmu: expected a table [[fmu]] for each FMU"),
+        (
+            "step = 0.1\nstop_time = 1\n[[fmu]]\nname = \"a\"",
+            "line 3, fmu[1]: file is missing: the FMU's path",
+        ),
+    ];
+    for (text, expected) in cases {
+        let refusal = refusal(text);
+        assert!(refusal.starts_with(&format!("test.toml, {expected}")), "{text}\n{refusal}");
+    }
+    let cases = [
+        ("valus = {}", "line 6, fmu[1].valus: this key is not known; the nearest is values"),
+        (
+            "values = { a = [1] }",
+            "line 6, fmu[1].values.a: expected a number, true, false or a text, found a list of 1",
+        ),
+        ("values = { \"a b\" = [1] }", "line 6, fmu[1].values.\"a b\": expected a number"),
+        ("parameters = [\"none.ssv\"]", "line 6, fmu[1].parameters[1]: cannot read data/none.ssv: "),
+        (
+            "run_in = { duration = -1 }",
+            "line 6, fmu[1].run_in.duration: expected a time above 0 in s, found -1",
+        ),
+        ("run_in = { begin = 1 }", "line 6, fmu[1].run_in: duration is missing: a time in s"),
+        ("[[fmu]]\nname = \"plant\"\nfile = \"a\"", "line 8, fmu[2].file: another FMU has the name plant"),
+        (
+            "[inputs]\na = \"1\"",
+            "line 7, inputs.a: expected a number, or a table with one of steps, points, ramp",
+        ),
+        ("[inputs]\na = { step = [] }", "line 7, inputs.a: expected a number, or a table"),
+        ("[inputs]\na = { steps = [] }", "line 7, inputs.a.steps: expected at least one pair"),
+        (
+            "[inputs]\na = { steps = [[1]] }",
+            "line 7, inputs.a.steps[1]: expected a pair [time in s, value] of numbers",
+        ),
+        (
+            "[inputs]\na.steps = [\n[0, 1],\n[0, 2],\n]",
+            "line 9, inputs.a.steps[2]: expected a time after the one before, 0 s, found a list of 2",
+        ),
+        ("[inputs]\na = { steps = [[0, inf]] }", "line 7, inputs.a.steps[1][2]: expected a pair"),
+        ("[inputs]\na = { steps = [[0, 1]], hold = true }", "line 7, inputs.a.hold: this key is not known"),
+        (
+            "[inputs]\na = { ramp = { from = 1, to = 2, begin = 3, end = 3 } }",
+            "line 7, inputs.a.ramp: expected an end after the begin, found 3 s to 3 s",
+        ),
+        (
+            "[inputs]\na = { sine = { mean = 1 } }",
+            "line 7, inputs.a.sine: amplitude is missing: the amplitude",
+        ),
+        ("[inputs]\na = { csv = \"a.csv\" }", "line 7, inputs.a: column is missing: the name of the column"),
+        (
+            "[inputs]\na = { csv = \"a.csv\", column = \"b\" }",
+            "line 7, inputs.a.csv: cannot read data/a.csv: ",
+        ),
+        (
+            "[noise]\na = { standard_deviation = 0 }",
+            "line 7, noise.a.standard_deviation: expected a number above 0",
+        ),
+        (
+            "[noise]\na = { standard_deviation = 1, seed = -1 }",
+            "line 7, noise.a.seed: expected a whole number from 0 on",
+        ),
+    ];
+    for (more, expected) in cases {
+        let refusal = refusal(&with(more));
+        assert!(refusal.starts_with(&format!("test.toml, {expected}")), "{more}\n{refusal}");
+    }
+}
+
+#[test]
+fn a_csv_file_is_a_signal_and_its_faults_are_told_with_line_and_column() {
+    let folder = tempfile::tempdir().unwrap();
+    let read = |content: &str, more: &str| {
+        fs::write(folder.path().join("a.csv"), content).unwrap();
+        let text = with(&format!("[inputs]\na = {{ csv = \"a.csv\", column = \"b\"{more} }}"));
+        let scenario = Scenario::parse("test.toml", &text, folder.path(), Path::new(""));
+        scenario.map(|scenario| scenario.inputs[0].signal.clone()).map_err(|error| format!("{error:#}"))
+    };
+    let good = "# measured\ntime, a, b\n0, 9, 1\n1.5, 9, -2e3\n";
+    assert_eq!(read(good, ""), Ok(Signal::Lines(vec![(0.0, 1.0), (1.5, -2e3)])));
+    assert_eq!(read(good, ", hold = true"), Ok(Signal::Steps(vec![(0.0, 1.0), (1.5, -2e3)])));
+    for (content, expected) in [
+        ("time,a\n0,1\n", "its header has no column b: there are a"),
+        ("time,b\n0,1\n1,x\n", "line 3, b: expected a number, found \"x\""),
+        ("time,b\n0,1\n0,2\n", "line 3, time: expected a time after 0 s, found 0 s"),
+        ("time,b\n", "it has no rows"),
+    ] {
+        let refusal = read(content, "").unwrap_err();
+        assert!(refusal.starts_with("test.toml, line 7, inputs.a.csv: cannot read "), "{refusal}");
+        assert!(refusal.ends_with(expected), "{refusal}");
+    }
+}

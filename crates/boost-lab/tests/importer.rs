@@ -1,0 +1,250 @@
+//! The importer under an FMU that is written in C as others write them (careless.c).
+//!
+//! The FMU aborts the process when a state is left or a call comes after a fatal error, so that each test
+//! sees to it, too.
+
+use std::fs::{self, File};
+use std::path::PathBuf;
+use std::process::Command;
+use std::sync::{Arc, OnceLock};
+use std::thread;
+
+use anyhow::Result;
+use boost_lab::importer::{CallFailed, Fmu, Instance, Status};
+use fmi2_export::package::{self, Platform, Value};
+
+const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="Careless" guid="careless">
+  <CoSimulation modelIdentifier="careless" canGetAndSetFMUstate="true"/>
+  <UnitDefinitions><Unit name="Pa"><BaseUnit kg="1" m="-1" s="-2"/><DisplayUnit name="kPa" factor="0.001"/></Unit></UnitDefinitions>
+  <TypeDefinitions><SimpleType name="Fail"><Enumeration>
+    <Item name="no" value="0"/><Item name="discard" value="1"/><Item name="error" value="2"/>
+    <Item name="no_status" value="3"/><Item name="fatal" value="4"/>
+  </Enumeration></SimpleType></TypeDefinitions>
+  <ModelVariables>
+    <ScalarVariable name="level" valueReference="0" causality="output"><Real unit="Pa"/></ScalarVariable>
+    <ScalarVariable name="input" valueReference="1" causality="input"><Real start="1"/></ScalarVariable>
+    <ScalarVariable name="fail" valueReference="2" causality="parameter" variability="tunable">
+      <Enumeration declaredType="Fail" start="0"/>
+    </ScalarVariable>
+    <ScalarVariable name="states" valueReference="3"><Integer/></ScalarVariable>
+    <ScalarVariable name="flag" valueReference="4" causality="parameter"><Boolean start="false"/></ScalarVariable>
+    <ScalarVariable name="note" valueReference="5" causality="parameter"><String start="none"/></ScalarVariable>
+  </ModelVariables>
+  <ModelStructure><Outputs><Unknown index="1"/></Outputs></ModelStructure>
+</fmiModelDescription>
+"#;
+
+/// The FMU's library, compiled once.
+fn library() -> &'static [u8] {
+    static LIBRARY: OnceLock<Vec<u8>> = OnceLock::new();
+    LIBRARY.get_or_init(|| {
+        let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
+        let library = folder.join("careless");
+        let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/careless.c");
+        let arguments = ["-shared", "-fPIC", "-Wall", "-Wextra", "-Werror", "-o"];
+        let compiler = Command::new("cc").args(arguments).arg(&library).arg(source).status();
+        assert!(compiler.expect("a C compiler is there").success());
+        fs::read(library).expect("the compiler wrote it")
+    })
+}
+
+/// Writes an FMU with a description.
+fn fmu_with(name: &str, description: &str) -> PathBuf {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.fmu"));
+    let platform = Platform::host().expect("FMI 2.0 knows this platform");
+    let fmu = package::Fmu {
+        model_identifier: "careless",
+        model_description: description,
+        libraries: vec![(platform, library().to_vec())],
+        files: vec![],
+    };
+    fmu.write(File::create(&path).expect("a file")).expect("an FMU");
+    path
+}
+
+fn careless(name: &str) -> Arc<Fmu> {
+    Fmu::open(&fmu_with(name, DESCRIPTION)).expect("the FMU is imported")
+}
+
+/// An instance that steps.
+fn started(fmu: &Arc<Fmu>) -> Result<Instance> {
+    let mut instance = fmu.instantiate("careless")?;
+    instance.set_up(0.0, None)?;
+    instance.enter_initialization()?;
+    instance.exit_initialization()?;
+    Ok(instance)
+}
+
+fn fail_with(name: &str) -> (Instance, CallFailed) {
+    let mut instance = started(&careless(name)).unwrap();
+    instance.step(0.0, 0.5).unwrap();
+    instance.set_value("fail", &Value::Enumeration(name.to_owned())).unwrap();
+    let error = instance.step(0.5, 0.5).unwrap_err().downcast().expect("a call failed");
+    (instance, error)
+}
+
+#[test]
+fn values_of_each_type_go_by_their_names() {
+    let fmu = careless("values");
+    let mut instance = started(&fmu).unwrap();
+    let mut selection = fmu.select(["flag", "input", "fail", "level"]).unwrap();
+    let mut values = [0.0; 4];
+    instance.set_value("flag", &Value::Boolean(true)).unwrap();
+    instance.set_value("input", &Value::Integer(3)).unwrap();
+    instance.set_value("level", &Value::Real(2.0, Some("kPa".to_owned()))).unwrap();
+    instance.set_value("note", &Value::String("Größe".to_owned())).unwrap();
+    instance.get(&mut selection, &mut values).unwrap();
+    assert_eq!(values.map(f64::to_bits), [1.0_f64, 3.0, 0.0, 2000.0].map(f64::to_bits));
+    instance.set(&mut selection, &[0.0, 5.0, 0.0, 7.0]).unwrap();
+    instance.get(&mut selection, &mut values).unwrap();
+    assert_eq!(values.map(f64::to_bits), [0.0_f64, 5.0, 0.0, 7.0].map(f64::to_bits));
+    assert_eq!(instance.text("note").unwrap(), "Größe");
+}
+
+#[test]
+fn what_does_not_fit_a_variable_is_refused_by_name() {
+    let fmu = careless("misfits");
+    let mut instance = started(&fmu).unwrap();
+    let mut refusal = |name: &str, value: Value| instance.set_value(name, &value).unwrap_err().to_string();
+    assert!(refusal("inpt", Value::Integer(1)).ends_with("has no variable inpt; the nearest is input"));
+    assert_eq!(
+        refusal("flag", Value::Integer(1)),
+        "flag is of the type Boolean, the value of the type Integer"
+    );
+    assert_eq!(
+        refusal("fail", Value::String("eror".to_owned())),
+        "fail cannot be eror: it is one of no, discard, error, no_status, fatal"
+    );
+    assert_eq!(
+        refusal("level", Value::Real(1.0, Some("furlong".to_owned()))),
+        "level: the unit furlong is not defined"
+    );
+    let texts = fmu.select(["note"]).err().expect("a text is no number").to_string();
+    assert_eq!(texts, "note is of the type String, which is no number");
+}
+
+#[test]
+fn a_discarded_step_is_told_with_its_time_and_the_messages() {
+    let (_, error) = fail_with("discard");
+    assert_eq!(error.status, Some(Status::DISCARD));
+    assert_eq!(
+        error.to_string(),
+        "careless: fmi2DoStep at 0.5 s gave fmi2Discard, having reached 0.75 s\n  stiff at 0.5 s: level 0.5, level"
+    );
+}
+
+#[test]
+fn an_error_is_told_with_the_messages() {
+    let (_, error) = fail_with("error");
+    assert_eq!(error.to_string(), "careless: fmi2DoStep at 0.5 s gave fmi2Error\n  no way, # 7");
+}
+
+#[test]
+fn a_status_that_is_none_is_an_error() {
+    let (_, error) = fail_with("no_status");
+    let text = error.to_string();
+    assert!(text.starts_with("careless: fmi2DoStep at 0.5 s gave 17, which is no status of FMI"), "{text}");
+}
+
+#[test]
+fn nothing_is_called_after_a_fatal_error() {
+    let (mut instance, error) = fail_with("fatal");
+    assert_eq!(error.status, Some(Status::FATAL));
+    assert!(instance.step(1.0, 0.5).is_err());
+    assert!(instance.number("level").is_err());
+}
+
+#[test]
+fn a_state_is_saved_restored_and_freed() {
+    let mut instance = started(&careless("states")).unwrap();
+    instance.step(0.0, 0.5).unwrap();
+    let saved = instance.save().unwrap();
+    let level = |instance: &mut Instance| instance.number("level").unwrap().to_bits();
+    for _ in 0..3 {
+        instance.step(0.5, 0.25).unwrap();
+        assert_eq!(level(&mut instance), 0.75_f64.to_bits());
+        instance.restore(&saved).unwrap();
+        assert_eq!(level(&mut instance), 0.5_f64.to_bits());
+        assert_eq!(instance.time(), Some(0.5));
+    }
+    assert_eq!(instance.number("states").unwrap().to_bits(), 1.0_f64.to_bits());
+    drop(saved);
+    assert_eq!(instance.number("states").unwrap().to_bits(), 0.0_f64.to_bits());
+    // A state that outlives its instance frees it with itself.
+    let saved = instance.save().unwrap();
+    drop(instance);
+    drop(saved);
+}
+
+#[test]
+fn a_state_of_another_instance_is_refused() {
+    let fmu = careless("strangers");
+    let (mut one, mut two) = (started(&fmu).unwrap(), started(&fmu).unwrap());
+    let saved = one.save().unwrap();
+    assert_eq!(two.restore(&saved).unwrap_err().to_string(), "careless: the state is another instance's");
+}
+
+#[test]
+fn another_guid_is_refused_with_what_the_fmu_says() {
+    let path = fmu_with("guid", &DESCRIPTION.replace("guid=\"careless\"", "guid=\"{another}\""));
+    let error = Fmu::open(&path).unwrap().instantiate("probe").err().expect("it is refused").to_string();
+    assert_eq!(error, "probe: fmi2Instantiate made no instance\n  {another} is not 100% mine");
+}
+
+#[test]
+fn instances_in_many_threads_do_not_meet() {
+    let fmu = careless("threads");
+    thread::scope(|scope| {
+        for thread in 0..16 {
+            let fmu = &fmu;
+            scope.spawn(move || {
+                let rate = f64::from(thread);
+                for _ in 0..20 {
+                    let mut instance = started(fmu).unwrap();
+                    instance.set_value("input", &Value::Real(rate, None)).unwrap();
+                    let saved = instance.save().unwrap();
+                    for step in 0..8 {
+                        instance.step(f64::from(step) * 0.125, 0.125).unwrap();
+                    }
+                    assert_eq!(instance.number("level").unwrap().to_bits(), rate.to_bits());
+                    instance.restore(&saved).unwrap();
+                    instance.set_value("fail", &Value::Enumeration("error".to_owned())).unwrap();
+                    let error = instance.step(0.0, 0.125).unwrap_err().to_string();
+                    assert!(error.ends_with("no way, # 7"), "{error}");
+                }
+            });
+        }
+    });
+}
+
+/// What cannot be imported, and what is said of it.
+fn refusal(path: &std::path::Path) -> String {
+    format!("{:#}", Fmu::open(path).err().expect("it is refused"))
+}
+
+#[test]
+fn what_is_no_fmu_is_refused() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
+    let missing = folder.join("missing.fmu");
+    assert!(
+        refusal(&missing).starts_with(&format!("cannot import {}: it cannot be opened", missing.display()))
+    );
+    let text = folder.join("text.fmu");
+    fs::write(&text, "no archive").unwrap();
+    assert!(refusal(&text).contains("it is no ZIP archive"));
+    let cases = [
+        ("three", DESCRIPTION.replace("fmiVersion=\"2.0\"", "fmiVersion=\"3.0\""), "it is one of FMI 3.0"),
+        ("exchange", DESCRIPTION.replace("CoSimulation", "ModelExchange"), "it is not for co-simulation"),
+        (
+            "library",
+            DESCRIPTION.replace("modelIdentifier=\"careless\"", "modelIdentifier=\"other\""),
+            "it has no",
+        ),
+        ("xml", DESCRIPTION.replace("</ModelVariables>", ""), "its modelDescription.xml is broken"),
+    ];
+    for (name, description, expected) in cases {
+        let refusal = refusal(&fmu_with(name, &description));
+        assert!(refusal.contains(expected), "{name}: {refusal}");
+    }
+}
