@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import numpy as np
 from master import Instance, Master, Record, Signal, Value
@@ -12,6 +14,15 @@ SAMPLE_TIME = 1 / 80
 
 ON_TOLERANCE = 20.0
 """Pa, 0.01 % of the full scale of boost pressure: what a figure may differ from the reference solver's."""
+
+
+SCENARIOS = Path(__file__).parents[2] / "crates" / "boost-lab" / "scenarios"
+"""The paper's experiments as the laboratory runs them: what drives them stands there, once."""
+
+
+def scenario(name: str) -> dict:
+    """A scenario of the laboratory."""
+    return tomllib.loads((SCENARIOS / f"{name}.toml").read_text())
 
 
 def staircase(*points: tuple[float, float]) -> Signal:
@@ -73,21 +84,11 @@ def couple_running(
 
 
 BOOST_STEPS = [
-    (0.0, 125e3),
-    (5.0, 135e3),
-    (15.0, 150e3),
-    (25.0, 170e3),
-    (38.0, 185e3),
-    (52.0, 170e3),
-    (64.0, 150e3),
-    (76.0, 135e3),
-    (88.0, 125e3),
-    (100.0, 145e3),
-    (112.0, 125e3),
+    (float(time), float(value)) for time, value in scenario("figure_13")["inputs"]["boost_reference"]["steps"]
 ]
 """The steps of the reference in the experiment of fig. 13."""
 
-BOOST_STEPS_END = 124.0
+BOOST_STEPS_END = float(scenario("figure_13")["stop_time"])
 
 
 def ssp_of_fmpy(plant: Instance, controller: Instance) -> Master:

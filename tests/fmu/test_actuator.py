@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conftest import Make
-from experiments import couple, couple_running, ramp
+from experiments import couple, couple_running, ramp, scenario
 
-RAMP = ramp((0.0, 0.0), (100.0, 100.0), (200.0, 0.0))
+RAMP = ramp(*scenario("figure_7")["inputs"]["pwm_reference"]["points"])
 """The duty of fig. 7 (%)."""
 
 

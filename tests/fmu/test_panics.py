@@ -6,9 +6,7 @@ into C, and with that ends the process, ends the test run.
 
 from __future__ import annotations
 
-import json
 import math
-import os
 import shutil
 import subprocess
 import sys
@@ -20,9 +18,10 @@ from typing import NamedTuple
 
 import pytest
 from c_interface import Library, Status
-from fmpy import read_model_description, sharedLibraryExtension
+from fmpy import read_model_description
 from fmpy.model_description import ModelDescription
 from named import Named
+from panicking import build
 
 STEP = 0.125
 """Its halves and multiples are exact: the level is computed without rounding."""
@@ -46,24 +45,8 @@ class Built(NamedTuple):
 
 @pytest.fixture(scope="module")
 def built(root: Path) -> Built:
-    """The library, made if need be, and its description.
-
-    Cargo says where they are: the build script's folder has a name that only cargo knows.
-    """
-    command = [os.environ.get("CARGO", "cargo"), "rustc", "--locked", "--quiet"]
-    command += ["--package", "panicking-fmu", "--crate-type", "cdylib", "--message-format", "json"]
-    lines = subprocess.run(command, cwd=root, check=True, stdout=subprocess.PIPE, text=True).stdout
-    library = folder = None
-    for message in map(json.loads, lines.splitlines()):
-        if "panicking-fmu" not in message.get("package_id", ""):
-            continue
-        if message["reason"] == "build-script-executed":
-            folder = Path(message["out_dir"]) / "Panicking"
-        elif message["reason"] == "compiler-artifact":
-            made = [Path(file) for file in message["filenames"] if file.endswith(sharedLibraryExtension)]
-            library = made[0] if made else library
-    assert library is not None
-    assert folder is not None
+    """The library, made if need be, and its description."""
+    library, folder = build(root)
     return Built(Library(library), folder, read_model_description(str(folder)))
 
 

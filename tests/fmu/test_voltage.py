@@ -13,27 +13,19 @@ from experiments import (
     deviation,
     noise,
     run_in,
+    scenario,
     staircase,
 )
 from master import Master, Record
 
-DIP = staircase((0.0, 11.9), (2.0, 11.1), (6.0, 11.9))
+DIP = staircase(*scenario("figure_1")["inputs"]["supply_voltage"]["steps"])
 """The voltage of figs. 1 and 10."""
 
-DUTY = 44.0
+DUTY = scenario("figure_1")["inputs"]["hp_wastegate_pwm"]
 
 OPEN_LOOP = {"mode": "open_loop", "pwm_reference": DUTY}
 
-STEPS = staircase(
-    (0.0, 12.0),
-    (5.0, 11.1),
-    (10.0, 11.9),
-    (15.0, 12.6),
-    (20.0, 11.5),
-    (25.0, 13.5),
-    (30.0, 11.1),
-    (35.0, 12.0),
-)
+STEPS = staircase(*scenario("figure_14")["inputs"]["supply_voltage"]["steps"])
 """The voltage of fig. 14."""
 
 

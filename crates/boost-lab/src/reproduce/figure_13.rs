@@ -54,75 +54,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 draw(&paper, "With the structure of the paper")?,
             ),
         ],
-        claims: vec![
-            Claim {
-                name: "overshoot_up",
-                paper: "For a positive step of the reference, the undershoot is limited to 5 kPa.",
-                value: greatest(following.up.iter().copied()),
-                unit: "Pa",
-                least: None,
-                most: Some(5000.0),
-                basis: Basis::Prediction,
-                how: "The most by which boost_pressure exceeds the new reference after a step up. What the \
-                      paper calls undershoot and overshoot is taken alike: the deviation beyond the new \
-                      reference, for the one on this side of it is the step itself. The paper's own bound.",
-            },
-            Claim {
-                name: "overshoot_down",
-                paper: "For a decrease of the reference, the largest overshoot is only 1 kPa.",
-                value: greatest(following.down.iter().copied()),
-                unit: "Pa",
-                least: None,
-                most: Some(1000.0),
-                basis: Basis::Prediction,
-                how: "The most by which boost_pressure falls below the new reference after a step down. The \
-                      paper's own bound.",
-            },
-            Claim {
-                name: "rise_time",
-                paper: "Boost pressure follows the steps; the saturation of the PWM signal guarantees a fast \
-                      response.",
-                value: greatest(following.rise.iter().copied()),
-                unit: "s",
-                least: None,
-                most: Some(0.9),
-                basis: Basis::Prediction,
-                how: "The longest time from a step to the first sample within a tenth of it. The bound is \
-                      three times the controller's \u{3bb} of 0.3 s; a lag of \u{3bb} alone takes 2.3 times \
-                      it.",
-            },
-            Claim {
-                name: "end_error",
-                paper: "Boost pressure follows the steps in reference value correctly.",
-                value: greatest(following.end_error.iter().copied()),
-                unit: "Pa",
-                least: None,
-                most: Some(22.0),
-                basis: Basis::Prediction,
-                how: "The largest error just before the next step. The bound is the reference solution's 2 Pa, and 0.01 % \
-                      of a full scale of 200 kPa.",
-            },
-            Claim {
-                name: "least_duty",
-                paper: "The PWM signal saturates, which guarantees a fast response.",
-                value: least(duty.iter().copied()),
-                unit: "%",
-                least: None,
-                most: Some(25.0 + 1e-9),
-                basis: Basis::Construction,
-                how: "The least duty: it reaches the lower limit, 25 %.",
-            },
-            Claim {
-                name: "paper_structure_overshoot_up",
-                paper: "For a positive step, limited to 5 kPa: with the paper's own structure.",
-                value: greatest(papers.up.iter().copied()),
-                unit: "Pa",
-                least: None,
-                most: Some(5000.0),
-                basis: Basis::Prediction,
-                how: "As above, with the parameter structure at paper.",
-            },
-        ],
+        claims: claims(&following, &papers, least(duty.iter().copied())),
         notes: vec![
             format!(
                 "With the paper's own structure the pressure falls {:.1} kPa below the reference after a step down, where \
@@ -134,4 +66,77 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 .into(),
         ],
     })
+}
+
+/// What is said of the steps with the reference model, and with the paper's own structure.
+fn claims(following: &Following, papers: &Following, least_duty: f64) -> Vec<Claim> {
+    vec![
+        Claim {
+            name: "overshoot_up",
+            paper: "For a positive step of the reference, the undershoot is limited to 5 kPa.",
+            value: greatest(following.up.iter().copied()),
+            unit: "Pa",
+            least: None,
+            most: Some(5000.0),
+            basis: Basis::Prediction,
+            how: "The most by which boost_pressure exceeds the new reference after a step up. What the \
+                      paper calls undershoot and overshoot is taken alike: the deviation beyond the new \
+                      reference, for the one on this side of it is the step itself. The paper's own bound.",
+        },
+        Claim {
+            name: "overshoot_down",
+            paper: "For a decrease of the reference, the largest overshoot is only 1 kPa.",
+            value: greatest(following.down.iter().copied()),
+            unit: "Pa",
+            least: None,
+            most: Some(1000.0),
+            basis: Basis::Prediction,
+            how: "The most by which boost_pressure falls below the new reference after a step down. The \
+                      paper's own bound.",
+        },
+        Claim {
+            name: "rise_time",
+            paper: "Boost pressure follows the steps; the saturation of the PWM signal guarantees a fast \
+                      response.",
+            value: greatest(following.rise.iter().copied()),
+            unit: "s",
+            least: None,
+            most: Some(0.9),
+            basis: Basis::Prediction,
+            how: "The longest time from a step to the first sample within a tenth of it. The bound is \
+                      three times the controller's \u{3bb} of 0.3 s; a lag of \u{3bb} alone takes 2.3 times \
+                      it.",
+        },
+        Claim {
+            name: "end_error",
+            paper: "Boost pressure follows the steps in reference value correctly.",
+            value: greatest(following.end_error.iter().copied()),
+            unit: "Pa",
+            least: None,
+            most: Some(22.0),
+            basis: Basis::Prediction,
+            how: "The largest error just before the next step. The bound is the reference solution's 2 Pa, and 0.01 % \
+                      of a full scale of 200 kPa.",
+        },
+        Claim {
+            name: "least_duty",
+            paper: "The PWM signal saturates, which guarantees a fast response.",
+            value: least_duty,
+            unit: "%",
+            least: None,
+            most: Some(25.0 + 1e-9),
+            basis: Basis::Construction,
+            how: "The least duty: it reaches the lower limit, 25 %.",
+        },
+        Claim {
+            name: "paper_structure_overshoot_up",
+            paper: "For a positive step, limited to 5 kPa: with the paper's own structure.",
+            value: greatest(papers.up.iter().copied()),
+            unit: "Pa",
+            least: None,
+            most: Some(5000.0),
+            basis: Basis::Prediction,
+            how: "As above, with the parameter structure at paper.",
+        },
+    ]
 }

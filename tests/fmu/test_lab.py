@@ -1,0 +1,475 @@
+"""The laboratory: what `boost-lab` does with the exported FMUs, against the master of these tests on FMPy."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import shlex
+import shutil
+import subprocess
+import tomllib
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from broken import copy_with
+from conftest import ROOT, TARGET, Make
+from experiments import (
+    BOOST_STEPS,
+    BOOST_STEPS_END,
+    SAMPLE_TIME,
+    SCENARIOS,
+    Steps,
+    couple_running,
+    deviation,
+    run_in,
+    scenario,
+    staircase,
+)
+from master import Fmu, Master
+from panicking import package
+from pythonfmu.builder import FmuBuilder
+from test_peers import PEER
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture(scope="module")
+def lab() -> Run:
+    """Runs the laboratory's command."""
+    command = TARGET / "release" / "boost-lab"
+    assert command.is_file(), "build first: cargo build --release --package boost-lab"
+
+    def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        return subprocess.run([command, *arguments], capture_output=True, text=True, check=False)
+
+    return run
+
+
+def read(path: Path) -> dict[str, np.ndarray]:
+    """A CSV file's columns by their names."""
+    with path.open(newline="") as file:
+        names, *rows = csv.reader(file)
+    return dict(zip(names, np.array(rows, dtype=float).T, strict=True))
+
+
+def assert_equal(found: np.ndarray, expected: np.ndarray, name: str) -> None:
+    """Bit for bit."""
+    different = np.ascontiguousarray(found).view(np.uint64) != np.ascontiguousarray(expected).view(np.uint64)
+    assert not different.any(), f"{name}: first in row {np.argmax(different)}"
+
+
+@pytest.mark.parametrize("stepping", ["in_turn", "at_once"])
+def test_simulate_gets_the_numbers_of_fmpy(
+    lab: Run, exported: Path, plant: Make, controller: Make, tmp_path: Path, stepping: str
+) -> None:
+    """Fig. 13: every output at each communication point."""
+    file = tmp_path / "steps.toml"
+    text = (SCENARIOS / "figure_13.toml").read_text()
+    file.write_text(f'stepping = "{stepping}"\n{text}')
+    done = lab("simulate", file, "--fmus", exported, "--out", tmp_path, "--plot", tmp_path / "steps.svg")
+    assert (done.returncode, done.stderr) == (0, "")
+    found = read(tmp_path / "steps.csv")
+
+    reference = staircase(*BOOST_STEPS)
+    master = couple_running(
+        plant(), controller(), inputs={"boost_reference": reference}, at_once=stepping == "at_once"
+    )
+    record = master.run(BOOST_STEPS_END)
+    assert list(found) == ["time", "boost_reference", *list(record)[1:]]
+    for name, expected in record.items():
+        assert_equal(found[name], expected, name)
+    assert_equal(
+        found["boost_reference"], np.array([reference(time) for time in record["time"]]), "reference"
+    )
+    # Nothing above would notice constant columns.
+    assert sum(np.ptp(column) > 0 for column in found.values()) > 10
+    assert (tmp_path / "steps.svg").read_text().count("<polyline") >= len(record) - 1
+
+
+def test_both_orders_differ(lab: Run, exported: Path, tmp_path: Path) -> None:
+    """Otherwise the test above would show one order only."""
+    text = (SCENARIOS / "figure_13.toml").read_text()
+    columns = []
+    for stepping in ["in_turn", "at_once"]:
+        file = tmp_path / f"{stepping}.toml"
+        file.write_text(f'stepping = "{stepping}"\n{text}')
+        assert lab("simulate", file, "--fmus", exported, "--out", tmp_path).returncode == 0
+        columns.append(read(tmp_path / f"{stepping}.csv")["boost_pressure"])
+    assert (columns[0] != columns[1]).any()
+
+
+def test_noise_is_the_same_each_time_and_reaches_the_measurement_only(
+    lab: Run, exported: Path, tmp_path: Path
+) -> None:
+    text = (SCENARIOS / "figure_14.toml").read_text()
+    records = []
+    for seed in [1, 1, 2]:
+        file = tmp_path / "noise.toml"
+        file.write_text(f"{text}\n[noise]\nboost_pressure = {{ standard_deviation = 100, seed = {seed} }}\n")
+        assert lab("simulate", file, "--fmus", exported, "--out", tmp_path).returncode == 0
+        records.append(read(tmp_path / "noise.csv"))
+    assert_equal(records[0]["boost_pressure"], records[1]["boost_pressure"], "the same seed")
+    assert (records[0]["hp_wastegate_pwm"] != records[2]["hp_wastegate_pwm"]).any()
+    # What is recorded is the plant's own: it moves by a fraction of the noise from sample to sample.
+    assert np.std(np.diff(records[0]["boost_pressure"][400:])) < 50
+    assert np.std(np.diff(records[0]["hp_wastegate_pwm"][400:])) > 0
+
+
+@pytest.fixture(scope="module")
+def reproduction(lab: Run, exported: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder with the reports of all figures."""
+    out = tmp_path_factory.mktemp("reproduction")
+    done = lab("reproduce", "--fmus", exported, "--out", out)
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout
+    return out
+
+
+@pytest.fixture(scope="module")
+def values(reproduction: Path) -> dict[int, dict[str, float]]:
+    """The numbers of report.json by figure and name."""
+    report = json.loads((reproduction / "report.json").read_text())
+    return {
+        figure["figure"]: {claim["name"]: claim["value"] for claim in figure["claims"]}
+        for figure in report["figures"]
+    }
+
+
+def test_every_claim_of_the_paper_holds(reproduction: Path) -> None:
+    report = json.loads((reproduction / "report.json").read_text())
+    assert report["all_claims_hold"] is True
+    assert [figure["figure"] for figure in report["figures"]] == [1, 6, 7, 8, 9, 10, 11, 12, 13, 14]
+    for figure in report["figures"]:
+        assert figure["claims"]
+        for claim in figure["claims"]:
+            assert claim["holds"] is True
+            # Each can fail, and says how it is computed and where the number comes from.
+            assert claim["least"] is not None or claim["most"] is not None
+            assert claim["how"]
+            assert claim["basis"] in {"calibration", "prediction", "construction"}
+
+
+def test_report_needs_no_other_file(reproduction: Path) -> None:
+    page = (reproduction / "report.html").read_text()
+    assert page.count("<h2 ") == 10
+    assert page.count("<svg ") >= 10
+    assert not re.search(r"(src|href)=", page)
+    names = re.findall(r'\bid="([^"]*)"', page)
+    assert len(names) == len(set(names))
+    for scenario_file in SCENARIOS.iterdir():
+        assert f"The scenario {scenario_file.name}<" in page
+
+
+def test_figures_of_the_dip_are_those_of_fmpy(values: dict, plant: Make) -> None:
+    """Fig. 1, measured here by other code."""
+    inputs = scenario("figure_1")["inputs"]
+    voltage = staircase(*inputs["supply_voltage"]["steps"])
+    instance = plant()
+    run_in(instance, {"hp_wastegate_pwm": inputs["hp_wastegate_pwm"], "supply_voltage": voltage(0.0)})
+    record = Master([instance], SAMPLE_TIME, inputs={"supply_voltage": voltage}).run(8.0)
+    before, after = record.at(2.0), record.at(6.0)
+    found = values[1]
+    assert found["actuator_pressure_change"] == after["actuator_pressure"] - before["actuator_pressure"]
+    change = 100 * (before["hp_wastegate_position"] - after["hp_wastegate_position"])
+    # The product is rounded elsewhere.
+    assert found["position_change"] == pytest.approx(change, rel=1e-14)
+
+
+def test_figures_of_the_steps_are_those_of_fmpy(values: dict, plant: Make, controller: Make) -> None:
+    """Fig. 13, with both structures."""
+    inputs = {"boost_reference": staircase(*BOOST_STEPS)}
+
+    def steps(start: dict) -> Steps:
+        record = couple_running(plant(), controller(), start, inputs=inputs).run(BOOST_STEPS_END)
+        return Steps(record, BOOST_STEPS, BOOST_STEPS_END)
+
+    model, paper = steps({}), steps({"structure": "paper"})
+    assert values[13]["overshoot_up"] == max(model.up)
+    assert values[13]["overshoot_down"] == max(model.down)
+    assert values[13]["rise_time"] == max(model.rise)
+    assert values[13]["end_error"] == max(model.end_error)
+    assert values[13]["paper_structure_overshoot_up"] == max(paper.up)
+
+
+def test_figures_of_the_voltage_steps_are_those_of_fmpy(values: dict, plant: Make, controller: Make) -> None:
+    """Fig. 14, with compensation and without."""
+    inputs = {"supply_voltage": staircase(*scenario("figure_14")["inputs"]["supply_voltage"]["steps"])}
+
+    def largest(start: dict) -> float:
+        record = couple_running(plant(), controller(), start, inputs=inputs).run(42.0)
+        return deviation(record, 125e3, 3.0)
+
+    assert values[14]["deviation"] == largest({})
+    ratio = largest({"compensate_voltage": False}) / largest({})
+    assert values[14]["position_is_almost_constant"] == ratio
+
+
+def test_experiment_that_cannot_be_run_is_told(lab: Run, exported: Path, tmp_path: Path) -> None:
+    """A plant without a position of its wastegate."""
+    fmus = tmp_path / "fmus"
+    fmus.mkdir()
+    copy_with(exported / "BoostPlant.fmu", fmus / "BoostPlant.fmu", "hp_wastegate_position", "other")
+    done = lab("reproduce", "1", "--fmus", fmus, "--out", tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: Fig. 1: figure_1.toml, line ")
+    assert "has a variable hp_wastegate_position" in done.stderr
+
+
+def test_statement_that_does_not_hold_is_told_by_the_exit_status(
+    lab: Run, exported: Path, plant_fmu: Fmu, tmp_path: Path
+) -> None:
+    """A plant that gives another pressure as the actuator's."""
+    fmus = tmp_path / "fmus"
+    fmus.mkdir()
+    other = plant_fmu.variables["intake_manifold_pressure"].valueReference
+    pattern = r'(name="actuator_pressure" valueReference=)"\d+"'
+    copy_with(exported / "BoostPlant.fmu", fmus / "BoostPlant.fmu", pattern, rf'\g<1>"{other}"')
+    done = lab("reproduce", "1", "--fmus", fmus, "--out", tmp_path)
+    assert done.returncode == 1, done.stderr
+    assert done.stdout.count("FAILS") == 1
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["all_claims_hold"] is False
+    assert [claim["holds"] for claim in report["figures"][0]["claims"]] == [False, True]
+    assert "1 of 2 statements hold" in (tmp_path / "report.html").read_text()
+
+
+def test_unknown_figures_are_refused(lab: Run, exported: Path, tmp_path: Path) -> None:
+    done = lab("reproduce", "1", "2", "--fmus", exported, "--out", tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == (
+        "error: there is no experiment in Fig. 2: there are 1, 6, 7, 8, 9, 10, 11, 12, 13, 14\n"
+    )
+
+
+ALONE = """
+step = 0.125
+start_time = {start}
+stop_time = {stop}
+[[fmu]]
+name = "alone"
+file = "{file}"
+{more}
+"""
+"""An FMU alone."""
+
+
+def test_failing_step_ends_with_time_and_the_fmus_message(lab: Run, root: Path, tmp_path: Path) -> None:
+    package(root, tmp_path / "Panicking.fmu")
+    more = 'run_in = { duration = 1, after = { "fault.place" = "step", "fault.manner" = "refusal" } }'
+    file = tmp_path / "alone.toml"
+    file.write_text(ALONE.format(start=5, stop=6, file="Panicking.fmu", more=more))
+    out = tmp_path / "alone.csv"
+    done = lab("simulate", file, "--out", out)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: alone: fmi2DoStep at 5 s gave fmi2Error\n")
+    assert "a refusal" in done.stderr
+    assert not out.exists()
+
+
+def test_library_that_cannot_be_loaded_is_told_with_the_reason(lab: Run, tmp_path: Path) -> None:
+    """PythonFMU leaves it to the host to be, or to have loaded, a Python."""
+    source = tmp_path / "lag.py"
+    source.write_text(PEER)
+    FmuBuilder.build_FMU(source, dest=tmp_path)
+    file = tmp_path / "lag.toml"
+    file.write_text(ALONE.format(start=0, stop=2, file="Lag.fmu", more=""))
+    done = lab("simulate", file, "--out", tmp_path)
+    assert done.returncode == 2
+    place = f"{file}, line 7, fmu[1].file: cannot import {tmp_path / 'Lag.fmu'}"
+    assert done.stderr.startswith(f"error: {place}: its library cannot be loaded: ")
+    assert "Py" in done.stderr.removeprefix(f"error: {place}")
+
+
+def refusal(lab: Run, tmp_path: Path, fmus: Path, text: str) -> str:
+    """What is said of a scenario, with the file's folder left out."""
+    file = tmp_path / "wrong.toml"
+    file.write_text(text)
+    done = lab("simulate", file, "--fmus", fmus, "--out", tmp_path)
+    assert done.returncode == 2
+    assert not (tmp_path / "wrong.csv").exists()
+    return done.stderr.replace(f"{file}", "wrong.toml").replace(f"{fmus}/", "")
+
+
+FIGURE_13 = (SCENARIOS / "figure_13.toml").read_text()
+
+RUN_IN = r"line \d+, fmu\[2\].run_in.during"
+
+WRONG = [
+    (
+        "boost_reference]",
+        "boost_refrence]",
+        r"line \d+, inputs.boost_refrence: no FMU has an input boost_refrence; the nearest is boost_ref",
+    ),
+    (
+        "BoostPlant.fmu",
+        "BoostPlan.fmu",
+        r"line \d+, fmu\[2\].file: cannot import BoostPlan.fmu: it cannot be opened",
+    ),
+    (
+        '"tank.frozen" = true',
+        '"tank.frosen" = true',
+        RUN_IN + r'."tank.frosen": BoostPlant.fmu has no variable tank.frosen; the nearest is tank.frozen',
+    ),
+    (
+        '"tank.frozen" = true',
+        '"tank.frozen" = 1',
+        RUN_IN + r'."tank.frozen": tank.frozen is of the type Boolean, the value of the type Integer',
+    ),
+    (
+        '= "running"',
+        '= "runing"',
+        RUN_IN + r".*: initialization.mode cannot be runing: it is one of settled, running, given",
+    ),
+    (
+        "[inputs.boost_reference]",
+        "[inputs]\nboost_pressure = 1e5\n[inputs.boost_reference]",
+        r"line \d+, inputs.boost_pressure: controller gets boost_pressure from another FMU",
+    ),
+    (
+        "step = 0.0125",
+        "step = 0.0125\nrecord = ['boost_pressur']",
+        r"line \d+, record\[1\]: no FMU has a variable boost_pressur; the nearest is boost_pressure",
+    ),
+    (
+        "step = 0.0125",
+        "step = 0.0125\nrecord = ['engine:boost_pressure']",
+        r"line \d+, record\[1\]: no FMU has the name engine",
+    ),
+    ("step = 0.0125", "step = 0.013", r"124 s is no multiple of the communication step, 0.013 s"),
+    (
+        "step = 0.0125",
+        "step = 0.0125\nnoise = { boost = { standard_deviation = 1 } }",
+        r"line \d+, noise.boost: no FMU gets boost from another",
+    ),
+]
+"""What is replaced in the scenario of fig. 13, by what, and what is said of it."""
+
+
+@pytest.mark.parametrize(("old", "new", "expected"), WRONG, ids=[new for _, new, _ in WRONG])
+def test_what_a_scenario_has_wrong_is_told_with_its_place(
+    lab: Run, exported: Path, tmp_path: Path, old: str, new: str, expected: str
+) -> None:
+    assert FIGURE_13.count(old) >= 1
+    told = refusal(lab, tmp_path, exported, FIGURE_13.replace(old, new, 1))
+    place = "" if expected.startswith("124") else "wrong.toml, "
+    assert re.match(f"error: {place}{expected}", told), told
+
+
+def test_value_that_an_fmu_refuses_is_told_with_its_place_and_the_fmus_words(
+    lab: Run, exported: Path, tmp_path: Path
+) -> None:
+    text = FIGURE_13.replace(
+        'file = "BoostController.fmu"', 'file = "BoostController.fmu"\nvalues = { lambda = -1 }'
+    )
+    told = refusal(lab, tmp_path, exported, text)
+    assert re.match(
+        r"error: wrong.toml, line \d+, fmu\[1\].values.lambda: controller: fmi2SetReal of lambda ", told
+    )
+    assert "lambda" in told.splitlines()[1]
+    assert "-1" in told.splitlines()[1]
+
+
+def test_fmu_that_would_write_outside_of_its_folder_is_refused(
+    lab: Run, exported: Path, tmp_path: Path
+) -> None:
+    fmus = tmp_path / "fmus"
+    fmus.mkdir()
+    shutil.copy(exported / "BoostController.fmu", fmus)
+    shutil.copy(exported / "BoostPlant.fmu", fmus)
+    with zipfile.ZipFile(fmus / "BoostPlant.fmu", "a") as archive:
+        archive.writestr("../../outside", "harm")
+    told = refusal(lab, tmp_path, fmus, FIGURE_13)
+    assert "its entry '../../outside' would be extracted outside of its folder" in told
+
+
+def test_fmu_can_be_given_by_its_name(lab: Run, exported: Path, tmp_path: Path) -> None:
+    file = SCENARIOS / "figure_1.toml"
+    out = tmp_path / "one.csv"
+    plant = exported / "BoostPlant.fmu"
+    done = lab("simulate", file, "--fmu", f"plant={plant}", "--out", out)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert len(read(out)["time"]) == 641
+    done = lab("simulate", file, "--fmu", f"engine={plant}", "--out", out)
+    assert done.returncode == 2
+    assert done.stderr.endswith("has no FMU engine: there are plant\n")
+
+
+def test_plain_build_leaves_the_laboratory_out() -> None:
+    """`cargo run --release -- export` builds the root package alone."""
+    line = ["cargo", "tree", "--locked", "--all-features", "--prefix", "none", "--package", "boost-fmu"]
+    tree = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert "boost-lab" not in tree
+    assert "libloading" not in tree
+
+
+DOCUMENT = (ROOT / "docs" / "laboratory.md").read_text()
+
+LINES = [
+    line
+    for block in re.findall(r"^```sh\n(.*?)^```$", DOCUMENT, re.DOTALL | re.MULTILINE)
+    for line in block.splitlines()
+]
+
+LAB_LINES = [line for line in LINES if line.startswith("target/release/boost-lab ")]
+
+
+@pytest.fixture
+def clone(exported: Path, tmp_path: Path) -> Path:
+    """What the lines meet in the folder of the repository, wherever cargo's target folder is."""
+    (tmp_path / "target" / "release").mkdir(parents=True)
+    (tmp_path / "target" / "fmu").symlink_to(exported)
+    (tmp_path / "target" / "release" / "boost-lab").symlink_to(TARGET / "release" / "boost-lab")
+    for folder in ["crates", "parameters"]:
+        (tmp_path / folder).symlink_to(ROOT / folder)
+    return tmp_path
+
+
+def test_every_line_of_the_document_is_tried() -> None:
+    others = [line for line in LINES if line not in LAB_LINES]
+    # As tests/run has them, but for the lock file.
+    assert others == ["cargo run --release -- export", "cargo build --release --package boost-lab"]
+    script = (ROOT / "tests" / "run").read_text()
+    for line in others:
+        assert line.replace("--release", "--release --locked") in script
+    assert len(LAB_LINES) == 4
+
+
+@pytest.mark.parametrize("line", LAB_LINES)
+def test_line_of_the_document(clone: Path, line: str) -> None:
+    done = subprocess.run(shlex.split(line), cwd=clone, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    # The command names each file that it wrote, and the document the first.
+    written = [clone / word for word in done.stdout.split() if word.startswith("target/")]
+    assert written
+    for file in written:
+        assert file.stat().st_size > 1000
+    for path in re.findall(r"(?<=--out |-plot )\S+", line):
+        assert (clone / path).exists()
+
+
+def test_scenario_of_the_document(lab: Run, clone: Path) -> None:
+    (text,) = re.findall(r"^```toml\n(.*?)^```$", DOCUMENT, re.DOTALL | re.MULTILINE)
+    folder = clone / "mine"
+    folder.mkdir()
+    (folder / "mine.toml").write_text(text)
+    done = lab("simulate", folder / "mine.toml", "--fmus", clone / "target" / "fmu", "--out", folder)
+    assert (done.returncode, done.stderr) == (0, "")
+    record = read(folder / "mine.csv")
+    assert list(record) == ["time", *tomllib.loads(text)["record"]]
+    assert record["time"][-1] == 30.0
+    assert (record["boost_reference"][0], record["boost_reference"][-1]) == (125e3, 150e3)
+    assert abs(record["boost_pressure"][-1] - 150e3) < 2e3
+    assert record["controller:engine_speed"][-1] == 2000.0
+
+
+def test_document_knows_every_key() -> None:
+    """The scenarios that are shipped use none that it leaves out, nor does the parser."""
+    source = (ROOT / "crates" / "boost-lab" / "src" / "scenario" / "document.rs").read_text()
+    (keys,) = re.findall(r"const KEYS: &\[&str\] = &\[(.*?)\];", source, re.DOTALL)
+    known = re.findall(r'"(\w+)"', keys)
+    assert len(known) > 30
+    for key in known:
+        assert re.search(rf"\b{key}\b", DOCUMENT), key
