@@ -44,7 +44,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 basis: Basis::Prediction,
                 how: "The difference of actuator_pressure between 6 s and 2 s. It follows from the printed \
                       coefficients of Table 1, the sign of the third one corrected, and the duty's proportion to \
-                      the voltage. The range is the paper's number to half of its last digit.",
+                      the voltage. The range takes the paper's number as rounded to hundreds.",
             },
             Claim {
                 name: "position_change",

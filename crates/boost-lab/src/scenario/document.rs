@@ -65,7 +65,7 @@ impl<'a> Document<'a> {
             table: self.root.get_ref(),
             path: String::new(),
             place,
-            read: RefCell::default(),
+            known: RefCell::default(),
         }
     }
 }
@@ -74,13 +74,13 @@ fn line(text: &str, span: &Range<usize>) -> usize {
     1 + text.as_bytes().iter().take(span.start).filter(|&&byte| byte == b'\n').count()
 }
 
-/// A table, and which of its keys were read.
+/// A table, and which keys were asked for.
 pub struct Table<'a> {
     text: &'a str,
     table: &'a DeTable<'a>,
     path: String,
     place: Place,
-    read: RefCell<Vec<&'a str>>,
+    known: RefCell<Vec<String>>,
 }
 
 impl<'a> Table<'a> {
@@ -91,8 +91,8 @@ impl<'a> Table<'a> {
 
     /// A value that may be left out.
     pub fn optional(&self, key: &str) -> Option<Node<'a>> {
+        self.known.borrow_mut().push(key.to_owned());
         let (key, value) = self.table.get_key_value(key)?;
-        self.read.borrow_mut().push(key.get_ref());
         Some(self.node(key.get_ref(), value))
     }
 
@@ -104,21 +104,21 @@ impl<'a> Table<'a> {
     /// All values with their keys, in the order of the file.
     pub fn entries(&self) -> impl Iterator<Item = (&'a str, Node<'a>)> {
         self.table.iter().map(|(key, value)| {
-            self.read.borrow_mut().push(key.get_ref());
+            self.known.borrow_mut().push(key.get_ref().as_ref().to_owned());
             (key.get_ref().as_ref(), self.node(key.get_ref(), value))
         })
     }
 
-    /// Refuses what was not read.
+    /// Refuses what nobody asked for.
     pub fn finish(self) -> Result<()> {
-        let read = self.read.borrow();
+        let known = self.known.borrow();
         for (key, value) in self.table {
             let key = key.get_ref().as_ref();
-            if !read.contains(&key) {
+            if !known.iter().any(|known| known == key) {
                 let node = self.node(key, value);
                 return Err(node
                     .place
-                    .error(format!("this key is not known{}", like(key, KEYS.iter().copied()))));
+                    .error(format!("this key is not known{}", like(key, known.iter().map(String::as_str)))));
             }
         }
         Ok(())
@@ -134,45 +134,6 @@ impl<'a> Table<'a> {
         Node::new(self.text, value, path, &self.place)
     }
 }
-
-/// The keys of a scenario, of which a wrong one may have been meant.
-const KEYS: &[&str] = &[
-    "title",
-    "description",
-    "step",
-    "start_time",
-    "stop_time",
-    "stepping",
-    "record",
-    "fmu",
-    "inputs",
-    "noise",
-    "name",
-    "file",
-    "values",
-    "parameters",
-    "run_in",
-    "duration",
-    "during",
-    "after",
-    "steps",
-    "points",
-    "ramp",
-    "sine",
-    "csv",
-    "column",
-    "hold",
-    "from",
-    "to",
-    "begin",
-    "end",
-    "mean",
-    "amplitude",
-    "frequency",
-    "phase",
-    "standard_deviation",
-    "seed",
-];
 
 /// A value, and where it stands.
 pub struct Node<'a> {
@@ -251,7 +212,7 @@ impl<'a> Node<'a> {
             table,
             path: self.path.clone(),
             place: self.place.clone(),
-            read: RefCell::default(),
+            known: RefCell::default(),
         })
     }
 
