@@ -204,7 +204,7 @@ def test_figures_of_the_voltage_steps_are_those_of_fmpy(values: dict, plant: Mak
 
     assert values[14]["deviation"] == largest({})
     ratio = largest({"compensate_voltage": False}) / largest({})
-    assert values[14]["position_is_almost_constant"] == ratio
+    assert values[14]["rejection"] == ratio
 
 
 def test_experiment_that_cannot_be_run_is_told(lab: Run, exported: Path, tmp_path: Path) -> None:

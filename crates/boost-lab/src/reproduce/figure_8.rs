@@ -85,11 +85,11 @@ fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
     };
     let title = "(b) 2000 rpm and a duty of 50 %; the pump runs in the shaded time";
     let figure = Figure::new()
-        .row([panel("valve.voltage", "supply (V)", 1.0, color::BLACK)?.y_range(11.4, 12.2).title(title)])
-        .row([panel("tank_pressure", "tank (kPa)", 1e-3, color::SKY)?.y_range(28.0, 37.0)])
-        .row([panel("hp_wastegate_position", "wastegate (%)", 100.0, color::BLUE)?.y_range(62.0, 72.0)])
+        .row([panel("valve.voltage", "supply (V)", 1.0, color::BLACK)?.y_range(11.45, 12.15).title(title)])
+        .row([panel("tank_pressure", "tank (kPa)", 1e-3, color::SKY)?.y_range(28.5, 36.5)])
+        .row([panel("hp_wastegate_position", "wastegate (%)", 100.0, color::BLUE)?.y_range(62.5, 71.5)])
         .row([panel("exhaust_manifold_pressure", "exhaust (kPa)", 1e-3, color::VERMILION)?
-            .y_range(145.0, 165.0)])
+            .y_range(147.0, 163.0)])
         .shared_x();
     Ok(Evidence {
         drawings: vec![(

@@ -13,7 +13,7 @@ const STYLE: &str = "
 body { font: 16px/1.5 Georgia, 'Times New Roman', serif; color: #1a1a1a; max-width: 760px; margin: 2.5em auto; padding: 0 1em; }
 h1 { font-size: 1.6em; line-height: 1.25; } h2 { font-size: 1.2em; margin: 2.4em 0 0.6em; border-top: 1px solid #c8c8c8; padding-top: 1em; }
 figure { margin: 1em 0; } figure svg { width: 100%; height: auto; } figcaption { font-size: 0.9em; color: #444; }
-table { border-collapse: collapse; width: 100%; font-size: 0.88em; } th { text-align: left; font-weight: 600; }
+table { border-collapse: collapse; width: 100%; font-size: 0.88em; } th { text-align: left; font-weight: 600; white-space: nowrap; }
 th, td { padding: 0.35em 0.6em 0.35em 0; vertical-align: top; border-bottom: 1px solid #e0e0e0; }
 td.number { white-space: nowrap; } .how { color: #555; font-size: 0.93em; }
 .holds { color: #00704f; font-weight: 600; } .fails { color: #b32d00; font-weight: 600; }
