@@ -6,6 +6,7 @@
 //! - [`record`] is what comes of it.
 //! - [`plot`] draws it as SVG.
 //! - [`reproduce`] holds the paper against it, figure by figure.
+//! - [`tune`] tunes the controller to a plant.
 #![deny(unsafe_code)]
 
 pub mod importer;
@@ -14,3 +15,4 @@ pub mod plot;
 pub mod record;
 pub mod reproduce;
 pub mod scenario;
+pub mod tune;

@@ -2,6 +2,7 @@
 
 mod reproduce;
 mod simulate;
+mod tune;
 
 use std::path::PathBuf;
 
@@ -50,6 +51,8 @@ enum Command {
         #[arg(long, value_name = "DIR", default_value = "target/reproduction")]
         out: PathBuf,
     },
+    /// Tune the controller's gain schedule to a plant
+    Tune(tune::Arguments),
 }
 
 /// Does what the command line asks for. Whether the answer is yes, where it is a question.
@@ -59,6 +62,7 @@ pub fn run() -> Result<bool> {
             simulate::run(&scenario, fmus.as_deref(), &fmu, out, plot.as_deref()).map(|()| true)
         }
         Command::Reproduce { figures, fmus, out } => reproduce::run(&fmus, &out, &figures),
+        Command::Tune(arguments) => tune::run(&arguments).map(|()| true),
     }
 }
 

@@ -1,0 +1,116 @@
+//! `tune`: the controller's gain schedule for a plant, to a parameter set and a report.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use boost_lab::importer::Fmu;
+use boost_lab::tune::{Basis, Journal, Procedure, Schedule, Task, html, json};
+use clap::Args;
+use fmi2_export::package::ParameterSet;
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// The name of the parameter set.
+const SET: &str = "schedule";
+
+#[derive(Args)]
+pub struct Arguments {
+    /// The plant
+    #[arg(long, value_name = "FILE.fmu")]
+    plant: PathBuf,
+    /// Parameters of the plant; may be given several times
+    #[arg(long, value_name = "FILE.ssv")]
+    parameters: Vec<PathBuf>,
+    /// The controller, whose start values give grid, lambda and nominal voltage [default: this repository's]
+    #[arg(long, value_name = "FILE.fmu")]
+    controller: Option<PathBuf>,
+    /// Other engine speeds of the grid's columns (rpm), ascending
+    #[arg(long, value_name = "RPM,...", value_delimiter = ',')]
+    engine_speeds: Option<Vec<f64>>,
+    /// Other boost references of the grid's rows (Pa), ascending
+    #[arg(long, value_name = "PA,...", value_delimiter = ',')]
+    boost_references: Option<Vec<f64>>,
+    /// The time constant asked of the closed loop (s) [default: the controller's]
+    #[arg(long, value_name = "SECONDS")]
+    lambda: Option<f64>,
+    /// The folder to write schedule.ssv, report.html and report.json to, and the journal that an interrupted
+    /// tuning goes on from
+    #[arg(long, value_name = "DIR", default_value = "target/tuning")]
+    out: PathBuf,
+}
+
+/// Tunes.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let schedule = match &arguments.controller {
+        Some(path) => Schedule::read(Fmu::open(path)?.description())
+            .with_context(|| format!("{} cannot be tuned", path.display()))?,
+        None => Schedule::built_in()?,
+    };
+    let task = Task {
+        plant: Fmu::open(&arguments.plant)?,
+        plant_parameters: arguments.parameters.iter().map(|path| read(path)).collect::<Result<_>>()?,
+        lambda: arguments.lambda.unwrap_or(schedule.lambda),
+        schedule: schedule.with_grid(arguments.engine_speeds.clone(), arguments.boost_references.clone())?,
+        procedure: Procedure::default(),
+    };
+    let out = &arguments.out;
+    fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+    let file =
+        fs::read(&arguments.plant).with_context(|| format!("cannot read {}", arguments.plant.display()))?;
+    let settings = task.settings(crc32fast::hash(&file));
+    let journal = Journal::open(&out.join("journal.jsonl"), &settings)?;
+    let (sweeps, points) = journal.finished();
+    if sweeps + points > 0 {
+        println!("{sweeps} sweeps and {points} points are taken from the journal of an earlier run");
+    }
+
+    // It draws nothing where standard error is no terminal.
+    let bar = ProgressBar::new(whole(task.duration()));
+    bar.set_style(
+        ProgressStyle::with_template("{wide_bar} {percent} %  {eta} left").context("no progress bar")?,
+    );
+    let tuning = task.run(settings, &journal, &|duration| bar.inc(whole(duration)));
+    bar.finish_and_clear();
+    let tuning = tuning?;
+    for note in &tuning.notes {
+        eprintln!("note: {note}");
+    }
+
+    let set = tuning.parameter_set(SET).to_xml();
+    for (name, text) in [
+        (format!("{SET}.ssv"), set),
+        ("report.html".to_owned(), html(&tuning)),
+        ("report.json".to_owned(), json(&tuning)?),
+    ] {
+        let path = out.join(name);
+        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+        println!("{}", path.display());
+    }
+    let count = |basis| tuning.cells.iter().filter(|cell| cell.basis == basis).count();
+    println!(
+        "{} of {} points identified; {} above and {} below what can be reached, {} outside the stepped duties, {} \
+         without a model",
+        count(Basis::Identified),
+        tuning.cells.len(),
+        count(Basis::AboveReach),
+        count(Basis::BelowReach),
+        count(Basis::OutsideFittedDuty),
+        count(Basis::NoModel),
+    );
+    Ok(())
+}
+
+/// Whole seconds.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // durations are above zero, and few
+fn whole(seconds: f64) -> u64 {
+    seconds.round() as u64
+}
+
+/// Reads a parameter set.
+fn read(path: &Path) -> Result<ParameterSet> {
+    let text = fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    match ParameterSet::parse(&text) {
+        Ok(set) => Ok(set),
+        Err(error) => bail!("{} is no parameter set: {error}", path.display()),
+    }
+}

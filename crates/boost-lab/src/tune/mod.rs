@@ -1,0 +1,457 @@
+//! Tunes the controller to a plant, as section 6 of the paper does: linearized over a grid of engine speeds and
+//! boost references, a model of first order with delay for each point (eq. (10)), and from it the feedback by
+//! lambda tuning (eq. (12)).
+//!
+//! A sweep of the duty at each engine speed gives the static map, whose inverse is the feedforward. At each
+//! point of the grid that can be reached, the plant settles at its feedforward, and steps up and down from there,
+//! from one saved state, give the model. What cannot be reached is filled, and says so.
+
+mod bench;
+mod fit;
+mod journal;
+mod monotone;
+mod procedure;
+mod report;
+mod schedule;
+
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail};
+use fmi2_export::package::{Parameter, ParameterSet, Value};
+use rayon::ThreadPoolBuilder;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::importer::Fmu;
+
+use self::bench::Bench;
+pub use self::bench::{Hold, Point, Sweep};
+pub use self::fit::{Estimate, FirstOrder};
+pub use self::journal::{Journal, Settings};
+pub use self::monotone::Monotone;
+pub use self::procedure::Procedure;
+pub use self::report::{html, json};
+pub use self::schedule::{Map, Schedule};
+
+/// What is tuned to what.
+pub struct Task {
+    /// The plant.
+    pub plant: Arc<Fmu>,
+    /// The plant's parameters, set in their order.
+    pub plant_parameters: Vec<ParameterSet>,
+    /// The controller's grid.
+    pub schedule: Schedule,
+    /// How the plant is identified.
+    pub procedure: Procedure,
+    /// The time constant asked of the closed loop (s).
+    pub lambda: f64,
+}
+
+/// Why a point has the values that it has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Basis {
+    /// Its own responses.
+    Identified,
+    /// The reference is above what can be reached.
+    AboveReach,
+    /// The reference is below what can be reached.
+    BelowReach,
+    /// It is reached by a duty at which no steps are taken.
+    OutsideFittedDuty,
+    /// No model fits the responses that the controller takes.
+    NoModel,
+}
+
+/// A point of the tuned schedule.
+#[derive(Clone, Debug, Serialize)]
+pub struct Cell {
+    /// The row, from 0.
+    pub row: usize,
+    /// The column, from 0.
+    pub column: usize,
+    /// Why it has these values.
+    pub basis: Basis,
+    /// The row and column of the identified point that gain, time constant and delay are taken from.
+    pub taken_from: (usize, usize),
+    /// The duty at nominal voltage that holds the reference (%).
+    pub feedforward: f64,
+    /// The gain (Pa/%).
+    pub gain: f64,
+    /// Whether the gain was raised to the least magnitude.
+    pub gain_is_raised: bool,
+    /// The time constant (s).
+    pub time_constant: f64,
+    /// The delay (s).
+    pub delay: f64,
+    /// Whether the delay was raised to the least one.
+    pub delay_is_raised: bool,
+    /// The feedback that the controller computes from these.
+    pub feedback: Feedback,
+}
+
+/// The parameters of the feedback: paper eq. (12).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Feedback {
+    /// K in %/Pa.
+    pub gain: f64,
+    /// `T_i` in s.
+    pub integral_time: f64,
+    /// `T_d` in s.
+    pub derivative_time: f64,
+}
+
+impl Feedback {
+    /// Lambda tuning of a model with gain (Pa/%), time constant (s) and delay (s).
+    #[must_use]
+    pub fn tuned(gain: f64, time_constant: f64, delay: f64, lambda: f64) -> Self {
+        Self {
+            gain: (delay / 2.0 + time_constant) / ((delay / 2.0 + lambda) * gain),
+            integral_time: time_constant + delay / 2.0,
+            derivative_time: time_constant * delay / (delay + 2.0 * time_constant),
+        }
+    }
+}
+
+/// What was found.
+pub struct Tuning<'a> {
+    /// What was asked for.
+    pub task: &'a Task,
+    /// The settings, as the journal has them.
+    pub settings: Settings,
+    /// A sweep for each column.
+    pub sweeps: Vec<Sweep>,
+    /// The points at which responses were taken.
+    pub points: Vec<Point>,
+    /// The schedule, row by row.
+    pub cells: Vec<Cell>,
+    /// What a reader must know.
+    pub notes: Vec<String>,
+}
+
+impl Task {
+    /// What determines the results; `checksum` is that of the plant's file.
+    #[must_use]
+    pub fn settings(&self, checksum: u32) -> Settings {
+        let text = |parameter: &Parameter| match &parameter.value {
+            Value::Real(value, Some(unit)) => format!("{} = {value} {unit}", parameter.name),
+            Value::Real(value, None) => format!("{} = {value}", parameter.name),
+            Value::Integer(value) => format!("{} = {value}", parameter.name),
+            Value::Boolean(value) => format!("{} = {value}", parameter.name),
+            Value::String(value) | Value::Enumeration(value) => format!("{} = {value}", parameter.name),
+        };
+        Settings {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            plant: format!("{} {checksum:08x}", self.plant.description().attribute("modelName")),
+            plant_parameters: self
+                .plant_parameters
+                .iter()
+                .flat_map(|set| &set.parameters)
+                .map(text)
+                .collect(),
+            engine_speeds: self.schedule.engine_speeds.clone(),
+            boost_references: self.schedule.boost_references.clone(),
+            nominal_voltage: self.schedule.nominal_voltage,
+            sample_time: self.schedule.sample_time,
+            procedure: self.procedure.clone(),
+        }
+    }
+
+    /// How many seconds of the plant's time a tuning takes at most.
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        let columns = self.schedule.engine_speeds.len() as f64;
+        let points = columns * self.schedule.boost_references.len() as f64;
+        columns * self.procedure.sweep_duration() + points * self.procedure.point_duration()
+    }
+
+    /// Tunes. What the journal has is taken from there, what it has not is written there; `progress` is told
+    /// how many seconds of [`duration`](Self::duration) are done with each sweep and point, by several threads.
+    ///
+    /// # Errors
+    /// When the plant lacks what is needed, fails, or cannot be tuned at all.
+    pub fn run<'a>(
+        &'a self,
+        settings: Settings,
+        journal: &Journal,
+        progress: &(impl Fn(f64) + Sync),
+    ) -> Result<Tuning<'a>> {
+        if !(self.lambda > 0.0 && self.lambda.is_finite()) {
+            bail!("lambda is {} s: a time above 0 is expected", self.lambda);
+        }
+        let bench = Bench::new(&self.plant, &self.plant_parameters, &self.schedule, &self.procedure)
+            .context("the plant cannot be tuned to")?;
+        let interface = self.plant.description().interface("CoSimulation").unwrap_or_default();
+        let is_single = interface
+            .iter()
+            .any(|(name, value)| name == "canBeInstantiatedOnlyOncePerProcess" && value == "true");
+        // 0: as many as there are cores, or as RAYON_NUM_THREADS says.
+        let threads = ThreadPoolBuilder::new().num_threads(usize::from(is_single)).build()?;
+
+        let columns = self.schedule.engine_speeds.len();
+        let sweep = |column: usize| {
+            let sweep = match journal.sweep(column) {
+                Some(sweep) => sweep.clone(),
+                None => {
+                    let sweep = bench.sweep(column).with_context(|| {
+                        format!("the sweep at {} rpm", self.schedule.engine_speeds[column])
+                    })?;
+                    journal.write_sweep(&sweep)?;
+                    sweep
+                }
+            };
+            progress(self.procedure.sweep_duration());
+            Ok(sweep)
+        };
+        let sweeps: Vec<_> =
+            threads.install(|| (0..columns).into_par_iter().map(sweep).collect::<Result<_>>())?;
+        let statics: Vec<_> = sweeps.iter().map(|sweep| self.static_map(sweep)).collect::<Result<_>>()?;
+
+        let grid: Vec<_> = (0..self.schedule.boost_references.len())
+            .flat_map(|row| (0..columns).map(move |column| (row, column)))
+            .collect();
+        let point = |&(row, column): &(usize, usize)| {
+            let point = match self.placed(&statics[column], row) {
+                (Basis::Identified, duty) => Some(match journal.point(row, column) {
+                    Some(point) => point.clone(),
+                    None => {
+                        let point = bench.step_both_ways(row, column, duty).with_context(|| {
+                            let speed = self.schedule.engine_speeds[column];
+                            format!("the steps from {duty} % at {speed} rpm")
+                        })?;
+                        journal.write_point(&point)?;
+                        point
+                    }
+                }),
+                _ => None,
+            };
+            progress(self.procedure.point_duration());
+            Ok(point)
+        };
+        let points: Vec<Option<Point>> =
+            threads.install(|| grid.par_iter().map(point).collect::<Result<_>>())?;
+        let cells = self.cells(&statics, &points)?;
+        let points = points.into_iter().flatten().collect();
+        Ok(Tuning { task: self, settings, sweeps, points, cells, notes: bench.notes })
+    }
+
+    /// The duty over boost pressure, from a sweep: only points that are above those before, in pressure.
+    fn static_map(&self, sweep: &Sweep) -> Result<Monotone> {
+        let mut rising: Vec<(f64, f64)> = vec![];
+        for hold in &sweep.holds {
+            if rising.last().is_none_or(|&(before, _)| hold.boost_pressure > before) {
+                rising.push((hold.boost_pressure, hold.duty));
+            }
+        }
+        Monotone::through(rising).with_context(|| {
+            let speed = self.schedule.engine_speeds[sweep.column];
+            format!(
+                "at {speed} rpm boost pressure does not rise when the duty falls: the procedure is for a wastegate \
+                 that more duty opens"
+            )
+        })
+    }
+
+    /// How a reference can be reached, and its feedforward.
+    fn placed(&self, duty_over_boost: &Monotone, row: usize) -> (Basis, f64) {
+        let reference = self.schedule.boost_references[row];
+        let (least, most) = self.procedure.fitted_duty;
+        match duty_over_boost.at(reference) {
+            Some(duty) if (least..=most).contains(&duty) => (Basis::Identified, duty),
+            Some(duty) => (Basis::OutsideFittedDuty, duty),
+            None if reference > duty_over_boost.last() => {
+                (Basis::AboveReach, self.procedure.duty_above_reach)
+            }
+            None => (Basis::BelowReach, self.procedure.duty_below_reach),
+        }
+    }
+
+    /// The schedule, row by row; `points` are in the same order.
+    fn cells(&self, statics: &[Monotone], points: &[Option<Point>]) -> Result<Vec<Cell>> {
+        let identified: Vec<_> = points
+            .iter()
+            .flatten()
+            .filter_map(|point| {
+                let model = point.model.as_ref().filter(|model| self.is_usable(model))?;
+                Some(((point.row, point.column), model))
+            })
+            .collect();
+        let columns = statics.len();
+        let cell = |index: usize| {
+            let (row, column) = (index / columns, index % columns);
+            let (basis, feedforward) = self.placed(&statics[column], row);
+            // The nearest row of the same speed; where this speed has none, of the nearest speed that has.
+            let distance = |&(known_row, known_column): &(usize, usize)| {
+                let apart = |values: &[f64], one: usize, other: usize| (values[one] - values[other]).abs();
+                (
+                    apart(&self.schedule.engine_speeds, known_column, column),
+                    apart(&self.schedule.boost_references, known_row, row),
+                )
+            };
+            let nearest = identified.iter().min_by(|(one, _), (other, _)| {
+                let (one, other) = (distance(one), distance(other));
+                one.0.total_cmp(&other.0).then(one.1.total_cmp(&other.1))
+            });
+            let &(taken_from, model) = nearest.context(
+                "no point of the grid could be identified: its boost references are not within what the plant \
+                 reaches, or no model fits the responses",
+            )?;
+            let is_own = taken_from == (row, column);
+            let gain = model.gain.value.min(-self.procedure.least_gain);
+            let delay = model.delay.value.max(self.procedure.least_delay);
+            let time_constant = model.time_constant.value;
+            Ok(Cell {
+                row,
+                column,
+                basis: if basis == Basis::Identified && !is_own { Basis::NoModel } else { basis },
+                taken_from,
+                feedforward,
+                gain,
+                gain_is_raised: gain < model.gain.value,
+                time_constant,
+                delay,
+                delay_is_raised: delay > model.delay.value,
+                feedback: Feedback::tuned(gain, time_constant, delay, self.lambda),
+            })
+        };
+        (0..points.len()).map(cell).collect()
+    }
+
+    /// Whether a model is one that the controller takes: falling with the duty, and within the ranges.
+    fn is_usable(&self, model: &FirstOrder) -> bool {
+        model.gain.value < 0.0
+            && self.schedule.takes(Map::Gain, model.gain.value)
+            && self.schedule.takes(Map::TimeConstant, model.time_constant.value)
+            && self.schedule.takes(Map::Delay, model.delay.value)
+    }
+}
+
+impl Cell {
+    /// A value of the cell.
+    #[must_use]
+    pub fn value(&self, map: Map) -> f64 {
+        match map {
+            Map::Feedforward => self.feedforward,
+            Map::Gain => self.gain,
+            Map::TimeConstant => self.time_constant,
+            Map::Delay => self.delay,
+        }
+    }
+
+    /// Whether a value of the cell was found there, and not filled in or raised.
+    #[must_use]
+    pub fn is_found(&self, map: Map) -> bool {
+        match map {
+            Map::Feedforward => !matches!(self.basis, Basis::AboveReach | Basis::BelowReach),
+            Map::Gain => self.basis == Basis::Identified && !self.gain_is_raised,
+            Map::TimeConstant => self.basis == Basis::Identified,
+            Map::Delay => self.basis == Basis::Identified && !self.delay_is_raised,
+        }
+    }
+}
+
+impl Tuning<'_> {
+    /// The responses at a point of the grid.
+    #[must_use]
+    pub fn point(&self, row: usize, column: usize) -> Option<&Point> {
+        self.points.iter().find(|point| (point.row, point.column) == (row, column))
+    }
+
+    /// How a value came about, in words.
+    #[must_use]
+    pub fn provenance(&self, cell: &Cell, map: Map) -> String {
+        let procedure = &self.task.procedure;
+        if map == Map::Feedforward {
+            return match cell.basis {
+                Basis::AboveReach => "filled: the reference is above what can be reached".to_owned(),
+                Basis::BelowReach => "filled: the reference is below what can be reached".to_owned(),
+                _ => "inverse of the sweep".to_owned(),
+            };
+        }
+        let (row, column) = cell.taken_from;
+        let mut text = if cell.basis == Basis::Identified {
+            let model = self.point(row, column).and_then(|point| point.model.as_ref());
+            let error = model.map_or(f64::NAN, |model| match map {
+                Map::Gain => model.gain.standard_error,
+                Map::Delay => model.delay.standard_error,
+                _ => model.time_constant.standard_error,
+            });
+            format!("identified, standard error {error:.2e} {}", map.unit())
+        } else {
+            let schedule = &self.task.schedule;
+            let why = match cell.basis {
+                Basis::AboveReach => "the reference is above what can be reached",
+                Basis::BelowReach => "the reference is below what can be reached",
+                Basis::OutsideFittedDuty => "its feedforward is outside the duties that are stepped",
+                Basis::NoModel | Basis::Identified => "no model fits",
+            };
+            format!(
+                "filled from {} Pa at {} rpm: {why}",
+                schedule.boost_references[row], schedule.engine_speeds[column]
+            )
+        };
+        match map {
+            Map::Gain if cell.gain_is_raised => {
+                text += &format!("; raised to the least magnitude, {} Pa/%", procedure.least_gain);
+            }
+            Map::Delay if cell.delay_is_raised => {
+                text += &format!("; raised to the least delay, {} s", procedure.least_delay);
+            }
+            _ => {}
+        }
+        text
+    }
+
+    /// The controller's parameters.
+    #[must_use]
+    pub fn parameter_set(&self, name: &str) -> ParameterSet {
+        let schedule = &self.task.schedule;
+        let parameter = |name: String, description: String, value: f64, unit: &str| Parameter {
+            name,
+            description,
+            value: Value::Real(value, Some(unit.to_owned())),
+        };
+        let mut parameters =
+            vec![parameter(schedule::LAMBDA.to_owned(), "as asked for".to_owned(), self.task.lambda, "s")];
+        for (axis, values, unit) in [
+            (schedule::ENGINE_SPEED, &schedule.engine_speeds, "rpm"),
+            (schedule::BOOST_REFERENCE, &schedule.boost_references, "Pa"),
+        ] {
+            for (index, &value) in values.iter().enumerate() {
+                parameters.push(parameter(format!("{axis}[{}]", index + 1), String::new(), value, unit));
+            }
+        }
+        for map in Map::ALL {
+            for cell in &self.cells {
+                let name = map.parameter(cell.row, cell.column);
+                parameters.push(parameter(name, self.provenance(cell, map), cell.value(map), map.unit()));
+            }
+        }
+        let plant = &self.settings.plant;
+        let with = self.task.plant_parameters.iter().map(|set| format!(" with {}", set.name));
+        ParameterSet {
+            name: name.to_owned(),
+            description: format!(
+                "gain schedule of {}, tuned to {plant}{}",
+                schedule.controller,
+                with.collect::<String>()
+            ),
+            parameters,
+            units: schedule.units.clone(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Eq. (12) by hand: K_p = −4000 Pa/%, T = 1.2 s, L = 0.1 s, λ = 0.3 s.
+    #[test]
+    fn feedback_is_that_of_lambda_tuning() {
+        let feedback = Feedback::tuned(-4000.0, 1.2, 0.1, 0.3);
+        assert!((feedback.gain - -1.25 / 0.35 / 4000.0).abs() < 1e-15);
+        assert!((feedback.integral_time - 1.25).abs() < 1e-15);
+        assert!((feedback.derivative_time - 0.12 / 2.5).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,370 @@
+//! The reports of a tuning: report.html for readers, which needs no other file, and report.json for programs.
+
+use anyhow::Result;
+use serde::Serialize;
+
+use super::bench::drawn_samples;
+use super::{Basis, Cell, Map, Point, Settings, Sweep, Tuning};
+use crate::plot::{Figure, Line, Panel, color, escaped};
+
+const STYLE: &str = "
+body { font: 16px/1.5 Georgia, 'Times New Roman', serif; color: #1a1a1a; max-width: 860px; margin: 2.5em auto; padding: 0 1em; }
+h1 { font-size: 1.6em; line-height: 1.25; } h2 { font-size: 1.2em; margin: 2.4em 0 0.6em; border-top: 1px solid #c8c8c8; padding-top: 1em; }
+figure { margin: 1em 0; } figure svg { width: 100%; height: auto; } figcaption, .caption { font-size: 0.9em; color: #444; }
+.maps { display: grid; grid-template-columns: repeat(auto-fit, minmax(390px, 1fr)); gap: 1.6em 2em; }
+table { border-collapse: collapse; font: 11.5px/1.35 Helvetica, Arial, 'Liberation Sans', sans-serif; font-variant-numeric: tabular-nums; }
+.map { width: 100%; table-layout: fixed; } .map caption { font: 600 15px/1.6 Georgia, 'Times New Roman', serif; text-align: left; }
+.map td { text-align: center; padding: 0.16em 0; border: 1px solid #fff; } .map th { font-weight: 400; color: #444; padding: 0.16em 0.3em; text-align: right; }
+.map thead th { text-align: center; } .map .corner { text-align: right; white-space: nowrap; }
+.filled { color: #777; font-style: italic; background: repeating-linear-gradient(135deg, #f1f1f1 0 4px, #fafafa 4px 8px); } .raised { text-decoration: underline; text-underline-offset: 2px; }
+.legend td { padding: 0.1em 0.7em; } .points { width: 100%; } .points th { text-align: left; font-weight: 600; } .points th, .points td { padding: 0.2em 0.5em 0.2em 0; border-bottom: 1px solid #e4e4e4; white-space: nowrap; }
+.settings td { padding: 0.15em 1.2em 0.15em 0; vertical-align: top; } summary { cursor: pointer; color: #444; font-size: 0.9em; }
+";
+
+/// How many responses are drawn.
+const DRAWN_POINTS: usize = 6;
+/// Responses are drawn up to this many time constants: what comes later is level.
+const DRAWN_TIME_CONSTANTS: f64 = 5.0;
+
+#[derive(Serialize)]
+struct JsonReport<'a> {
+    settings: &'a Settings,
+    controller: &'a str,
+    lambda: f64,
+    notes: &'a [String],
+    sweeps: &'a [Sweep],
+    cells: Vec<JsonCell<'a>>,
+}
+
+#[derive(Serialize)]
+struct JsonCell<'a> {
+    engine_speed: f64,
+    boost_reference: f64,
+    #[serde(flatten)]
+    cell: &'a Cell,
+    responses: Option<&'a Point>,
+}
+
+/// The text of report.json.
+///
+/// # Errors
+/// When a number is none.
+pub fn json(tuning: &Tuning<'_>) -> Result<String> {
+    let schedule = &tuning.task.schedule;
+    let cells = tuning.cells.iter().map(|cell| JsonCell {
+        engine_speed: schedule.engine_speeds[cell.column],
+        boost_reference: schedule.boost_references[cell.row],
+        cell,
+        responses: tuning.point(cell.row, cell.column),
+    });
+    let report = JsonReport {
+        settings: &tuning.settings,
+        controller: &schedule.controller,
+        lambda: tuning.task.lambda,
+        notes: &tuning.notes,
+        sweeps: &tuning.sweeps,
+        cells: cells.collect(),
+    };
+    Ok(serde_json::to_string_pretty(&report)? + "\n")
+}
+
+/// The text of report.html.
+#[must_use]
+pub fn html(tuning: &Tuning<'_>) -> String {
+    let title = format!(
+        "{} tuned to {}",
+        tuning.task.schedule.controller,
+        tuning.task.plant.description().attribute("modelName")
+    );
+    let sections = [
+        introduction(tuning, &title),
+        identified_maps(tuning),
+        feedback_maps(tuning),
+        static_maps(tuning),
+        responses(tuning),
+        points(tuning),
+    ];
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" \
+         content=\"width=device-width\">\n<title>{}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n{}</body>\n\
+         </html>\n",
+        escaped(&title),
+        sections.concat()
+    )
+}
+
+fn introduction(tuning: &Tuning<'_>, title: &str) -> String {
+    let (task, settings, procedure) = (tuning.task, &tuning.settings, &tuning.task.procedure);
+    let count = |basis| tuning.cells.iter().filter(|cell| cell.basis == basis).count();
+    let drift = |holds: &mut dyn Iterator<Item = f64>| holds.map(f64::abs).fold(0.0, f64::max);
+    let sweep_drift = drift(&mut tuning.sweeps.iter().flat_map(|sweep| &sweep.holds).map(|hold| hold.drift));
+    let point_drift = drift(&mut tuning.points.iter().map(|point| point.hold.drift));
+    let parameters = if settings.plant_parameters.is_empty() {
+        "its start values".to_owned()
+    } else {
+        settings.plant_parameters.join(", ")
+    };
+    let rows = [
+        ("Plant", settings.plant.clone()),
+        ("Parameters of the plant", parameters),
+        ("Controller", task.schedule.controller.clone()),
+        ("\u{3bb}, the time constant asked of the closed loop", format!("{} s", task.lambda)),
+        ("Supply voltage", format!("{} V", settings.nominal_voltage)),
+        ("Sample time", format!("{} ms", 1e3 * settings.sample_time)),
+        ("Step of the duty", format!("\u{b1}{} %", procedure.duty_step)),
+        (
+            "Points of the grid",
+            format!(
+                "{}: {} identified, {} above and {} below what can be reached, {} outside the stepped duties, {} \
+                 without a model",
+                tuning.cells.len(),
+                count(Basis::Identified),
+                count(Basis::AboveReach),
+                count(Basis::BelowReach),
+                count(Basis::OutsideFittedDuty),
+                count(Basis::NoModel)
+            ),
+        ),
+        (
+            "Change of boost pressure in the last second of a hold",
+            format!("at most {sweep_drift:.0} Pa in the sweeps, {point_drift:.0} Pa before the steps"),
+        ),
+    ];
+    let rows = rows.map(|(name, value)| format!("<tr><td>{name}</td><td>{}</td></tr>\n", escaped(&value)));
+    let notes = tuning.notes.iter().map(|note| format!("<p>{}</p>\n", escaped(note)));
+    format!(
+        "<h1>{}</h1>\n<p>The plant was held at each engine speed with the low-pressure wastegate and the bypass shut \
+         and the throttle open. A downward sweep of the duty gives the static map; its inverse, by monotone cubic \
+         interpolation, is the feedforward. At each boost reference that is reached between {} % and {} % duty, the \
+         plant settled for {} s at the feedforward, and was then stepped up and down from the same state for {} s. \
+         Gain <i>K<sub>p</sub></i>, time constant <i>T</i> and delay <i>L</i> are those of the model of first order \
+         with delay that is nearest, by least squares, to the mean of both responses.</p>\n\
+         <table class=\"settings\">\n{}</table>\n{}",
+        escaped(title),
+        procedure.fitted_duty.0,
+        procedure.fitted_duty.1,
+        procedure.settling_duration,
+        procedure.response_duration,
+        rows.concat(),
+        notes.collect::<String>()
+    )
+}
+
+fn identified_maps(tuning: &Tuning<'_>) -> String {
+    let map = |title: &str, map: Map, factor: f64, decimals: usize| {
+        heat_map(tuning, title, decimals, |cell| Shown {
+            value: factor * cell.value(map),
+            is_found: cell.is_found(map),
+            is_raised: match map {
+                Map::Gain => cell.gain_is_raised,
+                Map::Delay => cell.delay_is_raised,
+                Map::Feedforward | Map::TimeConstant => false,
+            },
+            hint: tuning.provenance(cell, map),
+        })
+    };
+    let maps = [
+        map("Feedforward (%)", Map::Feedforward, 1.0, 1),
+        map("Gain <i>K<sub>p</sub></i> (kPa/%)", Map::Gain, 1e-3, 2),
+        map("Time constant <i>T</i> (s)", Map::TimeConstant, 1.0, 2),
+        map("Delay <i>L</i> (ms)", Map::Delay, 1e3, 0),
+    ];
+    let procedure = &tuning.task.procedure;
+    format!(
+        "<h2>The maps</h2>\n<div class=\"maps\">\n{}</div>\n<table class=\"legend\"><tr><td class=\"filled\">1.23</td>\
+         <td>filled: not identified at this point; gain, time constant and delay are those of the nearest \
+         identified row of the same speed, the feedforward is {} % above and {} % below what can be reached</td>\
+         </tr><tr><td class=\"filled raised\">1.23</td><td>raised to the least magnitude: {} kPa/% for the gain, {} ms \
+         for the delay</td></tr></table>\n<p class=\"caption\">The pointer over a number shows where it is from. \
+         Columns are engine speeds, rows boost references.</p>\n",
+        maps.concat(),
+        procedure.duty_above_reach,
+        procedure.duty_below_reach,
+        1e-3 * procedure.least_gain,
+        1e3 * procedure.least_delay,
+    )
+}
+
+fn feedback_maps(tuning: &Tuning<'_>) -> String {
+    let map = |title: &str, decimals: usize, value: fn(&Cell) -> f64| {
+        heat_map(tuning, title, decimals, |cell| Shown {
+            value: value(cell),
+            is_found: cell.is_found(Map::TimeConstant),
+            is_raised: false,
+            hint: String::new(),
+        })
+    };
+    let quality = heat_map(tuning, "Determination <i>R</i>\u{b2} of the fit (%)", 2, |cell| {
+        let model = tuning.point(cell.row, cell.column).and_then(|point| point.model.as_ref());
+        Shown {
+            value: model.map_or(f64::NAN, |model| 100.0 * model.determination),
+            is_found: cell.basis == Basis::Identified,
+            is_raised: false,
+            hint: model.map_or_else(String::new, |model| {
+                format!("root mean square of the residuals {:.1} Pa per %", model.residual)
+            }),
+        }
+    });
+    let maps = [
+        map("Gain <i>K</i> (%/kPa)", 2, |cell| 1e3 * cell.feedback.gain),
+        map("Integral time <i>T<sub>i</sub></i> (s)", 2, |cell| cell.feedback.integral_time),
+        map("Derivative time <i>T<sub>d</sub></i> (ms)", 0, |cell| 1e3 * cell.feedback.derivative_time),
+        quality,
+    ];
+    format!(
+        "<h2>The feedback at \u{3bb} = {} s, and how well the models fit</h2>\n<p>The controller computes gain, integral \
+         and derivative time from the maps and its parameter lambda, by eq. (12) of the paper.</p>\n\
+         <div class=\"maps\">\n{}</div>\n",
+        tuning.task.lambda,
+        maps.concat()
+    )
+}
+
+/// A number in a map.
+struct Shown {
+    value: f64,
+    is_found: bool,
+    is_raised: bool,
+    hint: String,
+}
+
+/// A map as a table whose cells are coloured by their values, the highest boost reference at the top.
+fn heat_map(tuning: &Tuning<'_>, title: &str, decimals: usize, shown: impl Fn(&Cell) -> Shown) -> String {
+    let schedule = &tuning.task.schedule;
+    let found = tuning.cells.iter().map(&shown).filter(|shown| shown.is_found && shown.value.is_finite());
+    let (least, most) = found.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), shown| {
+        (least.min(shown.value.abs()), most.max(shown.value.abs()))
+    });
+    let speeds = schedule.engine_speeds.iter().map(|speed| format!("<th>{speed}</th>"));
+    let mut text = format!(
+        "<table class=\"map\"><caption>{title}</caption>\n<thead><tr><th class=\"corner\">kPa\u{2009}\\\u{2009}rpm</th>{}\
+         </tr></thead>\n",
+        speeds.collect::<String>()
+    );
+    for (row, reference) in schedule.boost_references.iter().enumerate().rev() {
+        text += &format!("<tr><th>{:.0}</th>", 1e-3 * reference);
+        for cell in tuning.cells.iter().filter(|cell| cell.row == row) {
+            let Shown { value, is_found, is_raised, hint } = shown(cell);
+            let number = if value.is_finite() {
+                format!("{value:.decimals$}").replace('-', "\u{2212}")
+            } else {
+                "\u{2013}".to_owned()
+            };
+            let raised = if is_raised { " raised" } else { "" };
+            let look = if is_found {
+                let strength = if most > least { (value.abs() - least) / (most - least) } else { 0.0 };
+                format!("class=\"{}\" style=\"{}\"", raised.trim_start(), shade(strength))
+            } else {
+                format!("class=\"filled{raised}\"")
+            };
+            text += &format!("<td {look} title=\"{}\">{number}</td>", escaped(&hint));
+        }
+        text += "</tr>\n";
+    }
+    text + "</table>\n"
+}
+
+/// From almost white to the blue of the figures, and texts that can be read on it.
+fn shade(strength: f64) -> String {
+    const LIGHT: [f64; 3] = [237.0, 244.0, 250.0];
+    const DARK: [f64; 3] = [0.0, 94.0, 156.0];
+    let [red, green, blue] = [0, 1, 2].map(|index| LIGHT[index] + strength * (DARK[index] - LIGHT[index]));
+    let text = if strength > 0.55 { "#fff" } else { color::BLACK };
+    format!("background:rgb({red:.0},{green:.0},{blue:.0});color:{text}")
+}
+
+fn static_maps(tuning: &Tuning<'_>) -> String {
+    let schedule = &tuning.task.schedule;
+    let mut panel = Panel::new("duty (%)", "boost pressure (kPa)").height(300.0);
+    for (sweep, color) in tuning.sweeps.iter().zip(color::CYCLE.iter().cycle()) {
+        let duties: Vec<_> = sweep.holds.iter().map(|hold| hold.duty).collect();
+        let boost = sweep.holds.iter().map(|hold| 1e-3 * hold.boost_pressure);
+        let speed = schedule.engine_speeds[sweep.column];
+        panel = panel
+            .line(Line::new(&duties, boost).label(&format!("{speed} rpm")).color(color).thin().markers());
+    }
+    let (least, most) = tuning.task.procedure.fitted_duty;
+    format!(
+        "<h2>The static map</h2>\n<figure>\n{}<figcaption>Boost pressure at the end of each hold of the sweeps. Shaded: \
+         the duties at which steps are taken.</figcaption>\n</figure>\n",
+        Figure::new().row([panel.x_band(least, most)]).svg_named("static-map")
+    )
+}
+
+fn responses(tuning: &Tuning<'_>) -> String {
+    let mut ranked: Vec<_> =
+        tuning.points.iter().filter_map(|point| Some((point, point.model.as_ref()?))).collect();
+    ranked.sort_by(|(_, one), (_, other)| one.determination.total_cmp(&other.determination));
+    // From the worst to the best, evenly.
+    let last = ranked.len().saturating_sub(1);
+    let mut indices: Vec<_> = (0..DRAWN_POINTS).map(|index| index * last / (DRAWN_POINTS - 1)).collect();
+    indices.dedup();
+    let times: Vec<f64> = drawn_samples(&tuning.task.procedure, tuning.settings.sample_time)
+        .map(|sample| sample as f64 * tuning.settings.sample_time)
+        .collect();
+    let step = tuning.task.procedure.duty_step;
+    let panels: Vec<_> = indices
+        .into_iter()
+        .filter_map(|index| ranked.get(index))
+        .map(|(point, model)| {
+            let end = DRAWN_TIME_CONSTANTS * model.time_constant.value + model.delay.value;
+            let scaled = |response: &[f64], sign: f64| {
+                response.iter().map(move |change| 1e-3 * sign * change / step).collect::<Vec<_>>()
+            };
+            let modelled = times.iter().map(|time| 1e-3 * model.at(*time));
+            let [up, down] = &point.responses;
+            let speed = tuning.task.schedule.engine_speeds[point.column];
+            let boost = 1e-3 * point.hold.boost_pressure;
+            Panel::new("time (s)", "change (kPa/%)")
+                .title(&format!("{speed} rpm, {boost:.0} kPa: R\u{b2} {:.2} %", 100.0 * model.determination))
+                .x_range(0.0, end.min(tuning.task.procedure.response_duration))
+                .line(Line::new(&times, scaled(up, 1.0)).label("up"))
+                .line(Line::new(&times, scaled(down, -1.0)).label("down, mirrored").color(color::VERMILION))
+                .line(Line::new(&times, modelled).label("model").color(color::BLACK).dashed())
+        })
+        .collect();
+    let rows = panels.chunks(2).map(<[Panel]>::to_vec);
+    format!(
+        "<h2>Responses and models</h2>\n<figure>\n{}<figcaption>Changes of boost pressure after a step of the duty, per \
+         %: from the worst fit to the best. The plant is of higher order, so it bends where the model has a \
+         corner.</figcaption>\n</figure>\n",
+        rows.fold(Figure::new(), Figure::row).svg_named("responses")
+    )
+}
+
+fn points(tuning: &Tuning<'_>) -> String {
+    let schedule = &tuning.task.schedule;
+    let mut text = "<h2>All identified points</h2>\n<details><summary>Each with the standard errors of its model, by the \
+        scatter of the residuals as if they were independent</summary>\n<table class=\"points\">\n<tr><th>rpm</th>\
+        <th>reference (kPa)</th><th>duty (%)</th><th>boost there (kPa)</th><th><i>K<sub>p</sub></i> (kPa/%)</th>\
+        <th><i>T</i> (s)</th><th><i>L</i> (ms)</th><th><i>R</i>\u{b2} (%)</th><th>residual (Pa/%)</th>\
+        <th>up over down</th></tr>\n"
+        .to_owned();
+    for point in &tuning.points {
+        let Some(model) = &point.model else { continue };
+        let estimate = |estimate: super::Estimate, factor: f64, decimals: usize| {
+            format!(
+                "{:.decimals$} \u{b1} {:.*}",
+                factor * estimate.value,
+                decimals + 1,
+                factor * estimate.standard_error
+            )
+            .replace('-', "\u{2212}")
+        };
+        text += &format!(
+            "<tr><td>{}</td><td>{:.0}</td><td>{:.2}</td><td>{:.1}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.3}</td>\
+             <td>{:.1}</td><td>{:.3}</td></tr>\n",
+            schedule.engine_speeds[point.column],
+            1e-3 * schedule.boost_references[point.row],
+            point.hold.duty,
+            1e-3 * point.hold.boost_pressure,
+            estimate(model.gain, 1e-3, 3),
+            estimate(model.time_constant, 1.0, 3),
+            estimate(model.delay, 1e3, 1),
+            100.0 * model.determination,
+            model.residual,
+            point.asymmetry,
+        );
+    }
+    text + "</table></details>\n"
+}

@@ -1,0 +1,234 @@
+//! The controller's gain schedule: its grid of engine speeds and boost references, and what else of the
+//! controller an identification must know.
+
+use anyhow::{Context, Result, bail};
+use fmi2_export::package::{ModelDescription, Unit, Variable};
+
+use crate::importer::like;
+
+/// What this repository's controller says of itself.
+const BUILT_IN: &str = include_str!(concat!(env!("OUT_DIR"), "/BoostController/modelDescription.xml"));
+
+/// The names of the axes: engine speeds of columns, boost references of rows.
+pub(super) const ENGINE_SPEED: &str = "schedule.engine_speed";
+pub(super) const BOOST_REFERENCE: &str = "schedule.boost_reference";
+/// The controller's parameter for the time constant that is asked of the closed loop.
+pub(super) const LAMBDA: &str = "lambda";
+
+/// A map over the grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Map {
+    /// The duty that holds a boost pressure (%).
+    Feedforward,
+    /// K_p of paper eq. (10), in Pa/%.
+    Gain,
+    /// T_tf of eq. (10), in s.
+    TimeConstant,
+    /// L of eq. (10), in s.
+    Delay,
+}
+
+impl Map {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Feedforward, Self::Gain, Self::TimeConstant, Self::Delay];
+
+    /// The controller's name for a value of the map; rows and columns count from 0 here, from 1 there.
+    #[must_use]
+    pub fn parameter(self, row: usize, column: usize) -> String {
+        let map = match self {
+            Self::Feedforward => "feedforward",
+            Self::Gain => "gain",
+            Self::TimeConstant => "time_constant",
+            Self::Delay => "delay",
+        };
+        format!("schedule.{map}[{},{}]", row + 1, column + 1)
+    }
+
+    /// The unit that values are identified in.
+    #[must_use]
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Feedforward => "%",
+            Self::Gain => "Pa/%",
+            Self::TimeConstant | Self::Delay => "s",
+        }
+    }
+}
+
+/// The grid of a controller, and its start values that matter for it.
+#[derive(Clone, Debug)]
+pub struct Schedule {
+    /// The controller's name.
+    pub controller: String,
+    /// The engine speeds of the columns (rpm), ascending.
+    pub engine_speeds: Vec<f64>,
+    /// The boost references of the rows (Pa), ascending.
+    pub boost_references: Vec<f64>,
+    /// The supply voltage that the maps are for (V).
+    pub nominal_voltage: f64,
+    /// The controller's sample time (s).
+    pub sample_time: f64,
+    /// The time constant that the controller asks of the closed loop (s).
+    pub lambda: f64,
+    /// The ranges that the controller takes of the maps, in the order of [`Map::ALL`].
+    ranges: [(f64, f64); 4],
+    /// The controller's units.
+    pub(super) units: Vec<Unit>,
+}
+
+impl Schedule {
+    /// That of this repository's controller.
+    ///
+    /// # Errors
+    /// When the controller's description is not as it should be.
+    pub fn built_in() -> Result<Self> {
+        Self::read(&ModelDescription::parse(BUILT_IN)?)
+    }
+
+    /// That of a controller.
+    ///
+    /// # Errors
+    /// When a parameter is missing or in another unit; the message names it.
+    pub fn read(controller: &ModelDescription) -> Result<Self> {
+        let mut ranges = [(0.0, 0.0); 4];
+        let engine_speeds = axis(controller, ENGINE_SPEED, "rpm")?;
+        let boost_references = axis(controller, BOOST_REFERENCE, "Pa")?;
+        for (map, range) in Map::ALL.into_iter().zip(&mut ranges) {
+            for row in 0..boost_references.len() {
+                for column in 0..engine_speeds.len() {
+                    *range = parameter(controller, &map.parameter(row, column), map.unit())?.range()?;
+                }
+            }
+        }
+        let number = |name, unit| start(parameter(controller, name, unit)?);
+        let schedule = Self {
+            controller: controller.attribute("modelName").to_owned(),
+            nominal_voltage: number("nominal_voltage", "V")?,
+            sample_time: number("sample_time", "s")?,
+            lambda: number(LAMBDA, "s")?,
+            units: controller.units.clone(),
+            engine_speeds,
+            boost_references,
+            ranges,
+        };
+        schedule.check()?;
+        Ok(schedule)
+    }
+
+    /// The same controller with other values on its grid.
+    ///
+    /// # Errors
+    /// When they are not as many as the controller has, or do not ascend.
+    pub fn with_grid(
+        mut self,
+        engine_speeds: Option<Vec<f64>>,
+        boost_references: Option<Vec<f64>>,
+    ) -> Result<Self> {
+        for (name, given, own) in [
+            ("engine speeds", engine_speeds, &mut self.engine_speeds),
+            ("boost references", boost_references, &mut self.boost_references),
+        ] {
+            if let Some(given) = given {
+                if given.len() != own.len() {
+                    bail!("{} {name} are given; the controller has {}", given.len(), own.len());
+                }
+                *own = given;
+            }
+        }
+        self.check()?;
+        Ok(self)
+    }
+
+    /// Whether the controller takes a value in a map.
+    #[must_use]
+    pub fn takes(&self, map: Map, value: f64) -> bool {
+        let (least, most) = self.ranges[map as usize];
+        (least..=most).contains(&value)
+    }
+
+    fn check(&self) -> Result<()> {
+        for (name, values) in [(ENGINE_SPEED, &self.engine_speeds), (BOOST_REFERENCE, &self.boost_references)]
+        {
+            if !values.windows(2).all(|pair| pair[0] < pair[1]) {
+                bail!("the values of {name} do not ascend: {values:?}");
+            }
+        }
+        if self.sample_time <= 0.0 {
+            bail!("the controller's sample_time is {} s", self.sample_time);
+        }
+        Ok(())
+    }
+}
+
+/// The start values of `name[1]`, `name[2]` and so on.
+fn axis(controller: &ModelDescription, name: &str, unit: &str) -> Result<Vec<f64>> {
+    let element = |index: usize| format!("{name}[{index}]");
+    let mut values = vec![];
+    // Where there is none at all, the first is missing.
+    while values.len() < 2 || controller.variable(&element(values.len() + 1)).is_some() {
+        values.push(start(parameter(controller, &element(values.len() + 1), unit)?)?);
+    }
+    Ok(values)
+}
+
+fn parameter<'a>(controller: &'a ModelDescription, name: &str, unit: &str) -> Result<&'a Variable> {
+    let names = || controller.variables.iter().map(|variable| variable.name.as_str());
+    let variable = controller.variable(name).with_context(|| {
+        format!("the controller {} has no {name}{}", controller.attribute("modelName"), like(name, names()))
+    })?;
+    check_unit(variable, unit)?;
+    Ok(variable)
+}
+
+/// Refuses a variable that has a unit, and another one.
+pub(super) fn check_unit(variable: &Variable, unit: &str) -> Result<()> {
+    if !variable.unit.is_empty() && variable.unit != unit {
+        bail!("{} is in {}, expected is {unit}", variable.name, variable.unit);
+    }
+    Ok(())
+}
+
+fn start(variable: &Variable) -> Result<f64> {
+    let value = variable.start.trim().parse().ok().filter(|value: &f64| value.is_finite());
+    value.with_context(|| {
+        format!("the start value of {} is '{}', which is no number", variable.name, variable.start)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_controller_of_this_repository_has_a_grid() {
+        let schedule = Schedule::built_in().unwrap();
+        assert_eq!((schedule.boost_references.len(), schedule.engine_speeds.len()), (16, 7));
+        assert_eq!(schedule.controller, "BoostController");
+    }
+
+    #[test]
+    fn what_a_controller_lacks_is_named() {
+        let refusal = |from: &str, to: &str| {
+            assert!(BUILT_IN.contains(from));
+            let controller = ModelDescription::parse(&BUILT_IN.replace(from, to)).unwrap();
+            Schedule::read(&controller).unwrap_err().to_string()
+        };
+        assert_eq!(
+            refusal("\"schedule.gain[16,7]\"", "\"schedule.gain[17,7]\""),
+            "the controller BoostController has no schedule.gain[16,7]; the nearest is schedule.gain[16,6]"
+        );
+        assert!(
+            refusal("\"schedule.engine_speed[1]\"", "\"speed\"").contains("has no schedule.engine_speed[1]")
+        );
+        assert!(refusal("unit=\"V\"", "unit=\"mV\"").ends_with("is in mV, expected is V"));
+    }
+
+    #[test]
+    fn a_grid_keeps_its_size_and_ascends() {
+        let refusal = |speeds: &[f64]| {
+            Schedule::built_in().unwrap().with_grid(Some(speeds.to_vec()), None).unwrap_err().to_string()
+        };
+        assert_eq!(refusal(&[1000.0, 2000.0]), "2 engine speeds are given; the controller has 7");
+        assert!(refusal(&[1.0, 2.0, 3.0, 4.0, 6.0, 5.0, 7.0]).contains("do not ascend"));
+    }
+}
