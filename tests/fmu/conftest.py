@@ -46,6 +46,27 @@ def boost_fmu() -> Callable[..., subprocess.CompletedProcess[str]]:
     return run
 
 
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture(scope="session")
+def laboratory() -> Path:
+    """The laboratory's command."""
+    command = TARGET / "release" / "boost-lab"
+    assert command.is_file(), "build first: cargo build --release --package boost-lab"
+    return command
+
+
+@pytest.fixture(scope="session")
+def lab(laboratory: Path) -> Run:
+    """Runs the laboratory's command."""
+
+    def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        return subprocess.run([laboratory, *arguments], capture_output=True, text=True, check=False)
+
+    return run
+
+
 @pytest.fixture(scope="session")
 def plant_fmu(exported: Path, tmp_path_factory: pytest.TempPathFactory) -> Fmu:
     """The plant, extracted."""

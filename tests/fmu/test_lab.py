@@ -10,13 +10,12 @@ import shutil
 import subprocess
 import tomllib
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from broken import copy_with
-from conftest import ROOT, TARGET, Make
+from conftest import ROOT, TARGET, Make, Run
 from experiments import (
     BOOST_STEPS,
     BOOST_STEPS_END,
@@ -33,20 +32,6 @@ from master import Fmu, Master
 from panicking import package
 from pythonfmu.builder import FmuBuilder
 from test_peers import PEER
-
-Run = Callable[..., subprocess.CompletedProcess[str]]
-
-
-@pytest.fixture(scope="module")
-def lab() -> Run:
-    """Runs the laboratory's command."""
-    command = TARGET / "release" / "boost-lab"
-    assert command.is_file(), "build first: cargo build --release --package boost-lab"
-
-    def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-        return subprocess.run([command, *arguments], capture_output=True, text=True, check=False)
-
-    return run
 
 
 def read(path: Path) -> dict[str, np.ndarray]:

@@ -125,6 +125,8 @@ pub struct Tuning<'a> {
     pub points: Vec<Point>,
     /// The schedule, row by row.
     pub cells: Vec<Cell>,
+    /// For each column, the largest duty of the sweep at which the wastegate is shut (%).
+    pub lift_offs: Vec<f64>,
     /// What a reader must know.
     pub notes: Vec<String>,
 }
@@ -190,15 +192,14 @@ impl Task {
 
         let columns = self.schedule.engine_speeds.len();
         let sweep = |column: usize| {
-            let sweep = match journal.sweep(column) {
-                Some(sweep) => sweep.clone(),
-                None => {
-                    let sweep = bench.sweep(column).with_context(|| {
-                        format!("the sweep at {} rpm", self.schedule.engine_speeds[column])
-                    })?;
-                    journal.write_sweep(&sweep)?;
-                    sweep
-                }
+            let sweep = if let Some(sweep) = journal.sweep(column) {
+                sweep.clone()
+            } else {
+                let sweep = bench
+                    .sweep(column)
+                    .with_context(|| format!("the sweep at {} rpm", self.schedule.engine_speeds[column]))?;
+                journal.write_sweep(&sweep)?;
+                sweep
             };
             progress(self.procedure.sweep_duration());
             Ok(sweep)
@@ -211,19 +212,18 @@ impl Task {
             .flat_map(|row| (0..columns).map(move |column| (row, column)))
             .collect();
         let point = |&(row, column): &(usize, usize)| {
-            let point = match self.placed(&statics[column], row) {
-                (Basis::Identified, duty) => Some(match journal.point(row, column) {
-                    Some(point) => point.clone(),
-                    None => {
-                        let point = bench.step_both_ways(row, column, duty).with_context(|| {
-                            let speed = self.schedule.engine_speeds[column];
-                            format!("the steps from {duty} % at {speed} rpm")
-                        })?;
-                        journal.write_point(&point)?;
-                        point
-                    }
-                }),
-                _ => None,
+            let (basis, duty) = self.placed(&statics[column], row);
+            let point = if basis != Basis::Identified {
+                None
+            } else if let Some(point) = journal.point(row, column) {
+                Some(point.clone())
+            } else {
+                let point = bench.step_both_ways(row, column, duty).with_context(|| {
+                    let speed = self.schedule.engine_speeds[column];
+                    format!("the steps from {duty} % at {speed} rpm")
+                })?;
+                journal.write_point(&point)?;
+                Some(point)
             };
             progress(self.procedure.point_duration());
             Ok(point)
@@ -232,7 +232,18 @@ impl Task {
             threads.install(|| grid.par_iter().map(point).collect::<Result<_>>())?;
         let cells = self.cells(&statics, &points)?;
         let points = points.into_iter().flatten().collect();
-        Ok(Tuning { task: self, settings, sweeps, points, cells, notes: bench.notes })
+        let lift_offs = sweeps.iter().map(|sweep| self.lift_off(sweep)).collect();
+        Ok(Tuning { task: self, settings, sweeps, points, cells, lift_offs, notes: bench.notes })
+    }
+
+    /// The largest duty of a sweep (%) below which boost pressure hardly rises any more.
+    fn lift_off(&self, sweep: &Sweep) -> f64 {
+        let pressures = || sweep.holds.iter().map(|hold| hold.boost_pressure);
+        let least = pressures().fold(f64::INFINITY, f64::min);
+        let most = pressures().fold(f64::NEG_INFINITY, f64::max);
+        let shut = most - self.procedure.shut_part * (most - least);
+        let holds = sweep.holds.iter().filter(|hold| hold.boost_pressure >= shut);
+        holds.map(|hold| hold.duty).fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// The duty over boost pressure, from a sweep: only points that are above those before, in pressure.
@@ -357,6 +368,16 @@ impl Tuning<'_> {
         self.points.iter().find(|point| (point.row, point.column) == (row, column))
     }
 
+    /// The least duty that the controller has a use for (%): at no engine speed less of it raises boost pressure.
+    ///
+    /// The controller's reference model takes every duty that the controller may command to act. Where it may
+    /// command less than the lift-off, the model runs ahead of the plant near the highest pressure that can be
+    /// reached, and the feedback overshoots.
+    #[must_use]
+    pub fn least_duty(&self) -> f64 {
+        self.lift_offs.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
     /// How a value came about, in words.
     #[must_use]
     pub fn provenance(&self, cell: &Cell, map: Map) -> String {
@@ -411,8 +432,12 @@ impl Tuning<'_> {
             description,
             value: Value::Real(value, Some(unit.to_owned())),
         };
-        let mut parameters =
-            vec![parameter(schedule::LAMBDA.to_owned(), "as asked for".to_owned(), self.task.lambda, "s")];
+        let lift_off = "lift-off of the wastegate: the largest duty of the sweeps below which boost pressure does not \
+                        rise any more";
+        let mut parameters = vec![
+            parameter(schedule::LAMBDA.to_owned(), "as asked for".to_owned(), self.task.lambda, "s"),
+            parameter(schedule::LEAST_DUTY.to_owned(), lift_off.to_owned(), self.least_duty(), "%"),
+        ];
         for (axis, values, unit) in [
             (schedule::ENGINE_SPEED, &schedule.engine_speeds, "rpm"),
             (schedule::BOOST_REFERENCE, &schedule.boost_references, "Pa"),
@@ -446,7 +471,7 @@ impl Tuning<'_> {
 mod tests {
     use super::*;
 
-    /// Eq. (12) by hand: K_p = −4000 Pa/%, T = 1.2 s, L = 0.1 s, λ = 0.3 s.
+    /// Eq. (12) by hand: a gain of −4000 Pa/%, T = 1.2 s, L = 0.1 s, λ = 0.3 s.
     #[test]
     fn feedback_is_that_of_lambda_tuning() {
         let feedback = Feedback::tuned(-4000.0, 1.2, 0.1, 0.3);

@@ -82,7 +82,7 @@ fn end_slope(widths: [f64; 2], secants: [f64; 2]) -> f64 {
 mod tests {
     use super::*;
 
-    /// What SciPy 1.17's PchipInterpolator gives.
+    /// Expected is what the `PchipInterpolator` of `SciPy` 1.17 gives.
     #[test]
     fn values_are_those_of_another_implementation() {
         let points = vec![(0.0, 100.0), (1.0, 80.0), (3.0, 75.0), (3.5, 40.0), (6.0, 39.0)];

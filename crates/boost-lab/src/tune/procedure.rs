@@ -19,6 +19,8 @@ pub struct Procedure {
     /// The least and the largest feedforward (%) at which responses are taken: between the wastegate's lift-off
     /// and its full stroke, with room for the step.
     pub fitted_duty: (f64, f64),
+    /// The part of a sweep's range of boost pressure that is still to come when the wastegate counts as shut.
+    pub shut_part: f64,
     /// The feedforward (%) where the reference is above what can be reached: the wastegate is shut, just below
     /// its lift-off.
     pub duty_above_reach: f64,
@@ -45,6 +47,7 @@ impl Default for Procedure {
             response_duration: 12.0,
             duty_step: 1.0,
             fitted_duty: (29.0, 72.0),
+            shut_part: 1e-3,
             duty_above_reach: 26.0,
             duty_below_reach: 100.0,
             least_gain: 1000.0,

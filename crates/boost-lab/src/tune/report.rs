@@ -13,11 +13,11 @@ h1 { font-size: 1.6em; line-height: 1.25; } h2 { font-size: 1.2em; margin: 2.4em
 figure { margin: 1em 0; } figure svg { width: 100%; height: auto; } figcaption, .caption { font-size: 0.9em; color: #444; }
 .maps { display: grid; grid-template-columns: repeat(auto-fit, minmax(390px, 1fr)); gap: 1.6em 2em; }
 table { border-collapse: collapse; font: 11.5px/1.35 Helvetica, Arial, 'Liberation Sans', sans-serif; font-variant-numeric: tabular-nums; }
-.map { width: 100%; table-layout: fixed; } .map caption { font: 600 15px/1.6 Georgia, 'Times New Roman', serif; text-align: left; }
+.map { width: 100%; table-layout: fixed; } sub { line-height: 0; } .map caption { font: 600 15px/1.6 Georgia, 'Times New Roman', serif; text-align: left; }
 .map td { text-align: center; padding: 0.16em 0; border: 1px solid #fff; } .map th { font-weight: 400; color: #444; padding: 0.16em 0.3em; text-align: right; }
 .map thead th { text-align: center; } .map .corner { text-align: right; white-space: nowrap; }
 .filled { color: #777; font-style: italic; background: repeating-linear-gradient(135deg, #f1f1f1 0 4px, #fafafa 4px 8px); } .raised { text-decoration: underline; text-underline-offset: 2px; }
-.legend td { padding: 0.1em 0.7em; } .points { width: 100%; } .points th { text-align: left; font-weight: 600; } .points th, .points td { padding: 0.2em 0.5em 0.2em 0; border-bottom: 1px solid #e4e4e4; white-space: nowrap; }
+.legend { margin-top: 1.2em; } .legend td { padding: 0.1em 0.7em; } .points { width: 100%; } .points th { text-align: left; font-weight: 600; } .points th, .points td { padding: 0.2em 0.5em 0.2em 0; border-bottom: 1px solid #e4e4e4; white-space: nowrap; }
 .settings td { padding: 0.15em 1.2em 0.15em 0; vertical-align: top; } summary { cursor: pointer; color: #444; font-size: 0.9em; }
 ";
 
@@ -31,6 +31,7 @@ struct JsonReport<'a> {
     settings: &'a Settings,
     controller: &'a str,
     lambda: f64,
+    least_duty: f64,
     notes: &'a [String],
     sweeps: &'a [Sweep],
     cells: Vec<JsonCell<'a>>,
@@ -61,6 +62,7 @@ pub fn json(tuning: &Tuning<'_>) -> Result<String> {
         settings: &tuning.settings,
         controller: &schedule.controller,
         lambda: tuning.task.lambda,
+        least_duty: tuning.least_duty(),
         notes: &tuning.notes,
         sweeps: &tuning.sweeps,
         cells: cells.collect(),
@@ -126,6 +128,10 @@ fn introduction(tuning: &Tuning<'_>, title: &str) -> String {
             ),
         ),
         (
+            "Lift-off of the wastegate, which becomes the controller's least duty",
+            format!("{} %", tuning.least_duty()),
+        ),
+        (
             "Change of boost pressure in the last second of a hold",
             format!("at most {sweep_drift:.0} Pa in the sweeps, {point_drift:.0} Pa before the steps"),
         ),
@@ -138,7 +144,9 @@ fn introduction(tuning: &Tuning<'_>, title: &str) -> String {
          interpolation, is the feedforward. At each boost reference that is reached between {} % and {} % duty, the \
          plant settled for {} s at the feedforward, and was then stepped up and down from the same state for {} s. \
          Gain <i>K<sub>p</sub></i>, time constant <i>T</i> and delay <i>L</i> are those of the model of first order \
-         with delay that is nearest, by least squares, to the mean of both responses.</p>\n\
+         with delay that is nearest, by least squares, to the mean of both responses. The sum of squares has a kink \
+         wherever the delay passes a sample, so the delay is sought on a grid, and on ever finer ones around the best; \
+         for each delay gain and time constant are found by Levenberg and Marquardt's method.</p>\n\
          <table class=\"settings\">\n{}</table>\n{}",
         escaped(title),
         procedure.fitted_duty.0,
@@ -308,18 +316,20 @@ fn responses(tuning: &Tuning<'_>) -> String {
         .filter_map(|index| ranked.get(index))
         .map(|(point, model)| {
             let end = DRAWN_TIME_CONSTANTS * model.time_constant.value + model.delay.value;
-            let scaled = |response: &[f64], sign: f64| {
-                response.iter().map(move |change| 1e-3 * sign * change / step).collect::<Vec<_>>()
-            };
+            let [up, down] =
+                [(&point.responses[0], 1.0), (&point.responses[1], -1.0)].map(|(response, sign)| {
+                    response.iter().map(|change| 1e-3 * sign * change / step).collect::<Vec<_>>()
+                });
+            let mean: Vec<_> = up.iter().zip(&down).map(|(up, down)| f64::midpoint(*up, *down)).collect();
             let modelled = times.iter().map(|time| 1e-3 * model.at(*time));
-            let [up, down] = &point.responses;
             let speed = tuning.task.schedule.engine_speeds[point.column];
-            let boost = 1e-3 * point.hold.boost_pressure;
+            let boost = 1e-3 * tuning.task.schedule.boost_references[point.row];
             Panel::new("time (s)", "change (kPa/%)")
-                .title(&format!("{speed} rpm, {boost:.0} kPa: R\u{b2} {:.2} %", 100.0 * model.determination))
+                .title(&format!("{speed} rpm, {boost:.0} kPa, R\u{b2} {:.2} %", 100.0 * model.determination))
                 .x_range(0.0, end.min(tuning.task.procedure.response_duration))
-                .line(Line::new(&times, scaled(up, 1.0)).label("up"))
-                .line(Line::new(&times, scaled(down, -1.0)).label("down, mirrored").color(color::VERMILION))
+                .line(Line::new(&times, up).label("up").color(color::SKY).thin())
+                .line(Line::new(&times, down).label("down, mirrored").color(color::ORANGE).thin())
+                .line(Line::new(&times, mean).label("mean").color(color::BLUE))
                 .line(Line::new(&times, modelled).label("model").color(color::BLACK).dashed())
         })
         .collect();

@@ -14,17 +14,19 @@ pub(super) const ENGINE_SPEED: &str = "schedule.engine_speed";
 pub(super) const BOOST_REFERENCE: &str = "schedule.boost_reference";
 /// The controller's parameter for the time constant that is asked of the closed loop.
 pub(super) const LAMBDA: &str = "lambda";
+/// The controller's parameter for the least duty, below which its reference model does not go either.
+pub(super) const LEAST_DUTY: &str = "pwm_min";
 
 /// A map over the grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Map {
     /// The duty that holds a boost pressure (%).
     Feedforward,
-    /// K_p of paper eq. (10), in Pa/%.
+    /// The static gain of paper eq. (10) (Pa/%).
     Gain,
-    /// T_tf of eq. (10), in s.
+    /// The time constant of eq. (10) (s).
     TimeConstant,
-    /// L of eq. (10), in s.
+    /// The time delay of eq. (10) (s).
     Delay,
 }
 
@@ -101,6 +103,7 @@ impl Schedule {
             }
         }
         let number = |name, unit| start(parameter(controller, name, unit)?);
+        parameter(controller, LEAST_DUTY, "%")?;
         let schedule = Self {
             controller: controller.attribute("modelName").to_owned(),
             nominal_voltage: number("nominal_voltage", "V")?,
