@@ -18,6 +18,7 @@ TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 """Where cargo puts what it builds, and the export its FMUs."""
 
 Make = Callable[[], Instance]
+Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @pytest.fixture(scope="session")
@@ -63,6 +64,18 @@ def lab(laboratory: Path) -> Run:
 
     def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
         return subprocess.run([laboratory, *arguments], capture_output=True, text=True, check=False)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def lab() -> Run:
+    """Runs the laboratory's command."""
+    command = TARGET / "release" / "boost-lab"
+    assert command.is_file(), "build first: cargo build --release --package boost-lab"
+
+    def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        return subprocess.run([command, *arguments], capture_output=True, text=True, check=False)
 
     return run
 

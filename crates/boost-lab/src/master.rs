@@ -22,7 +22,7 @@ use crate::scenario::{Assignment, Input, Member, Scenario, Signal, Stepping};
 const INITIAL_EXCHANGES: usize = 2;
 
 /// The FMUs of experiments, each loaded once, by their paths.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Fmus(BTreeMap<PathBuf, Arc<Fmu>>);
 
 impl Fmus {
@@ -32,7 +32,10 @@ impl Fmus {
     }
 
     /// The FMU of a member.
-    fn get(&mut self, member: &Member) -> Result<Arc<Fmu>> {
+    ///
+    /// # Errors
+    /// When it cannot be imported.
+    pub fn get(&mut self, member: &Member) -> Result<Arc<Fmu>> {
         if let Some(fmu) = self.0.get(&member.file) {
             return Ok(Arc::clone(fmu));
         }
@@ -149,6 +152,11 @@ impl<'a> Master<'a> {
         let noise = noise(scenario, &members)?;
         let recorder = Recorder::new(scenario, &loaded)?;
         Ok(Self { scenario, members, noise, recorder, steps_done: 0 })
+    }
+
+    /// The names of what is recorded.
+    pub fn recorded(&self) -> impl Iterator<Item = &str> {
+        self.recorder.record.columns().iter().map(|column| column.name.as_str())
     }
 
     /// The communication point that was reached (s).

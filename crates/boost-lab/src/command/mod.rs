@@ -2,11 +2,13 @@
 
 mod reproduce;
 mod simulate;
+mod sweep;
 mod tune;
 
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
+use boost_lab::scenario::Scenario;
 use clap::{Parser, Subcommand};
 
 /// The laboratory: drives FMUs through experiments of boost control.
@@ -53,6 +55,24 @@ enum Command {
     },
     /// Tune the controller's gain schedule to a plant
     Tune(tune::Arguments),
+    /// Run a scenario for many values of parameters, on all cores; goes on where it was interrupted
+    Sweep {
+        /// The study, which docs/laboratory.md describes
+        #[arg(value_name = "STUDY.toml")]
+        study: PathBuf,
+        /// The folder of the FMUs [default: the scenario's folder]
+        #[arg(long, value_name = "DIR")]
+        fmus: Option<PathBuf>,
+        /// Another file for an FMU of the scenario, by its name there
+        #[arg(long, value_name = "NAME=FILE.fmu", value_parser = name_and_path)]
+        fmu: Vec<(String, PathBuf)>,
+        /// The folder for results.csv, results.parquet, the journal and the records
+        #[arg(long, value_name = "DIR", default_value = "target/sweep")]
+        out: PathBuf,
+        /// How many runs there are at once [default: one on each core]
+        #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
+        threads: Option<u16>,
+    },
 }
 
 /// Does what the command line asks for. Whether the answer is yes, where it is a question.
@@ -63,7 +83,22 @@ pub fn run() -> Result<bool> {
         }
         Command::Reproduce { figures, fmus, out } => reproduce::run(&fmus, &out, &figures),
         Command::Tune(arguments) => tune::run(&arguments).map(|()| true),
+        Command::Sweep { study, fmus, fmu, out, threads } => {
+            sweep::run(&study, fmus.as_deref(), &fmu, &out, threads.map(usize::from)).map(|()| true)
+        }
     }
+}
+
+/// Puts other files in the places of a scenario's FMUs, by their names there.
+fn replace_files(scenario: &mut Scenario, files: &[(String, PathBuf)]) -> Result<()> {
+    for (name, file) in files {
+        let Some(member) = scenario.fmus.iter_mut().find(|member| member.name == *name) else {
+            let names: Vec<_> = scenario.fmus.iter().map(|member| member.name.as_str()).collect();
+            bail!("the scenario has no FMU {name}: there are {}", names.join(", "));
+        };
+        member.file.clone_from(file);
+    }
+    Ok(())
 }
 
 fn name_and_path(text: &str) -> Result<(String, PathBuf)> {

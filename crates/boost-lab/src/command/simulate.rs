@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use boost_lab::master::{Fmus, Master};
 use boost_lab::plot::{Figure, Line, Panel, color};
 use boost_lab::record::Record;
@@ -23,14 +23,7 @@ pub fn run(
     plot: Option<&Path>,
 ) -> Result<()> {
     let mut scenario = Scenario::read(path, folder)?;
-    for (name, file) in files {
-        let Some(member) = scenario.fmus.iter_mut().find(|member| member.name == *name) else {
-            let names: Vec<_> = scenario.fmus.iter().map(|member| member.name.as_str()).collect();
-            bail!("{} has no FMU {name}: there are {}", path.display(), names.join(", "));
-        };
-        member.file.clone_from(file);
-    }
-
+    super::replace_files(&mut scenario, files)?;
     let master = Master::new(&scenario, &mut Fmus::default())?;
     // It draws nothing where standard error is no terminal.
     let bar = ProgressBar::new(u64::from(master.steps()?));

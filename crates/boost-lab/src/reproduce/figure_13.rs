@@ -40,8 +40,8 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
 
     let record = laboratory.run(&scenario)?;
     let paper = laboratory.run(&paper)?;
-    let following = Following::new(&record, steps)?;
-    let papers = Following::new(&paper, steps)?;
+    let following = Following::new(&record, "boost_pressure", steps)?;
+    let papers = Following::new(&paper, "boost_pressure", steps)?;
     let duty = record.get("hp_wastegate_pwm")?;
     Ok(Evidence {
         drawings: vec![

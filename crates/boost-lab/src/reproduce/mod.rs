@@ -14,7 +14,6 @@ mod figure_6;
 mod figure_7;
 mod figure_8;
 mod figure_9;
-mod measure;
 mod report;
 
 use std::path::{Path, PathBuf};
@@ -24,6 +23,7 @@ use serde::Serialize;
 
 use crate::importer::Fmu;
 use crate::master::{Fmus, Master};
+use crate::measure;
 use crate::plot::Figure;
 use crate::record::Record;
 use crate::scenario::Scenario;

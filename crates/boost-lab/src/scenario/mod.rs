@@ -1,7 +1,7 @@
 //! Scenarios: the TOML files that say which FMUs are coupled, how they start, what drives them and what is
 //! recorded. docs/laboratory.md describes every key.
 
-mod document;
+pub(crate) mod document;
 mod signal;
 
 use std::fs;
@@ -259,20 +259,22 @@ fn read_parameters(node: &Node<'_>, folder: &Path, expected: &str) -> Result<(Pa
 
 fn read_values(node: &Node<'_>) -> Result<Vec<Assignment>> {
     let table = node.table("a table of values by the names of variables")?;
-    let read = |(name, node): (&str, Node<'_>)| {
-        const EXPECTED: &str = "a number, true, false or a text";
-        let value = match node.value() {
-            DeValue::Integer(_) if node.integer::<i32>(EXPECTED).is_ok() => {
-                Value::Integer(node.integer(EXPECTED)?)
-            }
-            DeValue::Integer(_) | DeValue::Float(_) => Value::Real(node.number(EXPECTED)?, None),
-            DeValue::Boolean(value) => Value::Boolean(*value),
-            DeValue::String(text) => Value::String(text.as_ref().to_owned()),
-            _ => return Err(node.unexpected(EXPECTED)),
-        };
-        Ok(Assignment { name: name.to_owned(), value, place: node.place().clone() })
+    table.entries().map(|(name, node)| read_value(name, &node)).collect()
+}
+
+/// A value for a variable.
+pub(crate) fn read_value(name: &str, node: &Node<'_>) -> Result<Assignment> {
+    const EXPECTED: &str = "a number, true, false or a text";
+    let value = match node.value() {
+        DeValue::Integer(_) if node.integer::<i32>(EXPECTED).is_ok() => {
+            Value::Integer(node.integer(EXPECTED)?)
+        }
+        DeValue::Integer(_) | DeValue::Float(_) => Value::Real(node.number(EXPECTED)?, None),
+        DeValue::Boolean(value) => Value::Boolean(*value),
+        DeValue::String(text) => Value::String(text.as_ref().to_owned()),
+        _ => return Err(node.unexpected(EXPECTED)),
     };
-    table.entries().map(read).collect()
+    Ok(Assignment { name: name.to_owned(), value, place: node.place().clone() })
 }
 
 fn read_run_in(node: &Node<'_>) -> Result<RunIn> {

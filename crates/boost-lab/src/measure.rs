@@ -45,43 +45,43 @@ pub fn interpolate(points: &[(f64, f64)], place: f64) -> f64 {
     Signal::Lines(points.to_vec()).at(place)
 }
 
-/// How boost pressure followed the steps of its reference.
+/// How a variable followed the steps of its reference, in the variable's unit.
 #[derive(Default)]
 pub struct Following {
-    /// Overshoot of each step up (Pa).
+    /// Overshoot of each step up.
     pub up: Vec<f64>,
-    /// Overshoot of each step down (Pa).
+    /// Overshoot of each step down.
     pub down: Vec<f64>,
     /// Time to the first sample within a tenth of each step (s).
     pub rise: Vec<f64>,
-    /// What is left before the next step (Pa).
+    /// What is left before the next step.
     pub end_error: Vec<f64>,
 }
 
 impl Following {
-    /// Measures each step of a reference, which end with the record.
-    pub fn new(record: &Record, steps: &[(f64, f64)]) -> Result<Self> {
+    /// Measures each step of a variable's reference, which end with the record.
+    pub fn new(record: &Record, name: &str, steps: &[(f64, f64)]) -> Result<Self> {
         let mut following = Self::default();
         let end = record.time().last().copied().context("the record is empty")?;
         let ends = steps.iter().skip(2).map(|step| step.0).chain([end]);
         for (pair, end) in steps.windows(2).zip(ends) {
             let [(_, before), (begin, after)] = *pair else { continue };
-            let boost = between(record, "boost_pressure", begin, end)?;
+            let values = between(record, name, begin, end)?;
             let overshoot = if after > before {
-                let overshoot = greatest(boost.iter().copied()) - after;
+                let overshoot = greatest(values.iter().copied()) - after;
                 following.up.push(overshoot);
                 overshoot
             } else {
-                let overshoot = after - least(boost.iter().copied());
+                let overshoot = after - least(values.iter().copied());
                 following.down.push(overshoot);
                 overshoot
             };
-            anyhow::ensure!(overshoot.is_finite(), "boost pressure is no number");
+            anyhow::ensure!(overshoot.is_finite(), "{name} is no number");
             let reached =
-                boost.iter().position(|boost| (boost - after).abs() <= 0.1 * (after - before).abs());
+                values.iter().position(|value| (value - after).abs() <= 0.1 * (after - before).abs());
             let first = row(record, begin)?;
             following.rise.push(reached.map_or(f64::INFINITY, |index| record.time()[first + index] - begin));
-            following.end_error.push((boost[boost.len() - 1] - after).abs());
+            following.end_error.push((values[values.len() - 1] - after).abs());
         }
         Ok(following)
     }

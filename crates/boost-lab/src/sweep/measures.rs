@@ -1,0 +1,155 @@
+//! The numbers that a study takes from each run.
+
+use anyhow::{Context, Result};
+
+use crate::measure::{Following, between, greatest, least};
+use crate::record::Record;
+use crate::scenario::document::{Node, Table};
+use crate::scenario::{Place, Scenario, Signal};
+
+/// A number that is taken from a run.
+#[derive(Clone, Debug)]
+pub struct Measure {
+    /// What the study calls it.
+    pub name: String,
+    /// The variable that it is of, as the scenario records it.
+    pub variable: String,
+    /// Where it stands.
+    pub place: Place,
+    kind: Kind,
+}
+
+#[derive(Clone, Debug)]
+enum Kind {
+    /// Of the values between two times.
+    Statistic { statistic: Statistic, from: f64, to: f64 },
+    /// Of how the variable follows the steps of an input of the scenario.
+    Step { quality: Quality, reference: String },
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Statistic {
+    Final,
+    Mean,
+    Minimum,
+    Maximum,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Quality {
+    OvershootUp,
+    OvershootDown,
+    RiseTime,
+    EndError,
+}
+
+const STATISTICS: [(&str, Statistic); 4] = [
+    ("final", Statistic::Final),
+    ("mean", Statistic::Mean),
+    ("minimum", Statistic::Minimum),
+    ("maximum", Statistic::Maximum),
+];
+
+const QUALITIES: [(&str, Quality); 4] = [
+    ("overshoot_up", Quality::OvershootUp),
+    ("overshoot_down", Quality::OvershootDown),
+    ("rise_time", Quality::RiseTime),
+    ("end_error", Quality::EndError),
+];
+
+const EXPECTED: &str = "a table with the name of a variable under one of final, mean, minimum, maximum, \
+                        overshoot_up, overshoot_down, rise_time and end_error";
+
+/// Reads the measures of a study.
+pub fn read(node: &Node<'_>, scenario: &Scenario) -> Result<Vec<Measure>> {
+    let table = node.table("a table of measures by their names")?;
+    let measures: Vec<_> =
+        table.entries().map(|(name, node)| read_one(name, &node, scenario)).collect::<Result<_>>()?;
+    if measures.is_empty() { Err(node.unexpected("at least one measure")) } else { Ok(measures) }
+}
+
+fn read_one(name: &str, node: &Node<'_>, scenario: &Scenario) -> Result<Measure> {
+    let table = node.table(EXPECTED)?;
+    let mut found = vec![];
+    for (key, statistic) in STATISTICS {
+        if let Some(variable) = table.optional(key) {
+            let (from, to) = read_times(&table, scenario)?;
+            found.push((variable, Kind::Statistic { statistic, from, to }));
+        }
+    }
+    for (key, quality) in QUALITIES {
+        if let Some(variable) = table.optional(key) {
+            found.push((variable, Kind::Step { quality, reference: read_reference(&table, scenario)? }));
+        }
+    }
+    let Ok([(variable, kind)]) = <[_; 1]>::try_from(found) else { return Err(node.unexpected(EXPECTED)) };
+    let variable = variable.string("the name of a variable")?.to_owned();
+    table.finish()?;
+    Ok(Measure { name: name.to_owned(), variable, place: node.place().clone(), kind })
+}
+
+/// From when to when; the whole scenario where nothing is said.
+fn read_times(table: &Table<'_>, scenario: &Scenario) -> Result<(f64, f64)> {
+    let time = |key, default| {
+        let Some(node) = table.optional(key) else { return Ok(default) };
+        let time = node.number("a time in s")?;
+        let steps = (time - scenario.start_time) / scenario.step;
+        let is_in = (scenario.start_time..=scenario.stop_time).contains(&time);
+        if !is_in || (steps - steps.round()).abs() > 1e-6 {
+            return Err(node.unexpected(&format!(
+                "a time from {} to {} s, a whole number of steps of {} s after the start",
+                scenario.start_time, scenario.stop_time, scenario.step
+            )));
+        }
+        Ok(time)
+    };
+    let (from, to) = (time("from", scenario.start_time)?, time("to", scenario.stop_time)?);
+    if from > to {
+        return Err(table.place().error(format!("expected from before to, found {from} s to {to} s")));
+    }
+    Ok((from, to))
+}
+
+/// An input of the scenario that is steps.
+fn read_reference(table: &Table<'_>, scenario: &Scenario) -> Result<String> {
+    const EXPECTED: &str = "an input of the scenario that is steps";
+    let node = table.required("reference", EXPECTED)?;
+    let name = node.string(EXPECTED)?;
+    match scenario.input(name) {
+        Some(Signal::Steps(points)) if points.len() > 1 => Ok(name.to_owned()),
+        _ => Err(node.unexpected(EXPECTED)),
+    }
+}
+
+impl Measure {
+    /// The number of a run; not finite where there is none, as the rise time of what never rises.
+    pub fn of(&self, record: &Record, scenario: &Scenario) -> Result<f64> {
+        match &self.kind {
+            &Kind::Statistic { statistic, from, to } => {
+                let values = between(record, &self.variable, from, to)?;
+                let all = values.iter().copied();
+                Ok(match statistic {
+                    Statistic::Final => values[values.len() - 1],
+                    Statistic::Mean => all.sum::<f64>() / values.len() as f64,
+                    Statistic::Minimum => least(all),
+                    Statistic::Maximum => greatest(all),
+                })
+            }
+            Kind::Step { quality, reference } => {
+                let signal = scenario.input(reference).context("no such input")?;
+                let following = Following::new(record, &self.variable, signal.points())?;
+                Ok(greatest(match quality {
+                    Quality::OvershootUp => following.up,
+                    Quality::OvershootDown => following.down,
+                    Quality::RiseTime => following.rise,
+                    Quality::EndError => following.end_error,
+                }))
+            }
+        }
+    }
+
+    /// What it is, for the journal.
+    pub fn setting(&self) -> String {
+        format!("{:?} of {}", self.kind, self.variable)
+    }
+}

@@ -1,0 +1,366 @@
+//! Parameter studies: a scenario, run for many values of its FMUs' parameters, on all cores.
+//!
+//! A study is a TOML file ([`Study::read`]; docs/laboratory.md describes every key). Each run has instances of
+//! its own, so that no run knows of another; what is finished is in the [journal](journal) at once, and a study
+//! that was interrupted goes on where it was. A run that fails is a row of the results with the FMU's message.
+
+mod design;
+pub mod journal;
+mod measures;
+pub mod results;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::sync::Mutex;
+
+use anyhow::{Context, Result};
+use fmi2_export::package::{Value, Variable};
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use sha2::{Digest, Sha256};
+
+use self::design::Design;
+use self::journal::{Journal, Outcome};
+use self::measures::Measure;
+use crate::importer::Fmu;
+use crate::master::{Fmus, Master};
+use crate::scenario::document::Document;
+use crate::scenario::{Assignment, Place, Recorded, Scenario};
+
+/// A parameter study.
+pub struct Study {
+    /// What it shows, in a line.
+    pub title: String,
+    /// The scenario that runs, for the values that are not varied.
+    pub scenario: Scenario,
+    parameters: Vec<Parameter>,
+    points: Vec<Vec<Option<Value>>>,
+    measures: Vec<Measure>,
+    keeps_records: bool,
+}
+
+/// A parameter that is varied.
+#[derive(Clone, Debug)]
+pub struct Parameter {
+    /// What the study calls it: the variable, with the FMU's name and a colon before it.
+    pub name: String,
+    /// Where it stands.
+    pub place: Place,
+}
+
+impl Parameter {
+    /// The FMU's name in the scenario and the variable's name.
+    fn parts(&self) -> Result<(&str, &str)> {
+        self.name.split_once(':').ok_or_else(|| {
+            self.place.error("expected the FMU's name in the scenario, a colon and the variable's name")
+        })
+    }
+}
+
+/// A study with its FMUs loaded, of which everything is known that can be known before it runs.
+pub struct Loaded {
+    study: Study,
+    fmus: Fmus,
+    data_types: Vec<String>,
+    is_single: bool,
+}
+
+impl Study {
+    /// Reads a file, and the scenario that it names, which is looked for beside it. FMUs are looked for in
+    /// `fmus`, or else beside the scenario.
+    ///
+    /// # Errors
+    /// When it is not as it should be; the message names file, line and key, and what was expected.
+    pub fn read(path: &Path, fmus: Option<&Path>) -> Result<Self> {
+        let text =
+            fs::read_to_string(path).with_context(|| format!("cannot read the study {}", path.display()))?;
+        let document = Document::parse(&path.to_string_lossy(), &text)?;
+        let root = document.root();
+        let scenario = root.required("scenario", "the path of a scenario")?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let file = folder.join(scenario.string("the path of a scenario")?);
+        // The scenario's messages have places of their own.
+        let mut scenario = Scenario::read(&file, fmus)?;
+        let keeps_records = root.optional("records").map_or(Ok(false), |node| {
+            node.value().as_bool().ok_or_else(|| node.unexpected("true where each run's record is kept"))
+        })?;
+        let Design { parameters, points } = Design::read(&root)?;
+        let measures = root.required("measures", "a table of measures by their names")?;
+        let measures = measures::read(&measures, &scenario)?;
+        let study = Self {
+            title: root.optional("title").map_or(Ok(""), |node| node.string("a text"))?.to_owned(),
+            parameters,
+            points,
+            keeps_records,
+            scenario: {
+                record_measured(&mut scenario, &measures, keeps_records);
+                scenario
+            },
+            measures,
+        };
+        root.finish()?;
+        Ok(study)
+    }
+
+    /// Loads the FMUs, and checks against them what the study names.
+    ///
+    /// # Errors
+    /// When an FMU cannot be imported, or the study names what there is not; the message names the place.
+    pub fn load(self) -> Result<Loaded> {
+        let mut fmus = Fmus::default();
+        let master = Master::new(&self.scenario, &mut fmus)?;
+        for measure in &self.measures {
+            if !master.recorded().any(|name| name == measure.variable) {
+                let message = format!("{} is not among what the scenario records", measure.variable);
+                return Err(measure.place.error(message));
+            }
+        }
+        drop(master);
+        let mut data_types = vec![];
+        for (index, parameter) in self.parameters.iter().enumerate() {
+            let (member, name) = parameter.parts()?;
+            let Some(member) = self.scenario.fmus.iter().find(|known| known.name == member) else {
+                let names: Vec<_> = self.scenario.fmus.iter().map(|member| member.name.as_str()).collect();
+                let message = format!("the scenario has no FMU {member}: there are {}", names.join(", "));
+                return Err(parameter.place.error(message));
+            };
+            let fmu = fmus.get(member)?;
+            let variable = parameter.place.locate(fmu.variable(name))?;
+            if !variable.is_settable() {
+                let message = format!("{name} is calculated by the FMU and cannot be set");
+                return Err(parameter.place.error(message));
+            }
+            for value in self.points.iter().filter_map(|point| point[index].as_ref()) {
+                parameter.place.locate(is_for(value, variable, &fmu))?;
+            }
+            data_types.push(variable.data_type.clone());
+        }
+        let is_single = fmus.iter().any(|fmu| {
+            let attributes = fmu.description().interface("CoSimulation").unwrap_or_default();
+            attributes
+                .iter()
+                .any(|(name, value)| name == "canBeInstantiatedOnlyOncePerProcess" && value == "true")
+        });
+        Ok(Loaded { study: self, fmus, data_types, is_single })
+    }
+}
+
+/// Lets a scenario record what is measured, and nothing else unless records are kept.
+fn record_measured(scenario: &mut Scenario, measures: &[Measure], keeps_records: bool) {
+    let mut record = match scenario.record.take() {
+        Some(record) if keeps_records => record,
+        // Left out, it is all inputs that are driven and all outputs.
+        None if keeps_records => return,
+        _ => vec![],
+    };
+    for measure in measures {
+        if !record.iter().any(|recorded| recorded.name == measure.variable) {
+            record.push(Recorded { name: measure.variable.clone(), place: measure.place.clone() });
+        }
+    }
+    scenario.record = Some(record);
+}
+
+/// Refuses a value of another type than the variable's.
+fn is_for(value: &Value, variable: &Variable, fmu: &Fmu) -> Result<()> {
+    let name = &variable.name;
+    let expected = match (variable.data_type.as_str(), value) {
+        ("Real", Value::Real(..) | Value::Integer(_))
+        | ("Integer", Value::Integer(_))
+        | ("Boolean", Value::Boolean(_))
+        | ("String", Value::String(_)) => return Ok(()),
+        ("Enumeration", Value::String(item)) => {
+            let items = fmu.description().enumeration(&variable.declared_type);
+            let items: Vec<_> = items.iter().flat_map(|known| &known.items).map(|(name, _)| name).collect();
+            if items.contains(&item) {
+                return Ok(());
+            }
+            let items: Vec<_> = items.iter().map(|item| item.as_str()).collect();
+            format!("one of {}", items.join(", "))
+        }
+        ("Enumeration", _) => "the name of an item, a text".to_owned(),
+        ("Boolean", _) => "true or false".to_owned(),
+        ("Integer", _) => "a whole number".to_owned(),
+        ("Real", _) => "a number".to_owned(),
+        _ => "a text".to_owned(),
+    };
+    anyhow::bail!("expected {expected} for {name}, found {}", written(value))
+}
+
+/// A value as results and messages show it; a number reads back as the same double.
+#[must_use]
+pub fn written(value: &Value) -> String {
+    match value {
+        Value::Real(value, _) => format!("{value:?}"),
+        Value::Integer(value) => value.to_string(),
+        Value::Boolean(value) => value.to_string(),
+        Value::String(text) | Value::Enumeration(text) => text.clone(),
+    }
+}
+
+impl Loaded {
+    /// The study.
+    #[must_use]
+    pub fn study(&self) -> &Study {
+        &self.study
+    }
+
+    /// How many runs it has.
+    #[must_use]
+    pub fn runs(&self) -> usize {
+        self.study.points.len()
+    }
+
+    /// How many runs there can be at once: one, where an FMU can have only one instance in a process.
+    #[must_use]
+    pub fn most_threads(&self) -> usize {
+        if self.is_single { 1 } else { usize::MAX }
+    }
+
+    /// All that a run's result depends on, by names: two studies with the same settings have the same results.
+    ///
+    /// # Errors
+    /// When a file of an FMU cannot be read.
+    pub fn settings(&self) -> Result<BTreeMap<String, String>> {
+        let Study { scenario, parameters, points, measures, keeps_records, title: _ } = &self.study;
+        let mut settings = BTreeMap::new();
+        let mut set = |name: String, value: String| settings.insert(name, value);
+        set("records".into(), keeps_records.to_string());
+        set("runs".into(), points.len().to_string());
+        for (index, parameter) in parameters.iter().enumerate() {
+            let values = points.iter().map(|point| point[index].as_ref().map(written).unwrap_or_default());
+            set(format!("values of {}", parameter.name), values.collect::<Vec<_>>().join(", "));
+        }
+        for measure in measures {
+            set(format!("measures.{}", measure.name), measure.setting());
+        }
+        set("scenario's step".into(), format!("{:?}", scenario.step));
+        set("scenario's start_time".into(), format!("{:?}", scenario.start_time));
+        set("scenario's stop_time".into(), format!("{:?}", scenario.stop_time));
+        set("scenario's stepping".into(), format!("{:?}", scenario.stepping));
+        let order: Vec<_> = scenario.fmus.iter().map(|member| member.name.as_str()).collect();
+        set("scenario's FMUs".into(), order.join(", "));
+        for member in &scenario.fmus {
+            let name = &member.name;
+            let bytes =
+                fs::read(&member.file).with_context(|| format!("cannot read {}", member.file.display()))?;
+            let digest = Sha256::digest(&bytes);
+            let digest = digest.iter().fold(String::new(), |text, byte| text + &format!("{byte:02x}"));
+            set(format!("SHA-256 of {name}'s file"), digest);
+            for (index, (parameters, _)) in member.parameters.iter().enumerate() {
+                set(format!("{name}'s parameter set {}", index + 1), format!("{parameters:?}"));
+            }
+            for assignment in &member.values {
+                set(format!("{name}'s {}", assignment.name), written(&assignment.value));
+            }
+            if let Some(run_in) = &member.run_in {
+                set(format!("{name}'s run_in.duration"), format!("{:?}", run_in.duration));
+                for (key, assignments) in [("during", &run_in.during), ("after", &run_in.after)] {
+                    for assignment in assignments {
+                        let key = format!("{name}'s run_in.{key}.{}", assignment.name);
+                        set(key, written(&assignment.value));
+                    }
+                }
+            }
+            for input in &member.inputs {
+                set(format!("{name}'s inputs.{}", input.name), format!("{:?}", input.signal));
+            }
+        }
+        for input in &scenario.inputs {
+            set(format!("scenario's inputs.{}", input.name), format!("{:?}", input.signal));
+        }
+        for noise in &scenario.noise {
+            let value = format!("{:?}, seed {}", noise.standard_deviation, noise.seed);
+            set(format!("scenario's noise.{}", noise.name), value);
+        }
+        if *keeps_records {
+            let names = scenario.record.as_ref().map(|record| {
+                record.iter().map(|recorded| recorded.name.as_str()).collect::<Vec<_>>().join(", ")
+            });
+            set("scenario's record".into(), names.unwrap_or_default());
+        }
+        Ok(settings)
+    }
+
+    /// Runs what the journal does not have yet, on so many threads; `progress` is told each finished run.
+    ///
+    /// # Errors
+    /// When the journal or a record cannot be written. A run that fails is an outcome, no error.
+    pub fn run(
+        &self,
+        journal: Journal,
+        threads: usize,
+        progress: impl Fn(&Outcome) + Sync,
+    ) -> Result<Vec<Outcome>> {
+        let pending: Vec<_> = (0..self.runs()).filter(|&run| !journal.has(run)).collect();
+        let records = journal.folder().join("records");
+        if self.study.keeps_records {
+            fs::create_dir_all(&records)
+                .with_context(|| format!("cannot make the folder {}", records.display()))?;
+        }
+        let journal = Mutex::new(journal);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.min(self.most_threads())).build()?;
+        pool.install(|| {
+            // One at a time, that no thread is left with all the long ones.
+            pending.into_par_iter().try_for_each(|run| {
+                let outcome = self.run_one(run, &records)?;
+                progress(&outcome);
+                journal.lock().unwrap_or_else(std::sync::PoisonError::into_inner).write(outcome)
+            })
+        })?;
+        Ok(journal.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner).into_outcomes())
+    }
+
+    /// Runs one point.
+    fn run_one(&self, run: usize, records: &Path) -> Result<Outcome> {
+        let mut outcome = Outcome::new(run, self.study.measures.len());
+        let simulated = self.point(run).and_then(|scenario| {
+            let run = Master::new(&scenario, &mut self.fmus.clone())?.run(|_| ())?;
+            Ok((run, scenario))
+        });
+        let (finished, scenario) = match simulated {
+            Ok(simulated) => simulated,
+            Err(error) => {
+                outcome.error = Some(format!("{error:#}"));
+                return Ok(outcome);
+            }
+        };
+        outcome.warnings =
+            finished.warnings.iter().map(|(name, message)| format!("{name}: {}", message.text)).collect();
+        outcome.measures = self
+            .study
+            .measures
+            .iter()
+            .map(|measure| {
+                measure.of(&finished.record, &scenario).map(|value| value.is_finite().then_some(value))
+            })
+            .collect::<Result<_>>()?;
+        if self.study.keeps_records {
+            let path = records.join(format!("{run}.csv"));
+            let write = || -> Result<()> {
+                let mut file = tempfile::NamedTempFile::new_in(records)?;
+                finished.record.write_csv(std::io::BufWriter::new(file.as_file_mut()))?;
+                file.persist(&path)?;
+                Ok(())
+            };
+            write().with_context(|| format!("cannot write {}", path.display()))?;
+        }
+        Ok(outcome)
+    }
+
+    /// The scenario of a run.
+    fn point(&self, run: usize) -> Result<Scenario> {
+        let mut scenario = self.study.scenario.clone();
+        for (parameter, value) in self.study.parameters.iter().zip(&self.study.points[run]) {
+            if let Some(value) = value {
+                let (member, name) = parameter.parts()?;
+                let member = scenario.fmus.iter_mut().find(|known| known.name == member);
+                let member = member.with_context(|| format!("{} is of no FMU", parameter.name))?;
+                member.values.retain(|assignment| assignment.name != name);
+                let place = parameter.place.clone();
+                member.values.push(Assignment { name: name.to_owned(), value: value.clone(), place });
+            }
+        }
+        Ok(scenario)
+    }
+}

@@ -1,0 +1,369 @@
+"""Parameter studies: `boost-lab sweep`, and the same study with FMPy on Dask."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from broken import copy_with
+from conftest import ROOT, TARGET, Run
+from dask.distributed import Client, LocalCluster
+
+SCENARIO = """
+step = 0.0125
+stop_time = 4.0
+
+[[fmu]]
+name = "controller"
+file = "BoostController.fmu"
+
+[[fmu]]
+name = "plant"
+file = "BoostPlant.fmu"
+
+[fmu.run_in]
+duration = 2.0
+during = { "initialization.mode" = "running", "tank.frozen" = true }
+after = { "tank.frozen" = false }
+
+[inputs]
+boost_reference.steps = [[0, 125e3], [1, 135e3], [2.5, 120e3]]
+supply_voltage.steps = [[0, 12], [3, 11.1]]
+"""
+
+MEASURES = """
+[measures]
+up = { overshoot_up = "boost_pressure", reference = "boost_reference" }
+down = { overshoot_down = "boost_pressure", reference = "boost_reference" }
+rise = { rise_time = "boost_pressure", reference = "boost_reference" }
+left = { end_error = "boost_pressure", reference = "boost_reference" }
+peak = { maximum = "hp_wastegate_pwm", from = 0.5, to = 3 }
+least = { minimum = "actuator_pressure" }
+last = { final = "boost_pressure", to = 3.5 }
+mean = { mean = "boost_pressure", from = 0.5 }
+"""
+
+GRID = """
+[grid]
+"plant:valve.time_constant" = [0.008, 0.04]
+"controller:structure" = ["model_reference", "paper"]
+"plant:tank.volume" = [1e-3, -1.0, 2e-3]
+"""
+"""Of its twelve runs four fail: no tank has a negative volume."""
+
+
+def write_study(folder: Path, text: str, scenario: str = SCENARIO) -> Path:
+    """A study and its scenario in a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "scenario.toml").write_text(scenario)
+    study = folder / "study.toml"
+    study.write_text(f'scenario = "scenario.toml"\n{text}')
+    return study
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    """A results file's rows."""
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The study that most tests run."""
+    return write_study(tmp_path_factory.mktemp("sweep"), "records = true\n" + GRID + MEASURES)
+
+
+@pytest.fixture(scope="module")
+def results(lab: Run, exported: Path, study: Path) -> Path:
+    """What the other tests compare with: the study's results from two threads."""
+    out = study.parent / "out"
+    done = lab("sweep", study, "--fmus", exported, "--out", out, "--threads", "2")
+    assert done.returncode == 0, done.stderr
+    assert "12 runs, 4 of them failed" in done.stdout
+    return out
+
+
+def test_a_grid_has_each_value_with_each(results: Path) -> None:
+    found = [
+        (
+            int(row["run"]),
+            float(row["plant:valve.time_constant"]),
+            row["controller:structure"],
+            float(row["plant:tank.volume"]),
+        )
+        for row in rows(results / "results.csv")
+    ]
+    values = [
+        (constant, structure, volume)
+        for constant in (0.008, 0.04)
+        for structure in ("model_reference", "paper")
+        for volume in (1e-3, -1.0, 2e-3)
+    ]
+    assert found == [(run, *point) for run, point in enumerate(values)]
+
+
+def test_a_run_that_fails_is_a_row_with_the_message(results: Path) -> None:
+    for row in rows(results / "results.csv"):
+        fails = float(row["plant:tank.volume"]) < 0
+        assert bool(row["error"]) == fails
+        assert all((row[name] == "") == fails for name in ["up", "down", "rise", "left", "peak", "mean"])
+        if fails:
+            assert "plant: fmi2SetReal of tank.volume" in row["error"]
+            assert "gave fmi2Error\n" in row["error"] or "gave fmi2Discard\n" in row["error"]
+            # What the FMU itself says.
+            assert "tank.volume" in row["error"].splitlines()[1]
+
+
+def test_measures_are_those_of_the_records(results: Path) -> None:
+    """Each record is there, and gives the measures once more."""
+    differing = set()
+    for row in rows(results / "results.csv"):
+        path = results / "records" / f"{row['run']}.csv"
+        assert path.exists() == (row["error"] == "")
+        if row["error"]:
+            continue
+        with path.open(newline="") as file:
+            names, *lines = csv.reader(file)
+        record = dict(zip(names, np.array(lines, dtype=float).T, strict=True))
+        t, boost = record["time"], record["boost_pressure"]
+        assert len(t) == 321
+        first, second = (t >= 1 - 1e-9) & (t <= 2.5 + 1e-9), t >= 2.5 - 1e-9
+        assert float(row["up"]) == boost[first].max() - 135e3
+        assert float(row["down"]) == 120e3 - boost[second].min()
+        within = [abs(boost - after) <= limit for after, limit in [(135e3, 1e3), (120e3, 1.5e3)]]
+        rises = [
+            t[part & near][0] - begin if (part & near).any() else np.inf
+            for part, near, begin in zip([first, second], within, [1, 2.5], strict=True)
+        ]
+        assert row["rise"] == "" if np.isinf(max(rises)) else float(row["rise"]) == max(rises)
+        assert float(row["left"]) == max(abs(boost[first][-1] - 135e3), abs(boost[-1] - 120e3))
+        assert float(row["peak"]) == record["hp_wastegate_pwm"][(t >= 0.5) & (t <= 3)].max()
+        assert float(row["least"]) == record["actuator_pressure"].min()
+        assert float(row["last"]) == boost[280]
+        # A sum in another order: 300 roundings of 2e5 Pa, 3e-11 Pa each.
+        assert float(row["mean"]) == pytest.approx(boost[t >= 0.5].mean(), abs=1e-8)
+        differing.add(row["last"])
+    # The values act: the valve and the structure each, and the tank does not come near its limit.
+    assert len(differing) >= 4
+
+
+def test_parquet_holds_the_same_table(results: Path) -> None:
+    table = pyarrow.parquet.read_table(results / "results.parquet").to_pylist()
+    lines = rows(results / "results.csv")
+    assert len(table) == len(lines)
+    for cells, texts in zip(table, lines, strict=True):
+        assert list(cells) == list(texts)
+        for name, cell in cells.items():
+            if cell is None:
+                assert texts[name] == ""
+            else:
+                assert type(cell)(texts[name]) == cell, name
+    kinds = {name: type(cell) for name, cell in table[0].items()}
+    assert (kinds["run"], kinds["up"], kinds["controller:structure"]) == (int, float, str)
+
+
+def test_results_do_not_depend_on_the_threads(
+    lab: Run, exported: Path, study: Path, results: Path, tmp_path: Path
+) -> None:
+    done = lab("sweep", study, "--fmus", exported, "--out", tmp_path, "--threads", "1")
+    assert done.returncode == 0, done.stderr
+    for name in ["results.csv", "results.parquet", "records/0.csv", "records/11.csv"]:
+        assert (tmp_path / name).read_bytes() == (results / name).read_bytes(), name
+
+
+LONG = SCENARIO.replace("stop_time = 4.0", "stop_time = 60.0")
+"""Runs that are long enough to be killed in."""
+
+
+def test_a_study_that_was_killed_goes_on(lab: Run, exported: Path, tmp_path: Path) -> None:
+    """It has then what it would have had, no run ran twice, and a line that was cut short does not count."""
+    study = write_study(tmp_path, GRID + MEASURES, LONG)
+    whole = lab("sweep", study, "--fmus", exported, "--out", tmp_path / "whole")
+    assert whole.returncode == 0, whole.stderr
+
+    out = tmp_path / "out"
+    journal = out / "journal.jsonl"
+    arguments = ["sweep", study, "--fmus", exported, "--out", out]
+    process = subprocess.Popen([TARGET / "release" / "boost-lab", *arguments], stdout=subprocess.PIPE)
+    while process.poll() is None and (not journal.exists() or journal.read_text().count("\n") < 4):
+        time.sleep(0.002)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    before = journal.read_text().splitlines()
+    assert 4 <= len(before) <= 12, "it was not killed midway"
+    with journal.open("a") as file:
+        file.write('{"run":11,"error":null,"meas')
+
+    done = lab(*arguments)
+    assert done.returncode == 0, done.stderr
+    assert f"{len(before) - 1} of 12 runs are in the journal" in done.stdout
+    for name in ["results.csv", "results.parquet"]:
+        assert (out / name).read_bytes() == (tmp_path / "whole" / name).read_bytes(), name
+    lines = journal.read_text().splitlines()
+    assert lines[: len(before)] == before
+    assert sorted(json.loads(line)["run"] for line in lines[1:]) == list(range(12))
+
+    done = lab(*arguments)
+    assert "12 of 12 runs are in the journal" in done.stdout
+    assert journal.read_text().splitlines() == lines
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("0.04", "0.05", "values of plant:valve.time_constant was"),
+        ("maximum", "minimum", "measures.peak was"),
+        ("135e3", "136e3", "scenario's inputs.boost_reference was"),
+        ("duration = 2.0", "duration = 1.0", "plant's run_in.duration was 2.0, is 1.0"),
+        ("step = 0.0125", "step = 0.025", "scenario's step was 0.0125, is 0.025"),
+        ("records = true", "records = false", "records was true, is false"),
+    ],
+)
+def test_a_journal_of_other_settings_is_refused_by_name(
+    lab: Run, exported: Path, results: Path, tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    shutil.copytree(results, tmp_path / "out")
+    text = ("records = true\n" + GRID + MEASURES).replace(old, new)
+    study = write_study(tmp_path, text, SCENARIO.replace(old, new))
+    done = lab("sweep", study, "--fmus", exported, "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert (tmp_path / "out" / "journal.jsonl").read_text() == (results / "journal.jsonl").read_text()
+
+
+def test_a_journal_of_another_fmu_is_refused(lab: Run, exported: Path, results: Path, tmp_path: Path) -> None:
+    shutil.copytree(results, tmp_path / "out")
+    other = copy_with(
+        exported / "BoostPlant.fmu", tmp_path / "Other.fmu", "generationTool=", "generationTool="
+    )
+    study = write_study(tmp_path, "records = true\n" + GRID + MEASURES)
+    done = lab("sweep", study, "--fmus", exported, "--fmu", f"plant={other}", "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert "SHA-256 of plant's file was" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (MEASURES, "line 1, the file: expected one of grid, latin_hypercube and list"),
+        (
+            '[grid]\n"plant:tank.volum" = [1]\n' + MEASURES,
+            "no variable tank.volum; the nearest is tank.volume",
+        ),
+        ('[grid]\n"engine:tank.volume" = [1]\n' + MEASURES, "has no FMU engine: there are controller, plant"),
+        ('[grid]\n"plant:tank.frozen" = [1]\n' + MEASURES, "expected true or false for tank.frozen, found 1"),
+        (
+            '[grid]\n"controller:structure" = ["papers"]\n' + MEASURES,
+            "expected one of model_reference, paper for structure, found papers",
+        ),
+        ('[grid]\n"plant:boost_pressure" = [1]\n' + MEASURES, "boost_pressure is calculated by the FMU"),
+        (GRID + '[measures]\na = { finale = "boost_pressure" }', "line 8, measures.a: expected a table with"),
+        (GRID + '[measures]\na = { final = "boost" }', "no FMU has a variable boost"),
+        (
+            GRID + '[measures]\na = { rise_time = "boost_pressure", reference = "engine_speed" }',
+            "measures.a.reference: expected an input of the scenario that is steps",
+        ),
+        (
+            GRID + '[measures]\na = { final = "boost_pressure", to = 9 }',
+            "measures.a.to: expected a time from 0 to 4 s, a whole number of steps",
+        ),
+        ("treads = 2\n" + GRID + MEASURES, "line 2, treads: this key is not known"),
+    ],
+)
+def test_what_is_wrong_with_a_study_is_named(
+    lab: Run, exported: Path, tmp_path: Path, text: str, message: str
+) -> None:
+    study = write_study(tmp_path, text)
+    done = lab("sweep", study, "--fmus", exported, "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert message in done.stderr
+
+
+def test_a_hypercube_and_a_list_run(lab: Run, exported: Path, tmp_path: Path) -> None:
+    """A list may leave out what the scenario then says itself."""
+    hypercube = """
+    [latin_hypercube]
+    runs = 4
+    seed = 3
+    [latin_hypercube.ranges]
+    "plant:actuator.spring_preload" = { from = 16, to = 22 }
+    "plant:tank.volume" = { from = 1e-3, to = 1e-1, spacing = "logarithmic" }
+    """
+    listed = """
+    [[list]]
+    "plant:actuator.spring_preload" = 19
+    [[list]]
+    "plant:tank.volume" = 0.001
+    """
+    found = {}
+    for name, text in [("hypercube", hypercube), ("list", listed)]:
+        study = write_study(tmp_path / name, text + MEASURES)
+        done = lab("sweep", study, "--fmus", exported, "--out", tmp_path / name)
+        assert done.returncode == 0, done.stderr
+        found[name] = rows(tmp_path / name / "results.csv")
+        assert not any(row["error"] for row in found[name])
+    preloads = sorted(float(row["plant:actuator.spring_preload"]) for row in found["hypercube"])
+    assert [int((preload - 16) / 1.5) for preload in preloads] == [0, 1, 2, 3]
+    volumes = sorted(np.log10(float(row["plant:tank.volume"])) for row in found["hypercube"])
+    assert [int((volume + 3) / 0.5) for volume in volumes] == [0, 1, 2, 3]
+    assert len({row["last"] for row in found["hypercube"]}) == 4
+    # The defaults, each given in one row and left out in the other.
+    one, other = found["list"]
+    assert (one["plant:tank.volume"], other["plant:actuator.spring_preload"]) == ("", "")
+    assert one["last"] == other["last"]
+
+
+def test_dask_loses_nothing_with_a_killed_worker(lab: Run, exported: Path, tmp_path: Path) -> None:
+    """The same study with FMPy on a cluster of two processes, one of which is killed in the middle of a run
+    when it has results: the numbers of boost-lab, to the bit."""
+    measures = MEASURES.replace('mean = { mean = "boost_pressure", from = 0.5 }', "")
+    study = write_study(tmp_path, GRID + measures, LONG)
+    script = ROOT / "examples" / "sweep_with_dask.py"
+    out = tmp_path / "results.csv"
+    with (
+        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        Client(cluster) as client,
+    ):
+        pids = client.run(os.getpid)
+        arguments = [sys.executable, script, study, "--fmus", exported, "--out", out]
+        process = subprocess.Popen([*arguments, "--scheduler", cluster.scheduler_address])
+
+        def both() -> list[str]:
+            """The workers that are at a run and have results of others."""
+            at_work, results = client.processing(), client.has_what()
+            return [worker for worker in pids if at_work.get(worker) and results.get(worker)]
+
+        while not (found := both()):
+            assert process.poll() is None, "it ended before a worker could be killed"
+            time.sleep(0.01)
+        killed = found[0]
+        os.kill(pids[killed], signal.SIGKILL)
+        assert process.wait(timeout=300) == 0
+        assert killed not in client.scheduler_info(n_workers=-1)["workers"]
+    done = lab("sweep", study, "--fmus", exported, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    expected, found = rows(tmp_path / "out" / "results.csv"), rows(out)
+    assert len(found) == len(expected) == 12
+    for theirs, ours in zip(found, expected, strict=True):
+        for name in ["run", "plant:valve.time_constant", "plant:tank.volume"]:
+            assert float(theirs[name]) == float(ours[name])
+        assert theirs["controller:structure"] == ours["controller:structure"]
+        for name in ["up", "down", "rise", "left", "peak", "least", "last"]:
+            if ours[name]:
+                assert float(theirs[name]) == float(ours[name]), name
+            else:
+                # A rise that never comes is infinite here.
+                assert theirs[name] in ("", "inf"), name
+        assert bool(theirs["error"]) == bool(ours["error"]) == (float(ours["plant:tank.volume"]) < 0)
+        # The FMU's own message.
+        assert all(line.strip() in theirs["error"] for line in ours["error"].splitlines()[1:])
