@@ -178,7 +178,7 @@ mod tests {
     use super::*;
 
     const INTERVAL: f64 = 0.0125;
-    const SAMPLES: u32 = 960;
+    const SAMPLES: u32 = 480;
 
     fn response(gain: f64, time_constant: f64, delay: f64) -> Vec<f64> {
         let at = |time: f64| {
@@ -202,7 +202,7 @@ mod tests {
     }
 
     /// Over many draws of the noise the parameters scatter as their standard errors say: the mean of
-    /// ((estimate − truth) / standard error)² over 200 draws is 1 with a standard deviation of √(2/200) = 0.1.
+    /// ((estimate − truth) / standard error)² over 50 draws is 1 with a standard deviation of √(2/50) = 0.2.
     #[test]
     fn standard_errors_are_how_much_noise_scatters_the_parameters() {
         let truth = [-4200.0, 1.2, 0.0819];
@@ -210,14 +210,14 @@ mod tests {
         let noise = Normal::new(0.0, 100.0).unwrap();
         let mut generator = Pcg64::seed_from_u64(1);
         let mut squares = [0.0; 3];
-        for _ in 0..200 {
+        for _ in 0..50 {
             let noisy: Vec<_> = clean.iter().map(|value| value + noise.sample(&mut generator)).collect();
             let fit = FirstOrder::fit(&noisy, INTERVAL).unwrap();
             for (index, estimate) in [fit.gain, fit.time_constant, fit.delay].into_iter().enumerate() {
-                squares[index] += ((estimate.value - truth[index]) / estimate.standard_error).powi(2) / 200.0;
+                squares[index] += ((estimate.value - truth[index]) / estimate.standard_error).powi(2) / 50.0;
             }
         }
-        assert!(squares.iter().all(|square| (0.6..1.4).contains(square)), "{squares:?}");
+        assert!(squares.iter().all(|square| (0.4..1.6).contains(square)), "{squares:?}");
     }
 
     #[test]

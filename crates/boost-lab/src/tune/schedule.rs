@@ -218,7 +218,7 @@ mod tests {
         };
         assert_eq!(
             refusal("\"schedule.gain[16,7]\"", "\"schedule.gain[17,7]\""),
-            "the controller BoostController has no schedule.gain[16,7]; the nearest is schedule.gain[16,6]"
+            "the controller BoostController has no schedule.gain[16,7]; the nearest is schedule.gain[6,7]"
         );
         assert!(
             refusal("\"schedule.engine_speed[1]\"", "\"speed\"").contains("has no schedule.engine_speed[1]")
