@@ -69,18 +69,6 @@ def lab(laboratory: Path) -> Run:
 
 
 @pytest.fixture(scope="session")
-def lab() -> Run:
-    """Runs the laboratory's command."""
-    command = TARGET / "release" / "boost-lab"
-    assert command.is_file(), "build first: cargo build --release --package boost-lab"
-
-    def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-        return subprocess.run([command, *arguments], capture_output=True, text=True, check=False)
-
-    return run
-
-
-@pytest.fixture(scope="session")
 def plant_fmu(exported: Path, tmp_path_factory: pytest.TempPathFactory) -> Fmu:
     """The plant, extracted."""
     return Fmu(exported / "BoostPlant.fmu", tmp_path_factory.mktemp("plant"))

@@ -190,8 +190,9 @@ def test_other_settings_do_not_go_on(lab: Run, exported: Path, tuned: Path, tmp_
     more = ["--parameters", ROOT / "parameters" / "weak_turbine.ssv", "--engine-speeds", "1,2,3,4,5,6,7"]
     done = lab("tune", "--plant", exported / "BoostPlant.fmu", "--out", tmp_path, *more)
     assert done.returncode == 2
-    assert "it was begun with other settings: engine_speeds [1000.0,1250.0" in done.stderr
-    assert 'plant_parameters [], now ["hp_turbine.peak_efficiency = 0.468 1"]' in done.stderr
+    assert "it is of other settings; choose another folder, or remove it:\n" in done.stderr
+    assert "the engine speeds was [1000.0, 1250.0, 1500.0" in done.stderr
+    assert "the plant's parameters was its start values, is hp_turbine.peak_efficiency = 0.468 1" in done.stderr
     assert (tmp_path / "journal.jsonl").read_bytes() == (tuned / "journal.jsonl").read_bytes()
 
 

@@ -5,12 +5,14 @@
 //! - [`master`] couples FMUs by equal names and steps them through a scenario.
 //! - [`record`] is what comes of it.
 //! - [`plot`] draws it as SVG.
+//! - [`journal`] keeps what a long task has finished.
 //! - [`sweep`] runs a scenario for many values of parameters.
 //! - [`reproduce`] holds the paper against it, figure by figure.
 //! - [`tune`] tunes the controller to a plant.
 #![deny(unsafe_code)]
 
 pub mod importer;
+pub mod journal;
 pub mod master;
 mod measure;
 pub mod plot;

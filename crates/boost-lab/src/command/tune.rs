@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use boost_lab::importer::Fmu;
+use boost_lab::journal::digest;
 use boost_lab::tune::{Basis, Journal, Procedure, Schedule, Task, html, json};
 use clap::Args;
 use fmi2_export::package::ParameterSet;
@@ -55,9 +56,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     };
     let out = &arguments.out;
     fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
-    let file =
-        fs::read(&arguments.plant).with_context(|| format!("cannot read {}", arguments.plant.display()))?;
-    let settings = task.settings(crc32fast::hash(&file));
+    let settings = task.settings(digest(&arguments.plant)?);
     let journal = Journal::open(&out.join("journal.jsonl"), &settings)?;
     let (sweeps, points) = journal.finished();
     if sweeps + points > 0 {
@@ -69,7 +68,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     bar.set_style(
         ProgressStyle::with_template("{wide_bar} {percent} %  {eta} left").context("no progress bar")?,
     );
-    let tuning = task.run(settings, &journal, &|duration| bar.inc(whole(duration)));
+    let tuning = task.run(&journal, &|duration| bar.inc(whole(duration)));
     bar.finish_and_clear();
     let tuning = tuning?;
     for note in &tuning.notes {

@@ -17,12 +17,12 @@ use std::sync::Mutex;
 use anyhow::{Context, Result};
 use fmi2_export::package::{Value, Variable};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
-use sha2::{Digest, Sha256};
 
 use self::design::Design;
 use self::journal::{Journal, Outcome};
 use self::measures::Measure;
 use crate::importer::Fmu;
+use crate::journal::digest;
 use crate::master::{Fmus, Master};
 use crate::scenario::document::Document;
 use crate::scenario::{Assignment, Place, Recorded, Scenario};
@@ -242,11 +242,7 @@ impl Loaded {
         set("scenario's FMUs".into(), order.join(", "));
         for member in &scenario.fmus {
             let name = &member.name;
-            let bytes =
-                fs::read(&member.file).with_context(|| format!("cannot read {}", member.file.display()))?;
-            let digest = Sha256::digest(&bytes);
-            let digest = digest.iter().fold(String::new(), |text, byte| text + &format!("{byte:02x}"));
-            set(format!("SHA-256 of {name}'s file"), digest);
+            set(format!("SHA-256 of {name}'s file"), digest(&member.file)?);
             for (index, (parameters, _)) in member.parameters.iter().enumerate() {
                 set(format!("{name}'s parameter set {}", index + 1), format!("{parameters:?}"));
             }

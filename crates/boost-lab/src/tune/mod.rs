@@ -23,11 +23,12 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::importer::Fmu;
+use crate::journal::Settings;
 
 use self::bench::Bench;
 pub use self::bench::{Hold, Point, Sweep};
 pub use self::fit::{Estimate, FirstOrder};
-pub use self::journal::{Journal, Settings};
+pub use self::journal::Journal;
 pub use self::monotone::Monotone;
 pub use self::procedure::Procedure;
 pub use self::report::{html, json};
@@ -117,8 +118,6 @@ impl Feedback {
 pub struct Tuning<'a> {
     /// What was asked for.
     pub task: &'a Task,
-    /// The settings, as the journal has them.
-    pub settings: Settings,
     /// A sweep for each column.
     pub sweeps: Vec<Sweep>,
     /// The points at which responses were taken.
@@ -132,31 +131,37 @@ pub struct Tuning<'a> {
 }
 
 impl Task {
-    /// What determines the results; `checksum` is that of the plant's file.
+    /// The plant's parameters in words.
     #[must_use]
-    pub fn settings(&self, checksum: u32) -> Settings {
-        let text = |parameter: &Parameter| match &parameter.value {
+    pub fn plant_parameters_written(&self) -> String {
+        let written = |parameter: &Parameter| match &parameter.value {
             Value::Real(value, Some(unit)) => format!("{} = {value} {unit}", parameter.name),
             Value::Real(value, None) => format!("{} = {value}", parameter.name),
             Value::Integer(value) => format!("{} = {value}", parameter.name),
             Value::Boolean(value) => format!("{} = {value}", parameter.name),
             Value::String(value) | Value::Enumeration(value) => format!("{} = {value}", parameter.name),
         };
-        Settings {
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            plant: format!("{} {checksum:08x}", self.plant.description().attribute("modelName")),
-            plant_parameters: self
-                .plant_parameters
-                .iter()
-                .flat_map(|set| &set.parameters)
-                .map(text)
-                .collect(),
-            engine_speeds: self.schedule.engine_speeds.clone(),
-            boost_references: self.schedule.boost_references.clone(),
-            nominal_voltage: self.schedule.nominal_voltage,
-            sample_time: self.schedule.sample_time,
-            procedure: self.procedure.clone(),
-        }
+        let parameters: Vec<_> =
+            self.plant_parameters.iter().flat_map(|set| &set.parameters).map(written).collect();
+        if parameters.is_empty() { "its start values".to_owned() } else { parameters.join(", ") }
+    }
+
+    /// All that the experiments depend on; `digest` is that of the plant's file.
+    #[must_use]
+    pub fn settings(&self, digest: String) -> Settings {
+        let schedule = &self.schedule;
+        [
+            ("boost-lab's version", env!("CARGO_PKG_VERSION").to_owned()),
+            ("SHA-256 of the plant's file", digest),
+            ("the plant's parameters", self.plant_parameters_written()),
+            ("the engine speeds", format!("{:?}", schedule.engine_speeds)),
+            ("the boost references", format!("{:?}", schedule.boost_references)),
+            ("the nominal voltage", format!("{:?}", schedule.nominal_voltage)),
+            ("the sample time", format!("{:?}", schedule.sample_time)),
+            ("the procedure", format!("{:?}", self.procedure)),
+        ]
+        .map(|(name, value)| (name.to_owned(), value))
+        .into()
     }
 
     /// How many seconds of the plant's time a tuning takes at most.
@@ -172,12 +177,7 @@ impl Task {
     ///
     /// # Errors
     /// When the plant lacks what is needed, fails, or cannot be tuned at all.
-    pub fn run<'a>(
-        &'a self,
-        settings: Settings,
-        journal: &Journal,
-        progress: &(impl Fn(f64) + Sync),
-    ) -> Result<Tuning<'a>> {
+    pub fn run<'a>(&'a self, journal: &Journal, progress: &(impl Fn(f64) + Sync)) -> Result<Tuning<'a>> {
         if !(self.lambda > 0.0 && self.lambda.is_finite()) {
             bail!("lambda is {} s: a time above 0 is expected", self.lambda);
         }
@@ -233,7 +233,7 @@ impl Task {
         let cells = self.cells(&statics, &points)?;
         let points = points.into_iter().flatten().collect();
         let lift_offs = sweeps.iter().map(|sweep| self.lift_off(sweep)).collect();
-        Ok(Tuning { task: self, settings, sweeps, points, cells, lift_offs, notes: bench.notes })
+        Ok(Tuning { task: self, sweeps, points, cells, lift_offs, notes: bench.notes })
     }
 
     /// The largest duty of a sweep (%) below which boost pressure hardly rises any more.
@@ -452,7 +452,7 @@ impl Tuning<'_> {
                 parameters.push(parameter(name, self.provenance(cell, map), cell.value(map), map.unit()));
             }
         }
-        let plant = &self.settings.plant;
+        let plant = self.task.plant.description().attribute("modelName");
         let with = self.task.plant_parameters.iter().map(|set| format!(" with {}", set.name));
         ParameterSet {
             name: name.to_owned(),

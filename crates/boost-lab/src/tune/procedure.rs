@@ -3,10 +3,10 @@
 //! The paper (section 6) steps the control signal at many boost pressures and engine speeds, and prints no
 //! numbers; these are the ones that the maps of this repository's controller were made with.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// The numbers of the procedure.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Procedure {
     /// The duties (%) of a sweep in their order, and how long each is held (s).
     pub sweep: Vec<(f64, f64)>,

@@ -4,7 +4,7 @@ use anyhow::Result;
 use serde::Serialize;
 
 use super::bench::drawn_samples;
-use super::{Basis, Cell, Map, Point, Settings, Sweep, Tuning};
+use super::{Basis, Cell, Map, Point, Procedure, Sweep, Tuning};
 use crate::plot::{Figure, Line, Panel, color, escaped};
 
 const STYLE: &str = "
@@ -28,8 +28,14 @@ const DRAWN_TIME_CONSTANTS: f64 = 5.0;
 
 #[derive(Serialize)]
 struct JsonReport<'a> {
-    settings: &'a Settings,
+    plant: &'a str,
+    plant_parameters: String,
     controller: &'a str,
+    engine_speeds: &'a [f64],
+    boost_references: &'a [f64],
+    nominal_voltage: f64,
+    sample_time: f64,
+    procedure: &'a Procedure,
     lambda: f64,
     least_duty: f64,
     notes: &'a [String],
@@ -59,8 +65,14 @@ pub fn json(tuning: &Tuning<'_>) -> Result<String> {
         responses: tuning.point(cell.row, cell.column),
     });
     let report = JsonReport {
-        settings: &tuning.settings,
+        plant: tuning.task.plant.description().attribute("modelName"),
+        plant_parameters: tuning.task.plant_parameters_written(),
         controller: &schedule.controller,
+        engine_speeds: &schedule.engine_speeds,
+        boost_references: &schedule.boost_references,
+        nominal_voltage: schedule.nominal_voltage,
+        sample_time: schedule.sample_time,
+        procedure: &tuning.task.procedure,
         lambda: tuning.task.lambda,
         least_duty: tuning.least_duty(),
         notes: &tuning.notes,
@@ -96,23 +108,18 @@ pub fn html(tuning: &Tuning<'_>) -> String {
 }
 
 fn introduction(tuning: &Tuning<'_>, title: &str) -> String {
-    let (task, settings, procedure) = (tuning.task, &tuning.settings, &tuning.task.procedure);
+    let (task, procedure) = (tuning.task, &tuning.task.procedure);
     let count = |basis| tuning.cells.iter().filter(|cell| cell.basis == basis).count();
     let drift = |holds: &mut dyn Iterator<Item = f64>| holds.map(f64::abs).fold(0.0, f64::max);
     let sweep_drift = drift(&mut tuning.sweeps.iter().flat_map(|sweep| &sweep.holds).map(|hold| hold.drift));
     let point_drift = drift(&mut tuning.points.iter().map(|point| point.hold.drift));
-    let parameters = if settings.plant_parameters.is_empty() {
-        "its start values".to_owned()
-    } else {
-        settings.plant_parameters.join(", ")
-    };
     let rows = [
-        ("Plant", settings.plant.clone()),
-        ("Parameters of the plant", parameters),
+        ("Plant", task.plant.description().attribute("modelName").to_owned()),
+        ("Parameters of the plant", task.plant_parameters_written()),
         ("Controller", task.schedule.controller.clone()),
         ("\u{3bb}, the time constant asked of the closed loop", format!("{} s", task.lambda)),
-        ("Supply voltage", format!("{} V", settings.nominal_voltage)),
-        ("Sample time", format!("{} ms", 1e3 * settings.sample_time)),
+        ("Supply voltage", format!("{} V", task.schedule.nominal_voltage)),
+        ("Sample time", format!("{} ms", 1e3 * task.schedule.sample_time)),
         ("Step of the duty", format!("\u{b1}{} %", procedure.duty_step)),
         (
             "Points of the grid",
@@ -307,8 +314,8 @@ fn responses(tuning: &Tuning<'_>) -> String {
     let last = ranked.len().saturating_sub(1);
     let mut indices: Vec<_> = (0..DRAWN_POINTS).map(|index| index * last / (DRAWN_POINTS - 1)).collect();
     indices.dedup();
-    let times: Vec<f64> = drawn_samples(&tuning.task.procedure, tuning.settings.sample_time)
-        .map(|sample| sample as f64 * tuning.settings.sample_time)
+    let times: Vec<f64> = drawn_samples(&tuning.task.procedure, tuning.task.schedule.sample_time)
+        .map(|sample| sample as f64 * tuning.task.schedule.sample_time)
         .collect();
     let step = tuning.task.procedure.duty_step;
     let panels: Vec<_> = indices

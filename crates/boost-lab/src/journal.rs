@@ -1,0 +1,202 @@
+//! What a long task has finished, line by line: an interrupted task goes on from it.
+//!
+//! The first line holds the task's settings, each other one something that is finished, as JSON. A line that was
+//! cut short by the interruption does not count.
+
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{ErrorKind, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use anyhow::{Context, Result, bail};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+/// All that the results depend on, by names.
+pub type Settings = BTreeMap<String, String>;
+
+/// The SHA-256 of a file that results depend on.
+///
+/// # Errors
+/// When it cannot be read.
+pub fn digest(path: &Path) -> Result<String> {
+    let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    Ok(Sha256::digest(&bytes).iter().fold(String::new(), |text, byte| text + &format!("{byte:02x}")))
+}
+
+#[derive(Serialize, Deserialize)]
+struct Header {
+    settings: Settings,
+}
+
+/// A journal that is open. Several threads may write.
+pub struct Journal {
+    path: PathBuf,
+    file: Mutex<File>,
+}
+
+impl Journal {
+    /// Opens a journal, or begins it where there is none; gives what was finished, too.
+    ///
+    /// # Errors
+    /// When it is of other settings, which the message names; when a line, which the message names, is none of a
+    /// journal; when another process works on it, or it cannot be read or written.
+    pub fn open<Finished: DeserializeOwned>(
+        path: &Path,
+        settings: &Settings,
+    ) -> Result<(Self, Vec<Finished>)> {
+        Self::open_file(path, settings).with_context(|| format!("the journal {}", path.display()))
+    }
+
+    fn open_file<Finished: DeserializeOwned>(
+        path: &Path,
+        settings: &Settings,
+    ) -> Result<(Self, Vec<Finished>)> {
+        let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => bail!("another process works on it"),
+            Err(TryLockError::Error(error)) => return Err(error.into()),
+        }
+        let text = match std::fs::read_to_string(path) {
+            Err(error) if error.kind() == ErrorKind::InvalidData => bail!("it is no text"),
+            text => text?,
+        };
+        let whole = text.rfind('\n').map_or(0, |end| end + 1);
+        let mut lines = text[..whole].lines().zip(1..);
+        let header = lines.next();
+        if let Some((line, _)) = header {
+            let header: Header = serde_json::from_str(line).context("line 1: expected the settings")?;
+            check(&header.settings, settings)?;
+        }
+        let finished = lines.map(|(line, number)| {
+            serde_json::from_str(line).with_context(|| format!("line {number} is damaged"))
+        });
+        let finished = finished.collect::<Result<_>>()?;
+        // What was cut short is written over.
+        file.set_len(whole as u64)?;
+        file.seek(SeekFrom::End(0))?;
+        let journal = Self { path: path.to_owned(), file: Mutex::new(file) };
+        if header.is_none() {
+            journal.write(&Header { settings: settings.clone() })?;
+        }
+        Ok((journal, finished))
+    }
+
+    /// Writes what is finished.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn write(&self, finished: &impl Serialize) -> Result<()> {
+        let text = serde_json::to_string(finished)? + "\n";
+        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        // In one piece, that at most the last line is ever cut short.
+        file.write_all(text.as_bytes()).with_context(|| format!("cannot write {}", self.path.display()))
+    }
+}
+
+/// Refuses other settings, and names the first that differ.
+fn check(old: &Settings, new: &Settings) -> Result<()> {
+    const MOST_NAMED: usize = 3;
+    let names = old.keys().chain(new.keys().filter(|name| !old.contains_key(*name)));
+    let differing: Vec<_> = names.filter(|name| old.get(*name) != new.get(*name)).collect();
+    if differing.is_empty() {
+        return Ok(());
+    }
+    let told = differing.iter().take(MOST_NAMED).map(|name| {
+        let [was, is] = [old, new].map(|settings| settings.get(*name).map_or("not there", |value| value));
+        let [was, is] = around_difference(was, is);
+        format!("\n  {name} was {was}, is {is}")
+    });
+    let told: String = told.collect();
+    let more = differing.len().saturating_sub(MOST_NAMED);
+    let more = if more > 0 { format!("\n  and {more} more") } else { String::new() };
+    bail!("it is of other settings; choose another folder, or remove it:{told}{more}")
+}
+
+/// Two long texts, cut down to what is around their first difference.
+fn around_difference(was: &str, is: &str) -> [String; 2] {
+    const LONG: usize = 60;
+    let same = was.chars().zip(is.chars()).take_while(|(a, b)| a == b).count();
+    [was, is].map(|text| {
+        if text.chars().count() <= LONG {
+            return text.to_owned();
+        }
+        let begin = same.saturating_sub(LONG / 2);
+        let part: String = text.chars().skip(begin).take(LONG).collect();
+        let before = if begin > 0 { "\u{2026}" } else { "" };
+        let after = if begin + LONG < text.chars().count() { "\u{2026}" } else { "" };
+        format!("{before}{part}{after}")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    fn settings(voltage: &str) -> Settings {
+        [("plant", "BoostPlant"), ("voltage", voltage)]
+            .map(|(name, value)| (name.into(), value.into()))
+            .into()
+    }
+
+    /// Numbers that are no short decimals.
+    fn results() -> Vec<f64> {
+        vec![125_963.1 / 3.0, -1e-17, 0.1 + 0.2]
+    }
+
+    #[test]
+    fn what_was_finished_is_there_again_to_the_last_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal.jsonl");
+        let (journal, finished) = Journal::open::<Vec<f64>>(&path, &settings("12")).unwrap();
+        assert!(finished.is_empty());
+        journal.write(&results()).unwrap();
+        drop(journal);
+        let whole = fs::read_to_string(&path).unwrap();
+        // An interruption cut off the next line.
+        fs::write(&path, whole.clone() + "[4.2,1").unwrap();
+        let (journal, finished) = Journal::open::<Vec<f64>>(&path, &settings("12")).unwrap();
+        assert_eq!(finished, [results()]);
+        journal.write(&vec![1.0]).unwrap();
+        drop(journal);
+        assert_eq!(fs::read_to_string(&path).unwrap(), whole + "[1.0]\n");
+    }
+
+    /// The message of a journal that is not opened; it stays as it is.
+    fn refusal(text: &str, voltage: &str) -> String {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal.jsonl");
+        drop(Journal::open::<Vec<f64>>(&path, &settings("12")).unwrap());
+        let text = fs::read_to_string(&path).unwrap() + text;
+        fs::write(&path, &text).unwrap();
+        let error = Journal::open::<Vec<f64>>(&path, &settings(voltage)).err().unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), text);
+        format!("{error:#}")
+    }
+
+    #[test]
+    fn other_settings_are_refused_by_name() {
+        let message = refusal("[1.0]\n[2.", "13");
+        assert!(message.ends_with("or remove it:\n  voltage was 12, is 13"), "{message}");
+    }
+
+    #[test]
+    fn damage_is_refused_by_its_line() {
+        let message = refusal("[1.0]\n[2.\n[3.0]\n[4", "12");
+        assert!(message.contains("journal.jsonl: line 3 is damaged"), "{message}");
+    }
+
+    #[test]
+    fn a_journal_is_of_one_process() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal.jsonl");
+        let _journal = Journal::open::<Vec<f64>>(&path, &settings("12")).unwrap();
+        let error = Journal::open::<Vec<f64>>(&path, &settings("12")).err().unwrap();
+        assert!(format!("{error:#}").ends_with("another process works on it"), "{error:#}");
+    }
+}
