@@ -188,6 +188,29 @@ mod tests {
     }
 
     #[test]
+    fn all_files_are_read_up_to_a_size() {
+        let mut zip = ZipWriter::new(Cursor::new(vec![]));
+        zip.add_directory("folder/", SimpleFileOptions::default()).unwrap();
+        for path in ["folder/a", "b"] {
+            zip.start_file(path, SimpleFileOptions::default()).unwrap();
+            zip.write_all(b"text").unwrap();
+        }
+        let bytes = zip.finish().unwrap();
+        let read = |largest| read_files_up_to(largest, &mut open(bytes.clone()).unwrap());
+        let expected = ["b", "folder/a"].map(|path| (path.to_owned(), b"text".to_vec()));
+        assert_eq!(read(8).unwrap(), BTreeMap::from(expected));
+        assert_eq!(read(7).unwrap_err().to_string(), "its files are larger than 7 bytes");
+    }
+
+    #[test]
+    fn a_link_is_no_file() {
+        let mut zip = ZipWriter::new(Cursor::new(vec![]));
+        zip.add_symlink("a", "/etc/passwd", SimpleFileOptions::default()).unwrap();
+        let mut archive = open(zip.finish().unwrap()).unwrap();
+        assert_eq!(read_files(&mut archive).unwrap_err().to_string(), "its entry 'a' is a link");
+    }
+
+    #[test]
     fn a_damaged_text_is_refused() {
         let mut bytes = archive(&["a.txt"]);
         let place = bytes.get_ref().windows(5).position(|window| window == b"a.txt").unwrap();

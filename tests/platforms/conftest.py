@@ -1,0 +1,124 @@
+"""The FMUs with libraries for all platforms, and how those of foreign ones are run here."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import struct
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).absolute()
+sys.path.append(str(ROOT / "tests" / "fmu"))
+
+from master import Fmu  # noqa: E402 - it lies beside the tests of the exported FMUs
+
+NAMES = ["BoostController", "BoostPlant"]
+
+WINE = {"wine64": "/usr/lib/wine/wine64", "wineserver": "/usr/lib/wine/wineserver64"}
+"""Where Debian has them, which keeps them off the PATH."""
+
+
+@pytest.fixture(scope="session")
+def exported() -> Path:
+    """The folder that `release/build` wrote to."""
+    folder = TARGET / "platforms"
+    assert folder.is_dir(), "build first: bash release/build"
+    return folder
+
+
+@pytest.fixture(scope="session")
+def folder() -> Iterator[Path]:
+    """A folder that every user can read, unlike those of pytest."""
+    with TemporaryDirectory(prefix="platforms-") as name:
+        folder = Path(name)
+        folder.chmod(0o755)
+        yield folder
+
+
+@pytest.fixture(scope="session")
+def fmus(exported: Path, folder: Path) -> dict[str, Fmu]:
+    """Both FMUs, extracted."""
+    return {name: Fmu(exported / f"{name}.fmu", folder / name) for name in NAMES}
+
+
+@pytest.fixture(scope="session")
+def wine(folder: Path) -> Iterator[Path]:
+    """A folder with a `wine64` that runs as another user than root: FMPy's server takes a file that it may
+    open for one that its client has left."""
+    programs, prefix = folder / "programs", folder / "wine"
+    programs.mkdir()
+    prefix.mkdir()
+    as_user = ""
+    if os.geteuid() == 0:
+        shutil.chown(prefix, "nobody", "nogroup")
+        as_user = "setpriv --reuid nobody --regid nogroup --clear-groups"
+    environment = f"env HOME={prefix} WINEPREFIX={prefix} WINEDEBUG=-all"
+    for name, program in WINE.items():
+        command = programs / name
+        command.write_text(f'#!/bin/sh\nexec {as_user} {environment} {program} "$@"\n')
+        command.chmod(0o755)
+    # Makes what a first run makes.
+    subprocess.run([programs / "wine64", "wineboot", "--init"], check=True, capture_output=True, timeout=300)
+    yield programs
+    # Ends what runs on, which may be nothing, and waits for it.
+    subprocess.run([programs / "wineserver", "--kill"], check=False)
+    subprocess.run([programs / "wineserver", "--wait"], check=True)
+
+
+def thin(universal: bytes) -> list[bytes]:
+    """The libraries in a universal one of macOS: its header has processor, kind, place, size and alignment of
+    each."""
+    magic, count = struct.unpack_from(">II", universal)
+    assert magic == 0xCAFEBABE
+    entries = [struct.unpack_from(">5I", universal, 8 + 20 * index) for index in range(count)]
+    return [universal[offset : offset + size] for _, _, offset, size, _ in entries]
+
+
+class Runner(NamedTuple):
+    """How programs for a platform are made and run here."""
+
+    compiler: list[str]
+    run: list[str]
+    suffix: str
+
+
+@pytest.fixture(scope="session")
+def runners(wine: Path) -> dict[str, Runner]:
+    """By the platform."""
+    zig = [str(TARGET / "release-tools" / "bin" / "python"), "-m", "ziglang", "cc"]
+    return {
+        "linux64": Runner([os.environ.get("CC", "cc")], [], ""),
+        "win64": Runner(
+            ["x86_64-w64-mingw32-gcc", "-D__USE_MINGW_ANSI_STDIO=1"], [str(wine / "wine64")], ".exe"
+        ),
+        "aarch64-linux": Runner(
+            [*zig, "-target", "aarch64-linux-gnu.2.17"],
+            # Where Debian has the libraries of the other processor.
+            ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"],
+            "",
+        ),
+    }
+
+
+@pytest.fixture(scope="session")
+def host(runners: dict[str, Runner], folder: Path) -> Callable[[str], list[str]]:
+    """Compiles the master in C for a platform; the command that runs it."""
+
+    def build(platform: str) -> list[str]:
+        runner = runners[platform]
+        program = folder / f"loop-{platform}{runner.suffix}"
+        flags = ["-std=gnu11", "-O1", "-Wall", "-Wextra", "-Werror"]
+        source = Path(__file__).with_name("loop.c")
+        libraries = [] if platform == "win64" else ["-ldl"]
+        subprocess.run([*runner.compiler, *flags, source, "-o", program, *libraries], check=True)
+        return [*runner.run, str(program)]
+
+    return build

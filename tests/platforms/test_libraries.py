@@ -1,0 +1,155 @@
+"""What the libraries for each platform export, import and weigh; read from their files, on any machine."""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+import zipfile
+from pathlib import Path
+
+import lief
+import pytest
+from c_interface import FUNCTIONS
+from conftest import NAMES, thin
+
+LARGEST_LIBRARY = 500_000
+"""Bytes, for each processor."""
+
+LARGEST_FMU = 2_000_000
+
+PLATFORMS = {
+    "aarch64-darwin": "dylib",
+    "aarch64-linux": "so",
+    "darwin64": "dylib",
+    "linux64": "so",
+    "win64": "dll",
+}
+"""What the name of the library ends in."""
+
+WINDOWS = {
+    "KERNEL32.dll",
+    "msvcrt.dll",
+    "ntdll.dll",
+    # Waits on an address, from Windows 8 on.
+    "api-ms-win-core-synch-l1-2-0.dll",
+}
+"""What every Windows has; no run-time library of a compiler."""
+
+LINUX = {
+    "libc.so.6",
+    "libm.so.6",
+    "libdl.so.2",
+    "libpthread.so.0",
+    "ld-linux-aarch64.so.1",
+    "ld-linux-x86-64.so.2",
+}
+"""What belongs to glibc; no libgcc_s, no libstdc++."""
+
+OLDEST_GLIBC = (2, 17)
+
+BOTH = pytest.mark.parametrize("name", NAMES)
+
+
+def read(exported: Path, name: str, platform: str) -> bytes:
+    with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
+        return archive.read(f"binaries/{platform}/{name}.{PLATFORMS[platform]}")
+
+
+@BOTH
+def test_every_platform_is_there_and_told(exported: Path, name: str) -> None:
+    with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
+        entries = archive.namelist()
+        text = archive.read("documentation/platforms.txt").decode()
+    libraries = [entry for entry in entries if entry.startswith("binaries/")]
+    assert libraries == [f"binaries/{folder}/{name}.{suffix}" for folder, suffix in PLATFORMS.items()]
+    assert [line.split("; ")[0] for line in text.splitlines()[2:]] == [
+        "aarch64-darwin: Mach-O for aarch64, macOS 11.0 or later",
+        "aarch64-linux: ELF for aarch64, glibc 2.17 or later",
+        "darwin64: Mach-O for aarch64 and x86-64, macOS 11.0 or later",
+        "linux64: ELF for x86-64, glibc 2.14 or later",
+        "win64: PE for x86-64",
+    ]
+
+
+@BOTH
+def test_they_are_small(exported: Path, name: str) -> None:
+    sizes = {
+        platform: len(read(exported, name, platform)) for platform in PLATFORMS if platform != "darwin64"
+    }
+    sizes["x86_64-apple-darwin"] = len(read(exported, name, "darwin64")) - sizes["aarch64-darwin"]
+    whole = (exported / f"{name}.fmu").stat().st_size
+    print(f"{name}: {sizes}, the FMU {whole} bytes")
+    assert max(sizes.values()) < LARGEST_LIBRARY
+    assert whole < LARGEST_FMU
+
+
+@BOTH
+@pytest.mark.parametrize("platform", ["linux64", "aarch64-linux"])
+def test_linux(exported: Path, name: str, platform: str) -> None:
+    library = lief.ELF.parse(list(read(exported, name, platform)))
+    assert sorted(symbol.name for symbol in library.exported_symbols) == sorted(FUNCTIONS)
+    assert set(library.libraries) <= LINUX
+    versions = {
+        tuple(map(int, auxiliary.name.removeprefix("GLIBC_").split(".")))
+        for requirement in library.symbols_version_requirement
+        for auxiliary in requirement.get_auxiliary_symbols()
+        if auxiliary.name.startswith("GLIBC_")
+    }
+    assert versions
+    assert max(versions) <= OLDEST_GLIBC
+
+
+@BOTH
+def test_windows(exported: Path, name: str) -> None:
+    library = lief.PE.parse(list(read(exported, name, "win64")))
+    assert sorted(entry.name for entry in library.get_export().entries) == sorted(FUNCTIONS)
+    assert {imported.name for imported in library.imports} <= WINDOWS
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("platform", "processors"), [("darwin64", ["X86_64", "ARM64"]), ("aarch64-darwin", ["ARM64"])]
+)
+def test_macos(exported: Path, name: str, platform: str, processors: list[str]) -> None:
+    """Never run here: what can be known from the file."""
+    content = read(exported, name, platform)
+    files = thin(content) if platform == "darwin64" else [content]
+    # They live as long as what holds them.
+    holders = [lief.MachO.parse(list(file)) for file in files]
+    libraries = [holder.at(0) for holder in holders]
+    assert [library.header.cpu_type.name for library in libraries] == processors
+    for file, library in zip(files, libraries, strict=True):
+        assert library.header.file_type == lief.MachO.Header.FILE_TYPE.DYLIB
+        exports = [symbol.name for symbol in library.exported_symbols]
+        assert sorted(exports) == sorted(f"_{function}" for function in FUNCTIONS)
+        assert [library_.name for library_ in library.libraries[1:]] == ["/usr/lib/libSystem.B.dylib"]
+        # Its own name: not a path of the machine that built it.
+        assert library.libraries[0].name == f"@rpath/lib{name}.dylib"
+        assert library.build_version.platform == lief.MachO.BuildVersion.PLATFORMS.MACOS
+        assert list(library.build_version.minos)[:2] == [11, 0]
+        # Apple Silicon runs nothing without a signature.
+        if library.header.cpu_type == lief.MachO.Header.CPU_TYPE.ARM64:
+            check_signature(file, library)
+
+
+def check_signature(file: bytes, library: lief.MachO.Binary) -> None:
+    """The hash of each page of the file is what the signature has (Apple's cs_blobs.h; big-endian). A library
+    that is changed after it was linked, as by taking symbols out, must be signed anew."""
+    signature = bytes(library.code_signature.content)
+    magic, _, count = struct.unpack_from(">3I", signature)
+    assert magic == 0xFADE0CC0
+    slots = dict(struct.unpack_from(">2I", signature, 12 + 8 * index) for index in range(count))
+    directory = signature[slots[0] :]
+    magic, _, _, _, hashes, _, _, pages, limit, size, kind, _, page = struct.unpack_from(">9I4B", directory)
+    assert (magic, size, kind) == (0xFADE0C02, 32, 2), "a code directory of SHA-256"
+    assert limit == library.code_signature.data_offset
+    assert pages == -(-limit // 2**page)
+    for index in range(pages):
+        content = file[index * 2**page : min((index + 1) * 2**page, limit)]
+        expected = directory[hashes + 32 * index : hashes + 32 * (index + 1)]
+        assert hashlib.sha256(content).digest() == expected, f"page {index}"
+
+
+@BOTH
+def test_the_universal_library_holds_the_other_one(exported: Path, name: str) -> None:
+    assert read(exported, name, "aarch64-darwin") in read(exported, name, "darwin64")
