@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import struct
 import zipfile
 from pathlib import Path
@@ -62,21 +63,22 @@ def test_every_platform_is_there_and_told(exported: Path, name: str) -> None:
         text = archive.read("documentation/platforms.txt").decode()
     libraries = [entry for entry in entries if entry.startswith("binaries/")]
     assert libraries == [f"binaries/{folder}/{name}.{suffix}" for folder, suffix in PLATFORMS.items()]
-    assert [line.split("; ")[0] for line in text.splitlines()[2:]] == [
+    # Which glibc exactly is the matter of a test below.
+    lines = [re.sub(r"glibc [0-9.]+", "glibc", line) for line in text.splitlines()[2:]]
+    assert [line.split("; ")[0] for line in lines] == [
         "aarch64-darwin: Mach-O for aarch64, macOS 11.0 or later",
-        "aarch64-linux: ELF for aarch64, glibc 2.17 or later",
+        "aarch64-linux: ELF for aarch64, glibc or later",
         "darwin64: Mach-O for aarch64 and x86-64, macOS 11.0 or later",
-        "linux64: ELF for x86-64, glibc 2.14 or later",
+        "linux64: ELF for x86-64, glibc or later",
         "win64: PE for x86-64",
     ]
 
 
 @BOTH
 def test_they_are_small(exported: Path, name: str) -> None:
-    sizes = {
-        platform: len(read(exported, name, platform)) for platform in PLATFORMS if platform != "darwin64"
-    }
-    sizes["x86_64-apple-darwin"] = len(read(exported, name, "darwin64")) - sizes["aarch64-darwin"]
+    sizes = {platform: len(read(exported, name, platform)) for platform in PLATFORMS}
+    # The universal one holds one for each processor.
+    sizes["darwin64"] = max(map(len, thin(read(exported, name, "darwin64"))))
     whole = (exported / f"{name}.fmu").stat().st_size
     print(f"{name}: {sizes}, the FMU {whole} bytes")
     assert max(sizes.values()) < LARGEST_LIBRARY
@@ -122,9 +124,9 @@ def test_macos(exported: Path, name: str, platform: str, processors: list[str]) 
         assert library.header.file_type == lief.MachO.Header.FILE_TYPE.DYLIB
         exports = [symbol.name for symbol in library.exported_symbols]
         assert sorted(exports) == sorted(f"_{function}" for function in FUNCTIONS)
-        assert [library_.name for library_ in library.libraries[1:]] == ["/usr/lib/libSystem.B.dylib"]
-        # Its own name: not a path of the machine that built it.
-        assert library.libraries[0].name == f"@rpath/lib{name}.dylib"
+        # Its own name first: not a path of the machine that built it.
+        dependencies = [dependency.name for dependency in library.libraries]
+        assert dependencies == [f"@rpath/lib{name}.dylib", "/usr/lib/libSystem.B.dylib"]
         assert library.build_version.platform == lief.MachO.BuildVersion.PLATFORMS.MACOS
         assert list(library.build_version.minos)[:2] == [11, 0]
         # Apple Silicon runs nothing without a signature.

@@ -63,9 +63,9 @@ def test_libraries_of_another_machine_are_packed(exported: Path, tmp_path: Path)
         binaries.append(f"--binary=win64={library}")
     export = [COMMAND, "export", "--out", tmp_path / "out"]
     subprocess.run([*export, *binaries], cwd=ROOT, check=True, capture_output=True)
-    for name, library in libraries.items():
+    for name, content in libraries.items():
         with zipfile.ZipFile(tmp_path / "out" / f"{name}.fmu") as archive:
-            assert archive.read(f"binaries/win64/{name}.dll") == library
+            assert archive.read(f"binaries/win64/{name}.dll") == content
             assert f"binaries/linux64/{name}.so" in archive.namelist()
             assert "win64: PE for x86-64; only built" in archive.read(LIST).decode().splitlines()
 

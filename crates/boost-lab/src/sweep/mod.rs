@@ -1,7 +1,7 @@
 //! Parameter studies: a scenario, run for many values of its FMUs' parameters, on all cores.
 //!
 //! A study is a TOML file ([`Study::read`]; docs/laboratory.md describes every key). Each run has instances of
-//! its own, so that no run knows of another; what is finished is in the [journal](journal) at once, and a study
+//! its own, so that no run knows of another; what is finished is in the [journal] at once, and a study
 //! that was interrupted goes on where it was. A run that fails is a row of the results with the FMU's message.
 
 mod design;

@@ -53,7 +53,7 @@ pub struct Point {
     pub column: usize,
     /// The duty from which the steps go, and boost pressure there.
     pub hold: Hold,
-    /// Changes of boost pressure (Pa), up and down, at [`drawn_samples`].
+    /// Changes of boost pressure (Pa), up and down, at the samples that are drawn.
     pub responses: [Vec<f64>; 2],
     /// Final change up over final change down, in magnitude; 1 where the plant is linear.
     pub asymmetry: f64,
