@@ -10,41 +10,75 @@ pub const MAX_ORDER: usize = 8;
 /// The inputs as functions of the time since the step's begin.
 #[derive(Clone, Debug)]
 pub struct InputSignal<I> {
-    /// The inputs at the step's begin, within their bounds.
+    /// The inputs at the step's begin, within their bounds, as of [`InputSignal::update`].
     bounded: I,
-    /// By Real input: the value as it was set.
-    set: Box<[f64]>,
-    /// By Real input: the derivatives of order 1, 2, ….
-    derivatives: Box<[[f64; MAX_ORDER]]>,
+    /// Whether these are those that were set.
+    updated: bool,
+    /// The Real inputs, by their positions.
+    reals: Box<[RealSignal]>,
     /// The highest order of which any input has a derivative; 0 when all are constant.
     order: usize,
-    /// By Real input: its slope at the end of the last step, 0 where it was set since.
-    slopes: Box<[f64]>,
-    /// Whether any of these is not 0.
+    /// Whether any input had a slope at the end of the last step.
     sloped: bool,
-    /// By Real input: the value that it reached at the end of the last step, before it was bounded.
-    reached: Box<[f64]>,
     /// The inputs at the end of the last step, within their bounds.
     end: I,
     /// Whether those of the end are the latest: nothing was set since they moved away from what was set.
     moved: bool,
 }
 
+/// One Real input.
+#[derive(Clone, Copy, Debug)]
+struct RealSignal {
+    /// The value as it was set.
+    set: f64,
+    /// The slope at the end of the last step, 0 where it was set since.
+    slope: f64,
+    /// The value that it reached at the end of the last step, before it was bounded.
+    reached: f64,
+    /// Whether the value as it was set is out of the input's bounds.
+    outside: bool,
+    /// The derivatives of order 1, 2, ….
+    derivatives: [f64; MAX_ORDER],
+}
+
+crate::persistent!(RealSignal { set, slope, reached, outside, derivatives });
+
+impl RealSignal {
+    fn constant(value: f64) -> Self {
+        Self { set: value, slope: 0.0, reached: 0.0, outside: false, derivatives: [0.0; MAX_ORDER] }
+    }
+
+    /// By how much it differs from what was set, at a time (s) after the step's begin, with derivatives up
+    /// to an order.
+    fn rise(&self, order: usize, offset: f64) -> f64 {
+        // Horner's scheme: τ/1·(d1 + τ/2·(d2 + …)).
+        (0..order)
+            .rev()
+            .fold(0.0, |sum, order| offset / (order + 1) as f64 * (self.derivatives[order] + sum))
+    }
+
+    /// Its slope at a time (s) after the step's begin, with derivatives up to an order.
+    fn slope_at(&self, order: usize, offset: f64) -> f64 {
+        // Horner's scheme: d1 + τ/1·(d2 + τ/2·(d3 + …)).
+        (0..order)
+            .rev()
+            .fold(0.0, |sum, order| self.derivatives[order] + offset / (order + 1) as f64 * sum)
+    }
+}
+
 impl<I: Inputs> InputSignal<I> {
     /// Inputs that hold their values.
     pub fn constant(inputs: I) -> Self {
         let mut signal = Self {
-            set: (0..I::REALS.len()).map(|position| inputs.real(position)).collect(),
-            reached: vec![0.0; I::REALS.len()].into_boxed_slice(),
+            reals: (0..I::REALS.len()).map(|position| RealSignal::constant(inputs.real(position))).collect(),
             end: inputs.clone(),
             moved: false,
             bounded: inputs,
-            derivatives: vec![[0.0; MAX_ORDER]; I::REALS.len()].into_boxed_slice(),
+            updated: false,
             order: 0,
-            slopes: vec![0.0; I::REALS.len()].into_boxed_slice(),
             sloped: false,
         };
-        signal.bound_all();
+        signal.update();
         signal
     }
 
@@ -65,50 +99,51 @@ impl<I: Inputs> InputSignal<I> {
     pub fn at(&self, offset: f64) -> I {
         let mut inputs = self.bounded.clone();
         if self.order > 0 {
-            for (position, &value) in self.set.iter().enumerate() {
-                let rise = self.rise(position, offset);
-                if rise != 0.0 {
-                    inputs.set_real(position, bound::<I>(position, value + rise));
-                }
-            }
+            inputs.set_reals(|position| {
+                let real = &self.reals[position];
+                bound::<I>(position, real.set + real.rise(self.order, offset))
+            });
         }
         inputs
     }
 
-    /// By how much the Real input at a position differs from what was set, at a time (s) after the step's
-    /// begin.
-    fn rise(&self, position: usize, offset: f64) -> f64 {
-        let derivatives = &self.derivatives[position];
-        // Horner's scheme: τ/1·(d1 + τ/2·(d2 + …)).
-        (0..self.order).rev().fold(0.0, |sum, order| offset / (order + 1) as f64 * (derivatives[order] + sum))
-    }
-
-    /// Takes a new value of a Real input; its derivatives are forgotten. Answers whether it is held at a
-    /// bound.
-    #[allow(clippy::float_cmp, reason = "a value that is not bounded is the same")]
+    /// Takes a new value of a Real input; its derivatives are forgotten. Answers whether it has left its
+    /// bounds: the one before was within them.
     pub(crate) fn set_value(&mut self, position: usize, value: f64) -> bool {
-        let bounded = bound::<I>(position, value);
-        self.set[position] = value;
-        self.bounded.set_real(position, bounded);
-        self.slopes[position] = 0.0;
+        let real = &mut self.reals[position];
+        let outside = !is_within::<I>(position, value);
+        let has_left = outside && !real.outside;
+        real.outside = outside;
+        real.set = value;
+        real.slope = 0.0;
+        self.updated = false;
         self.moved = false;
         if self.order > 0 {
-            self.derivatives[position] = [0.0; MAX_ORDER];
-            self.find_order();
+            self.forget_derivatives(position);
         }
-        bounded != value
+        has_left
+    }
+
+    /// Apart from [`InputSignal::set_value`], which is the quicker for it where there are none.
+    #[cold]
+    fn forget_derivatives(&mut self, position: usize) {
+        self.reals[position].derivatives = [0.0; MAX_ORDER];
+        self.find_order();
     }
 
     /// Takes the values of the inputs that are not Real.
     pub(crate) fn set_others(&mut self, inputs: &I) {
-        self.moved = false;
         self.bounded.clone_from(inputs);
-        self.bound_all();
+        self.updated = false;
+        self.moved = false;
     }
 
-    fn bound_all(&mut self) {
-        for (position, &value) in self.set.iter().enumerate() {
-            self.bounded.set_real(position, bound::<I>(position, value));
+    /// Brings the inputs at the step's begin up to date. Importers set one value after the other; here it
+    /// is done for all of them at once.
+    pub(crate) fn update(&mut self) {
+        if !self.updated {
+            self.bounded.set_reals(|position| bound::<I>(position, self.reals[position].set));
+            self.updated = true;
         }
     }
 
@@ -117,7 +152,7 @@ impl<I: Inputs> InputSignal<I> {
     /// # Panics
     /// When there is no input at the position or the order is another.
     pub fn set_derivative(&mut self, position: usize, order: usize, value: f64) {
-        self.derivatives[position][order - 1] = value;
+        self.reals[position].derivatives[order - 1] = value;
         self.find_order();
     }
 
@@ -131,19 +166,14 @@ impl<I: Inputs> InputSignal<I> {
 
     /// Notes the inputs and their slopes at the end of a step of a size (s).
     fn note_end(&mut self, size: f64) {
-        for (position, &value) in self.set.iter().enumerate() {
-            self.reached[position] = value + self.rise(position, size);
+        for real in &mut self.reals {
+            real.reached = real.set + real.rise(self.order, size);
+            real.slope = real.slope_at(self.order, size);
+            real.derivatives = [0.0; MAX_ORDER];
         }
-        self.find_end();
-        for (slope, derivatives) in self.slopes.iter_mut().zip(&self.derivatives) {
-            // Horner's scheme: d1 + h/1·(d2 + h/2·(d3 + …)).
-            *slope = (0..self.order)
-                .rev()
-                .fold(0.0, |sum, order| derivatives[order] + size / (order + 1) as f64 * sum);
-        }
-        self.find_sloped();
-        self.derivatives.fill([0.0; MAX_ORDER]);
         self.order = 0;
+        self.find_end();
+        self.find_sloped();
     }
 
     /// The inputs that belong to the present values: those of the end of the last step, or what was set
@@ -155,48 +185,45 @@ impl<I: Inputs> InputSignal<I> {
     /// The slope of the Real input at a position: that of the derivatives which were set for the next
     /// step, otherwise that with which the last step ended. 0 for an input that is held at a bound.
     pub(crate) fn slope(&self, position: usize) -> f64 {
-        let derivatives = &self.derivatives[position];
-        let is_set = derivatives.iter().any(|&derivative| derivative != 0.0);
-        let slope = if is_set { derivatives[0] } else { self.slopes[position] };
+        let real = &self.reals[position];
+        let is_set = real.derivatives.iter().any(|&derivative| derivative != 0.0);
+        let slope = if is_set { real.derivatives[0] } else { real.slope };
         if self.is_free(position) { slope } else { 0.0 }
     }
 
     /// Whether the Real input at a position is not held at a bound, as of the latest values.
     pub(crate) fn is_free(&self, position: usize) -> bool {
-        let input = &I::REALS[position];
-        let value = if self.moved { self.reached[position] } else { self.set[position] };
-        (input.min..=input.max).contains(&value)
+        let real = &self.reals[position];
+        is_within::<I>(position, if self.moved { real.reached } else { real.set })
     }
 
     fn find_end(&mut self) {
         self.end.clone_from(&self.bounded);
-        for (position, &value) in self.reached.iter().enumerate() {
-            self.end.set_real(position, bound::<I>(position, value));
-        }
+        self.end.set_reals(|position| bound::<I>(position, self.reals[position].reached));
     }
 
     fn find_order(&mut self) {
         self.order = (0..MAX_ORDER)
             .rev()
-            .find(|&order| self.derivatives.iter().any(|derivatives| derivatives[order] != 0.0))
+            .find(|&order| self.reals.iter().any(|real| real.derivatives[order] != 0.0))
             .map_or(0, |order| order + 1);
     }
 
     fn find_sloped(&mut self) {
-        self.sloped = self.slopes.iter().any(|&slope| slope != 0.0);
+        self.sloped = self.reals.iter().any(|real| real.slope != 0.0);
     }
 }
 
 /// All but what follows from the rest.
 impl<I: Inputs> Persistent for InputSignal<I> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let Self { bounded, set, derivatives, slopes, reached, moved, end: _, order: _, sloped: _ } = self;
+        self.update();
+        let Self { bounded, updated, reals, moved, end: _, order: _, sloped: _ } = self;
         bounded.persist(archive)?;
-        set.persist(archive)?;
-        derivatives.persist(archive)?;
-        slopes.persist(archive)?;
-        reached.persist(archive)?;
+        reals.persist(archive)?;
         moved.persist(archive)?;
+        *updated = false;
+        self.update();
         self.find_end();
         self.find_order();
         self.find_sloped();
@@ -204,7 +231,13 @@ impl<I: Inputs> Persistent for InputSignal<I> {
     }
 }
 
-/// The nearest value that the input at a position may have.
+/// Whether the Real input at a position may have a value.
+fn is_within<I: Inputs>(position: usize, value: f64) -> bool {
+    let input = &I::REALS[position];
+    (input.min..=input.max).contains(&value)
+}
+
+/// The nearest value that the Real input at a position may have.
 fn bound<I: Inputs>(position: usize, value: f64) -> f64 {
     let input = &I::REALS[position];
     value.clamp(input.min, input.max)
@@ -229,8 +262,8 @@ mod tests {
             self.values[position]
         }
 
-        fn set_real(&mut self, position: usize, value: f64) {
-            self.values[position] = value;
+        fn set_reals(&mut self, value: impl Fn(usize) -> f64) {
+            self.values = [value(0), value(1)];
         }
     }
 
@@ -250,7 +283,8 @@ mod tests {
         assert!(!signal.is_free(0) && signal.slope(0) == 0.0, "held at its bound now");
         assert!(signal.is_free(1) && (signal.slope(1) + 1.25).abs() < f64::EPSILON, "no longer held");
         // Whatever is set next, the values are those that were set.
-        signal.set_value(1, 1.5);
+        assert!(signal.set_value(1, 1.5));
+        signal.update();
         assert_eq!(*signal.latest(), Two { values: [0.5, 1.0] });
         assert!(signal.is_free(0) && !signal.is_free(1));
     }

@@ -38,8 +38,6 @@ pub(crate) struct Memory<M: Model> {
     model: M,
     variables: M::Variables,
     inputs: InputSignal<InputsOf<M>>,
-    /// For each variable that is an input: whether its being out of bounds was told.
-    out_of_bounds: Box<[bool]>,
     experiment: Option<Experiment>,
     time: f64,
     /// Whether something was set since the values were computed.
@@ -57,7 +55,6 @@ impl<M: Model> Memory<M> {
             model: M::default(),
             inputs: InputSignal::constant(variables.inputs().clone()),
             variables,
-            out_of_bounds: vec![false; M::Variables::DESCRIPTION.variables.len()].into_boxed_slice(),
             experiment: None,
             time: 0.0,
             stale: true,
@@ -74,7 +71,6 @@ impl<M: Model> Persistent for Memory<M> {
             model,
             variables,
             inputs,
-            out_of_bounds,
             experiment,
             time,
             stale,
@@ -85,7 +81,6 @@ impl<M: Model> Persistent for Memory<M> {
         model.persist(archive)?;
         variables.persist(archive)?;
         inputs.persist(archive)?;
-        out_of_bounds.persist(archive)?;
         experiment.persist(archive)?;
         time.persist(archive)?;
         stale.persist(archive)?;
@@ -206,6 +201,7 @@ impl<M: Model> Instance<M> {
         if !memory.stale {
             return Ok(Status::Ok);
         }
+        memory.inputs.update();
         let mut status = Status::Ok;
         match memory.phase {
             Phase::InitializationMode => {
@@ -273,6 +269,7 @@ impl<M: Model> Instance<M> {
                 Shown(stop_time)
             )));
         }
+        memory.inputs.update();
         if memory.parameters_changed {
             M::check_parameters(&memory.variables)?;
             memory.model.refresh(&mut memory.variables, memory.inputs.initial());

@@ -64,8 +64,13 @@ pub trait Inputs: Clone + Persistent + Send + Sync + 'static {
     const REALS: &'static [RealInput];
     /// The value of the Real input at a position.
     fn real(&self, position: usize) -> f64;
+    /// Sets all Real inputs, each to what its position gives.
+    fn set_reals(&mut self, value: impl Fn(usize) -> f64);
     /// Sets the Real input at a position.
-    fn set_real(&mut self, position: usize, value: f64);
+    fn set_real(&mut self, position: usize, value: f64) {
+        let before = self.clone();
+        self.set_reals(|other| if other == position { value } else { before.real(other) });
+    }
 }
 
 /// A co-simulation model.

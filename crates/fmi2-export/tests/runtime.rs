@@ -72,8 +72,8 @@ impl Inputs for InputVariables {
         self.input
     }
 
-    fn set_real(&mut self, _position: usize, value: f64) {
-        self.input = value;
+    fn set_reals(&mut self, value: impl Fn(usize) -> f64) {
+        self.input = value(0);
     }
 }
 

@@ -19,15 +19,17 @@ impl<M: Model> Instance<M> {
         let variable = Self::DESCRIPTION.variables.get(reference as usize).ok_or_else(|| {
             Error::new(format!("there is no variable with the value reference {reference}"))
         })?;
-        let data_type = match variable.data_type {
-            DataType::Enumeration => DataType::Integer,
-            other => other,
-        };
-        if data_type == requested {
+        let is_integer = variable.data_type == DataType::Enumeration && requested == DataType::Integer;
+        if variable.data_type == requested || is_integer {
             Ok(variable)
         } else {
             Err(Error::new(format!("the variable {} is of the type {:?}", variable.name, variable.data_type)))
         }
+    }
+
+    fn is_real_input(reference: ValueReference) -> bool {
+        let variable = Self::DESCRIPTION.variables.get(reference as usize);
+        variable.is_some_and(|variable| variable.real_input.is_some())
     }
 
     /// Gets values; `read` writes the one at an index. First every value reference is checked.
@@ -94,20 +96,25 @@ impl<M: Model> Instance<M> {
 
     /// Whether, in the present state, a variable may be set, and to this value (as a number).
     fn check_settable(&self, variable: &VariableDescription, value: f64) -> Result<(), Error> {
-        let phase = self.memory.phase;
-        let is_input = variable.causality == Causality::Input;
-        let settable = match phase {
-            Phase::Instantiated => is_input || matches!(variable.initial, Initial::Exact | Initial::Approx),
-            Phase::InitializationMode => is_input || variable.initial == Initial::Exact,
-            Phase::StepComplete => is_input || variable.variability == Variability::Tunable,
-            Phase::Terminated | Phase::Error => false,
-        };
-        let settable = settable && variable.variability != Variability::Constant;
-        if settable && value.is_finite() && (is_input || (variable.min..=variable.max).contains(&value)) {
+        let settable = variable.causality == Causality::Input || self.is_settable_now(variable);
+        // Real inputs are kept within their bounds later.
+        let within = variable.real_input.is_some() || (variable.min..=variable.max).contains(&value);
+        if settable && value.is_finite() && within {
             Ok(())
         } else {
             Err(self.why_not_set(variable, value, settable))
         }
+    }
+
+    /// Whether a variable that is no input may be set in the present state (section 4.2.4).
+    fn is_settable_now(&self, variable: &VariableDescription) -> bool {
+        variable.variability != Variability::Constant
+            && match self.memory.phase {
+                Phase::Instantiated => matches!(variable.initial, Initial::Exact | Initial::Approx),
+                Phase::InitializationMode => variable.initial == Initial::Exact,
+                Phase::StepComplete => variable.variability == Variability::Tunable,
+                Phase::Terminated | Phase::Error => false,
+            }
     }
 
     /// Why a variable is not set to a value.
@@ -129,25 +136,6 @@ impl<M: Model> Instance<M> {
                 Shown(variable.max)
             )
         })
-    }
-
-    /// Notes that a variable was set; warns once of an input that is out of its bounds.
-    fn was_set(&mut self, reference: ValueReference, value: f64) -> Status {
-        let memory = &mut self.memory;
-        let variable = &Self::DESCRIPTION.variables[reference as usize];
-        memory.stale = true;
-        if variable.causality != Causality::Input {
-            memory.parameters_changed = true;
-            return Status::Ok;
-        }
-        let outside = if let Some(position) = variable.real_input {
-            memory.inputs.set_value(position, value)
-        } else {
-            memory.inputs.set_others(memory.variables.inputs());
-            !(variable.min..=variable.max).contains(&value)
-        };
-        let told = std::mem::replace(&mut memory.out_of_bounds[reference as usize], outside);
-        if outside && !told { self.warn_of_bounds(variable, value) } else { Status::Ok }
     }
 
     #[cold]
@@ -175,12 +163,26 @@ impl<M: Model> Instance<M> {
         write: impl Fn(&mut M::Variables, ValueReference, T),
     ) -> Answer {
         for (&reference, &value) in references.iter().zip(values) {
-            self.check_settable(Self::variable(reference, requested)?, as_number(value))?;
+            // What is set in each step may always be, to any number.
+            if !(Self::is_real_input(reference) && requested == DataType::Real && as_number(value).is_finite()) {
+                self.check_settable(Self::variable(reference, requested)?, as_number(value))?;
+            }
         }
         let mut status = Status::Ok;
         for (&reference, &value) in references.iter().zip(values) {
-            write(&mut self.memory.variables, reference, value);
-            status = status.max(self.was_set(reference, as_number(value)));
+            let variable = &Self::DESCRIPTION.variables[reference as usize];
+            let memory = &mut self.memory;
+            write(&mut memory.variables, reference, value);
+            memory.stale = true;
+            if let Some(position) = variable.real_input {
+                if memory.inputs.set_value(position, as_number(value)) {
+                    status = self.warn_of_bounds(variable, as_number(value));
+                }
+            } else if variable.causality == Causality::Input {
+                memory.inputs.set_others(memory.variables.inputs());
+            } else {
+                memory.parameters_changed = true;
+            }
         }
         Ok(status)
     }

@@ -15,7 +15,7 @@ impl Generator<'_, '_> {
             let path = &variable.path;
             let _ = writeln!(bounds, "        ::fmi2_export::RealInput {{ min: {min}, max: {max} }},");
             let _ = writeln!(getters, "            {place} => self.{path},");
-            let _ = writeln!(setters, "            {place} => self.{path} = value,");
+            let _ = writeln!(setters, "        self.{path} = value({place});");
         }
         format!(
             "
@@ -29,12 +29,9 @@ impl Generator<'_, '_> {
         }}
     }}
 
-    fn set_real(&mut self, position: usize, value: f64) {{
-        let _ = value;
-        match position {{
-{setters}            _ => {{}}
-        }}
-    }}
+    fn set_reals(&mut self, value: impl Fn(usize) -> f64) {{
+        let _ = &value;
+{setters}    }}
 }}
 "
         )
