@@ -6,6 +6,20 @@
 
 use std::f64::consts::{LN_2, LOG2_E};
 
+/// The larger of two numbers, by one comparison; `f64::max` spends four more instructions on what is none.
+#[must_use]
+#[inline]
+pub fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+/// The smaller of two numbers, likewise.
+#[must_use]
+#[inline]
+pub fn smaller(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
 /// The exponents' bias.
 const BIAS: u64 = 1023;
 const MANTISSA_BITS: u32 = 52;

@@ -7,6 +7,8 @@
 //! is meant to coincide with a communication point belongs to the step that begins there, so two times
 //! are taken as one when such rounding can explain their difference.
 
+use crate::elementary::{larger, smaller};
+
 /// Times that differ by less than this part of the sample time are one, whatever the rounding.
 const COINCIDENCE: f64 = 1e-6;
 
@@ -17,7 +19,7 @@ const MOST_COINCIDENCE: f64 = 0.05;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SampleClock {
     /// How many samples have been executed; the next one has this number.
-    executed: u64,
+    executed: i64,
     /// How far the master's additions may have led its time astray (s).
     rounding: f64,
 }
@@ -28,11 +30,10 @@ impl SampleClock {
     /// A communication step begins (s) and will end (s). Returns the time (s) before which the samples are
     /// that fall into it.
     pub fn begin_step(&mut self, start: f64, end: f64, sample_time: f64) -> f64 {
-        self.rounding += 0.5 * f64::EPSILON * start.abs().max(end.abs());
+        self.rounding += 0.5 * f64::EPSILON * larger(start.abs(), end.abs());
         // The second term covers the comparison's own rounding, at times that are far from 0.
-        let coincidence = (COINCIDENCE * sample_time + 2.0 * f64::EPSILON * end.abs() + self.rounding)
-            .min(MOST_COINCIDENCE * sample_time);
-        end - coincidence
+        let coincidence = COINCIDENCE * sample_time + 2.0 * f64::EPSILON * end.abs() + self.rounding;
+        end - smaller(coincidence, MOST_COINCIDENCE * sample_time)
     }
 
     /// The time (s) of the next sample if that is before a time (s). It counts as executed.

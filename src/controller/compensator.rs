@@ -4,6 +4,7 @@
 //! duty found at nominal voltage acts the same at another one when it is multiplied by their ratio.
 
 use super::variables::Parameters;
+use crate::elementary::{larger, smaller};
 
 /// The least supply voltage (V) that is compensated for: below it the duty does not grow further.
 const LEAST_VOLTAGE: f64 = 6.0;
@@ -23,7 +24,7 @@ impl Compensator {
     #[must_use]
     pub fn new(parameters: &Parameters, supply_voltage: f64) -> Self {
         let factor = if parameters.compensate_voltage {
-            parameters.nominal_voltage / supply_voltage.max(LEAST_VOLTAGE)
+            parameters.nominal_voltage / larger(supply_voltage, LEAST_VOLTAGE)
         } else {
             1.0
         };
@@ -33,13 +34,13 @@ impl Compensator {
     /// The limits of a duty at nominal voltage: those given (%), and what full duty amounts to.
     #[must_use]
     pub fn limits(self, least: f64, most: f64) -> Limits {
-        Limits { least, most: most.min(FULL_DUTY / self.factor) }
+        Limits { least, most: smaller(most, FULL_DUTY / self.factor) }
     }
 
     /// The duty (%) at this voltage that acts like one at nominal voltage.
     #[must_use]
     pub fn compensate(self, duty: f64) -> f64 {
-        (duty * self.factor).min(FULL_DUTY)
+        smaller(duty * self.factor, FULL_DUTY)
     }
 }
 
@@ -61,6 +62,6 @@ impl Limits {
     /// is the one that physics sets, so it wins.
     #[must_use]
     pub fn clip(self, duty: f64) -> f64 {
-        duty.max(self.least).min(self.most)
+        smaller(larger(duty, self.least), self.most)
     }
 }

@@ -2,6 +2,7 @@
 //! measurement and tracking against wind-up (paper, section 6).
 
 use super::schedule::LocalModel;
+use crate::elementary::larger;
 
 /// The least tracking time in samples. The paper's `T_tr = √(T_i T_d)` goes to 0 with the delay, and a
 /// tracking time below one sample makes the integral term oscillate; four keep it well damped.
@@ -42,7 +43,7 @@ impl Tuning {
 
     /// The tracking time `T_tr` of the paper, section 6, not below four samples (s).
     fn tracking_time(&self, sample_time: f64) -> f64 {
-        (self.integral_time * self.derivative_time).sqrt().max(LEAST_TRACKING_SAMPLES * sample_time)
+        larger((self.integral_time * self.derivative_time).sqrt(), LEAST_TRACKING_SAMPLES * sample_time)
     }
 }
 

@@ -3,12 +3,13 @@
 use super::actuator_inverse;
 use super::schedule::OperatingPoint;
 use super::variables::{ControlMode, Inputs, Parameters};
+use crate::elementary::smaller;
 
 /// The boost pressure that is followed (Pa): what is asked for, within the limit that protects the engine
 /// (paper, section 6).
 #[must_use]
 pub fn bounded_reference(parameters: &Parameters, inputs: &Inputs) -> f64 {
-    inputs.boost_reference.min(parameters.boost_limit)
+    smaller(inputs.boost_reference, parameters.boost_limit)
 }
 
 /// The duty at nominal voltage (%) that a mode asks for without a memory: in mode boost the static map of

@@ -8,6 +8,7 @@
 //! it does not run away from an engine whose wastegate is at its end.
 
 use super::schedule::OperatingPoint;
+use crate::elementary::larger;
 
 /// What the reference model remembers between samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -62,7 +63,7 @@ impl ReferenceModel {
     /// approximated by a first-order lag of the same length.
     pub fn advance(&mut self, model: &Linearized, duty: f64, delay: f64, sample_time: f64) {
         let delayed = self.delayed.unwrap_or(self.pressure);
-        self.delayed = Some(delayed + sample_time / delay.max(sample_time) * (self.pressure - delayed));
+        self.delayed = Some(delayed + sample_time / larger(delay, sample_time) * (self.pressure - delayed));
         self.pressure += sample_time * (duty - model.holding) * model.slope;
     }
 }

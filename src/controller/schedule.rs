@@ -32,11 +32,12 @@ struct Place {
 
 impl Place {
     /// The place of a value on an axis of at least two points; that of the edge for one outside.
-    fn on(axis: &[f64], value: f64) -> Self {
+    #[inline]
+    fn on<const POINTS: usize>(axis: &[f64; POINTS], value: f64) -> Self {
         // One point after the other: the axes are short, and the place seldom moves on, so that the processor
         // foresees where this ends and nothing waits for it.
         let mut below = 0;
-        while below + 2 < axis.len() && axis[below + 1] <= value {
+        while below + 2 < POINTS && axis[below + 1] <= value {
             below += 1;
         }
         let width = axis[below + 1] - axis[below];
@@ -44,12 +45,6 @@ impl Place {
         // as far as that without dividing by zero.
         let fraction = if width > 0.0 { ((value - axis[below]) / width).clamp(0.0, 1.0) } else { 0.0 };
         Self { below, fraction }
-    }
-
-    /// The value at this place between the values at the grid points.
-    #[inline]
-    fn interpolate(self, at_point: impl Fn(usize) -> f64) -> f64 {
-        (1.0 - self.fraction) * at_point(self.below) + self.fraction * at_point(self.below + 1)
     }
 }
 
@@ -59,34 +54,45 @@ pub struct OperatingPoint<'a> {
     schedule: &'a ScheduleParameters,
     row: Place,
     column: Place,
+    /// How much each of the four grid points around it counts: those of the row below, then those of the
+    /// next row.
+    weights: [f64; 4],
 }
 
 impl<'a> OperatingPoint<'a> {
     /// The operating point of a boost pressure (Pa) at an engine speed (rpm).
     #[must_use]
+    #[inline]
     pub fn new(schedule: &'a ScheduleParameters, boost_pressure: f64, engine_speed: f64) -> Self {
-        Self {
-            schedule,
-            row: Place::on(&schedule.boost_reference, boost_pressure),
-            column: Place::on(&schedule.engine_speed, engine_speed),
-        }
+        Self::at(schedule, boost_pressure, Place::on(&schedule.engine_speed, engine_speed))
+    }
+
+    #[inline]
+    fn at(schedule: &'a ScheduleParameters, boost_pressure: f64, column: Place) -> Self {
+        let row = Place::on(&schedule.boost_reference, boost_pressure);
+        let (y, x) = (row.fraction, column.fraction);
+        let weights = [(1.0 - y) * (1.0 - x), (1.0 - y) * x, y * (1.0 - x), y * x];
+        Self { schedule, row, column, weights }
     }
 
     /// The operating point of another boost pressure (Pa) at the same engine speed.
     #[must_use]
+    #[inline]
     pub fn at_pressure(self, boost_pressure: f64) -> Self {
-        Self { row: Place::on(&self.schedule.boost_reference, boost_pressure), ..self }
+        Self::at(self.schedule, boost_pressure, self.column)
     }
 
     /// The duty at nominal voltage (%) that holds the boost pressure at rest: the static map of the
     /// paper's fig. 12.
     #[must_use]
+    #[inline]
     pub fn feedforward(self) -> f64 {
         self.interpolate(&self.schedule.feedforward)
     }
 
     /// The engine near this point.
     #[must_use]
+    #[inline]
     pub fn local_model(self) -> LocalModel {
         LocalModel {
             gain: self.interpolate(&self.schedule.gain),
@@ -97,7 +103,10 @@ impl<'a> OperatingPoint<'a> {
 
     #[inline]
     fn interpolate<const ROWS: usize, const COLUMNS: usize>(self, table: &[[f64; COLUMNS]; ROWS]) -> f64 {
-        self.row.interpolate(|row| self.column.interpolate(|column| table[row][column]))
+        let (below, next) = (&table[self.row.below], &table[self.row.below + 1]);
+        let (left, right) = (self.column.below, self.column.below + 1);
+        let [a, b, c, d] = self.weights;
+        (a * below[left] + b * below[right]) + (c * next[left] + d * next[right])
     }
 }
 

@@ -8,6 +8,7 @@
 use fmi2_export::Error;
 
 use super::variables::Parameters;
+use crate::elementary::smaller;
 
 /// What the strategy remembers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -63,7 +64,7 @@ impl LowPressureLoop {
         let opening = asked.clamp(0.0, 1.0);
         let share = parameters.sample_time / parameters.low_pressure_integral_time;
         // Tracking in one sample is the fastest there is; a larger share would overshoot, ever further.
-        let tracking = share.min(1.0);
+        let tracking = smaller(share, 1.0);
         self.integral = Some(integral + share * proportional + tracking * (opening - asked));
         opening
     }
