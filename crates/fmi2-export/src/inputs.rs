@@ -52,17 +52,13 @@ impl RealSignal {
     /// to an order.
     fn rise(&self, order: usize, offset: f64) -> f64 {
         // Horner's scheme: τ/1·(d1 + τ/2·(d2 + …)).
-        (0..order)
-            .rev()
-            .fold(0.0, |sum, order| offset / (order + 1) as f64 * (self.derivatives[order] + sum))
+        (0..order).rev().fold(0.0, |sum, order| offset / (order + 1) as f64 * (self.derivatives[order] + sum))
     }
 
     /// Its slope at a time (s) after the step's begin, with derivatives up to an order.
     fn slope_at(&self, order: usize, offset: f64) -> f64 {
         // Horner's scheme: d1 + τ/1·(d2 + τ/2·(d3 + …)).
-        (0..order)
-            .rev()
-            .fold(0.0, |sum, order| self.derivatives[order] + offset / (order + 1) as f64 * sum)
+        (0..order).rev().fold(0.0, |sum, order| self.derivatives[order] + offset / (order + 1) as f64 * sum)
     }
 }
 
@@ -218,12 +214,10 @@ impl<I: Inputs> InputSignal<I> {
 impl<I: Inputs> Persistent for InputSignal<I> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         self.update();
-        let Self { bounded, updated, reals, moved, end: _, order: _, sloped: _ } = self;
+        let Self { bounded, updated: _, reals, moved, end: _, order: _, sloped: _ } = self;
         bounded.persist(archive)?;
         reals.persist(archive)?;
         moved.persist(archive)?;
-        *updated = false;
-        self.update();
         self.find_end();
         self.find_order();
         self.find_sloped();

@@ -11,7 +11,7 @@ use std::ffi::{CStr, CString};
 
 use crate::c_types::Status;
 use crate::calling_sequence::{Function, Phase};
-use crate::description::ModelDescription;
+use crate::description::{ModelDescription, ValueReference};
 use crate::inputs::InputSignal;
 use crate::logger::{Delivery, Logger, Said, Shown, WARNING};
 use crate::model::{Context, Error, Experiment, InputsOf, Model, Step, Variables};
@@ -66,17 +66,8 @@ impl<M: Model> Memory<M> {
 
 impl<M: Model> Persistent for Memory<M> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let Self {
-            phase,
-            model,
-            variables,
-            inputs,
-            experiment,
-            time,
-            stale,
-            parameters_changed,
-            said,
-        } = self;
+        let Self { phase, model, variables, inputs, experiment, time, stale, parameters_changed, said } =
+            self;
         phase.persist(archive)?;
         model.persist(archive)?;
         variables.persist(archive)?;
@@ -228,47 +219,12 @@ impl<M: Model> Instance<M> {
 
     /// Advances by one communication step.
     pub(crate) fn do_step(&mut self, start: f64, size: f64) -> Answer {
-        let memory = &mut self.memory;
-        if !(size.is_finite() && size > 0.0) {
-            return Err(Error::new(format!(
-                "communicationStepSize is {}; it must be finite and greater than 0",
-                Shown(size)
-            )));
-        }
-        if size > M::LONGEST_STEP {
-            return Err(Error::new(format!(
-                "communicationStepSize is {} s; the longest step that this FMU takes is {} s",
-                Shown(size),
-                Shown(M::LONGEST_STEP)
-            )));
-        }
-        let off = (start - memory.time).abs();
-        if off.is_nan() || off > TIME_TOLERANCE * size + time_rounding(memory.time) {
-            return Err(Error::new(format!(
-                "currentCommunicationPoint is {}, but the last step ended at {}",
-                Shown(start),
-                Shown(memory.time)
-            )));
-        }
-        let experiment = memory.experiment.unwrap_or_default();
         let end = start + size;
-        if end <= start {
-            return Err(Error::new(format!(
-                "communicationStepSize is {}, which is lost in the rounding of the time {}",
-                Shown(size),
-                Shown(start)
-            )));
+        if !self.can_step(start, size, end) {
+            return Err(self.why_no_step(start, size));
         }
-        if let Some(stop_time) = experiment.stop_time
-            && end > stop_time + TIME_TOLERANCE * size + time_rounding(stop_time)
-        {
-            return Err(Error::new(format!(
-                "the step from {} to {} goes past the stopTime {} of fmi2SetupExperiment",
-                Shown(start),
-                Shown(end),
-                Shown(stop_time)
-            )));
-        }
+        let memory = &mut self.memory;
+        let experiment = memory.experiment.unwrap_or_default();
         memory.inputs.update();
         if memory.parameters_changed {
             M::check_parameters(&memory.variables)?;
@@ -293,6 +249,52 @@ impl<M: Model> Instance<M> {
         memory.stale = false;
         memory.inputs.end_step(size);
         Ok(status)
+    }
+
+    /// Whether the next step can be the one from a time on, of a size, to an end (s). Not for any NaN.
+    fn can_step(&self, start: f64, size: f64, end: f64) -> bool {
+        let memory = &self.memory;
+        let tolerance = TIME_TOLERANCE * size;
+        let stop_time = memory.experiment.and_then(|experiment| experiment.stop_time);
+        size > 0.0
+            && size <= M::LONGEST_STEP
+            && (start - memory.time).abs() <= tolerance + time_rounding(memory.time)
+            && end > start
+            && stop_time.is_none_or(|stop_time| end <= stop_time + tolerance + time_rounding(stop_time))
+    }
+
+    /// Why it cannot.
+    #[cold]
+    fn why_no_step(&self, start: f64, size: f64) -> Error {
+        let time = self.memory.time;
+        let end = start + size;
+        let size_shown = Shown(size);
+        Error::new(if !(size.is_finite() && size > 0.0) {
+            format!("communicationStepSize is {size_shown}; it must be finite and greater than 0")
+        } else if size > M::LONGEST_STEP {
+            format!(
+                "communicationStepSize is {size_shown} s; the longest step that this FMU takes is {} s",
+                Shown(M::LONGEST_STEP)
+            )
+        } else if start.is_nan() || (start - time).abs() > TIME_TOLERANCE * size + time_rounding(time) {
+            format!(
+                "currentCommunicationPoint is {}, but the last step ended at {}",
+                Shown(start),
+                Shown(time)
+            )
+        } else if end <= start {
+            format!(
+                "communicationStepSize is {size_shown}, which is lost in the rounding of the time {}",
+                Shown(start)
+            )
+        } else {
+            format!(
+                "the step from {} to {} goes past the stopTime {} of fmi2SetupExperiment",
+                Shown(start),
+                Shown(end),
+                Shown(self.memory.experiment.and_then(|experiment| experiment.stop_time).unwrap_or(f64::NAN))
+            )
+        })
     }
 
     /// Tells why a call is discarded.
@@ -344,14 +346,17 @@ impl<M: Model> Instance<M> {
 }
 
 /// Refuses values that are no numbers.
+#[inline]
 fn check_finite<V: Variables>(variables: &V, time: f64) -> Result<(), Error> {
-    match variables.first_non_finite() {
-        None => Ok(()),
-        Some(reference) => Err(Error::new(format!(
-            "the variable {} became {} at the time {} s",
-            V::DESCRIPTION.variables[reference as usize].name,
-            Shown(variables.real(reference)),
-            Shown(time)
-        ))),
-    }
+    variables.first_non_finite().map_or(Ok(()), |reference| Err(not_finite(variables, reference, time)))
+}
+
+#[cold]
+fn not_finite<V: Variables>(variables: &V, reference: ValueReference, time: f64) -> Error {
+    Error::new(format!(
+        "the variable {} became {} at the time {} s",
+        V::DESCRIPTION.variables[reference as usize].name,
+        Shown(variables.real(reference)),
+        Shown(time)
+    ))
 }

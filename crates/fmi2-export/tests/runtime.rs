@@ -18,6 +18,7 @@ const OFFSET: ValueReference = 3;
 const COUNT: ValueReference = 4;
 const INTEGRAL: ValueReference = 5;
 const TEXT: ValueReference = 6;
+const LIFT: ValueReference = 7;
 
 const fn variable(
     name: &'static str,
@@ -26,7 +27,7 @@ const fn variable(
     variability: Variability,
     initial: Initial,
 ) -> VariableDescription {
-    let real_input = if matches!(causality, Causality::Input) { Some(0) } else { None };
+    let is_real_input = matches!((data_type, causality), (DataType::Real, Causality::Input));
     VariableDescription {
         name,
         data_type,
@@ -35,7 +36,7 @@ const fn variable(
         initial,
         min: -10.0,
         max: 10.0,
-        real_input,
+        real_input: if is_real_input { Some(0) } else { None },
     }
 }
 
@@ -50,6 +51,7 @@ static DESCRIPTION: ModelDescription = ModelDescription {
         variable("count", DataType::Integer, Causality::Local, Variability::Discrete, Initial::Calculated),
         variable("integral", DataType::Real, Causality::Output, Variability::Continuous, Initial::Calculated),
         variable("text", DataType::String, Causality::Parameter, Variability::Tunable, Initial::Exact),
+        variable("lift", DataType::Integer, Causality::Input, Variability::Discrete, Initial::None),
     ],
     log_categories: &["logStatusError", "logStatusWarning", "logEvents"],
     capabilities: Capabilities {
@@ -63,6 +65,7 @@ static DESCRIPTION: ModelDescription = ModelDescription {
 #[derive(Clone, Default)]
 struct InputVariables {
     input: f64,
+    lift: i32,
 }
 
 impl Inputs for InputVariables {
@@ -115,11 +118,15 @@ impl Variables for AllVariables {
         }
     }
 
-    fn integer(&self, _reference: ValueReference) -> i32 {
-        self.count
+    fn integer(&self, reference: ValueReference) -> i32 {
+        if reference == LIFT { self.inputs.lift } else { self.count }
     }
 
-    fn set_integer(&mut self, _reference: ValueReference, _value: i32) {}
+    fn set_integer(&mut self, reference: ValueReference, value: i32) {
+        if reference == LIFT {
+            self.inputs.lift = value;
+        }
+    }
 
     fn boolean(&self, _reference: ValueReference) -> bool {
         false
@@ -148,11 +155,11 @@ impl Variables for AllVariables {
     }
 }
 
-fmi2_export::persistent!(InputVariables { input });
+fmi2_export::persistent!(InputVariables { input, lift });
 fmi2_export::persistent!(AllVariables { inputs, gain, offset, count, integral, text });
 fmi2_export::persistent!(Integrator {});
 
-/// Integrates its input times a gain; obeys the text `panic` and `overflow`.
+/// Integrates its input times a gain, lifted in each step; obeys the text `panic` and `overflow`.
 #[derive(Clone, Default)]
 struct Integrator {}
 
@@ -191,6 +198,7 @@ impl Model for Integrator {
         // Simpson's rule is exact for inputs up to the third order.
         let at = |share: f64| step.inputs.at(share * step.size).input;
         variables.integral += variables.gain * step.size / 6.0 * (at(0.0) + 4.0 * at(0.5) + at(1.0));
+        variables.integral += f64::from(step.inputs.initial().lift);
         variables.count += 1;
         Ok(())
     }
@@ -269,6 +277,11 @@ impl Importer {
     fn set(&self, reference: ValueReference, value: f64) -> Status {
         // SAFETY: see `set_up`.
         unsafe { c_api::set_real::<Integrator>(self.0, &raw const reference, 1, &raw const value) }
+    }
+
+    fn set_integer(&self, reference: ValueReference, value: i32) -> Status {
+        // SAFETY: see `set_up`.
+        unsafe { c_api::set_integer::<Integrator>(self.0, &raw const reference, 1, &raw const value) }
     }
 
     fn set_text(&self, text: &str) -> Status {
@@ -384,6 +397,18 @@ fn an_input_out_of_bounds_is_bounded_and_warned_of_once() {
     assert_eq!(importer.get(INTEGRAL), Ok(10.0));
     assert_eq!(importer.set(INPUT, 0.0), Status::Ok);
     assert_eq!(importer.set(INPUT, -11.0), Status::Warning);
+}
+
+#[test]
+fn an_input_that_is_not_real_is_taken_within_its_bounds_alone() {
+    let importer = Importer::ready();
+    assert_eq!(importer.set_integer(LIFT, 3), Status::Ok);
+    for value in [-11, 11] {
+        assert_eq!(importer.set_integer(LIFT, value), Status::Error);
+    }
+    assert_eq!(importer.set(INPUT, 12.0), Status::Warning);
+    assert_eq!(importer.step(0.0, 1.0), Status::Ok);
+    assert_eq!(importer.get(INTEGRAL), Ok(10.0 + 3.0), "the Real input is bounded all the same");
 }
 
 #[test]

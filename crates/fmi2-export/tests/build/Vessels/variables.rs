@@ -572,12 +572,9 @@ impl ::fmi2_export::Inputs for Inputs {
         }
     }
 
-    fn set_real(&mut self, position: usize, value: f64) {
-        let _ = value;
-        match position {
-            0 => self.inflow = value,
-            _ => {}
-        }
+    fn set_reals(&mut self, value: impl Fn(usize) -> f64) {
+        let _ = &value;
+        self.inflow = value(0);
     }
 }
 
