@@ -164,7 +164,10 @@ impl<M: Model> Instance<M> {
     ) -> Answer {
         for (&reference, &value) in references.iter().zip(values) {
             // What is set in each step may always be, to any number.
-            if !(Self::is_real_input(reference) && requested == DataType::Real && as_number(value).is_finite()) {
+            if !(Self::is_real_input(reference)
+                && requested == DataType::Real
+                && as_number(value).is_finite())
+            {
                 self.check_settable(Self::variable(reference, requested)?, as_number(value))?;
             }
         }
