@@ -291,6 +291,10 @@ fn first_non_finite_names_states_derivatives_and_outputs() {
     assert_eq!(variables.first_non_finite(), Some(12));
     variables.states.second.mass = f64::INFINITY;
     assert_eq!(variables.first_non_finite(), Some(11));
+    // All are finite here, though their sum is not.
+    let mut variables = Variables::default();
+    (variables.states.first.mass, variables.states.second.mass) = (f64::MAX, -f64::MAX);
+    assert_eq!(variables.first_non_finite(), None);
 }
 
 #[test]
