@@ -8,6 +8,10 @@ use crate::bench::{
     states_of,
 };
 
+/// The places of these among the states, in the order of the reference.
+const ROD_SPEED: usize = 3;
+const FRICTION: usize = 4;
+
 #[test]
 fn the_recorded_experiment_is_reproduced() {
     let mut lines = include_str!("../data/plant_trace.csv").lines();
@@ -29,12 +33,20 @@ fn the_recorded_experiment_is_reproduced() {
     }
     let bench = bench.expect("the trace has rows");
     assert!((bench.time - 40.0).abs() < 1e-9);
+    let percent = largest.map(|deviation| 100.0 * deviation);
+    let others = percent.iter().enumerate().filter(|&(i, _)| i != ROD_SPEED && i != FRICTION);
+    println!(
+        "largest errors in % of full scale: rod speed {:.3}, friction {:.3}, all others {:.4}",
+        percent[ROD_SPEED],
+        percent[FRICTION],
+        others.fold(0.0, |most: f64, (_, &error)| most.max(error))
+    );
     for (i, deviation) in largest.into_iter().enumerate() {
         // 0.01 % of full scale; the rod's speed and friction force are fast and tiny, and kinks (stops,
         // reversals) cost them the order of the method.
         let tolerance = match i {
-            3 => 1e-3,
-            4 => 5e-3,
+            ROD_SPEED => 1e-3,
+            FRICTION => 5e-3,
             _ => 1e-4,
         };
         assert!(deviation < tolerance, "quantity {i} deviates by {deviation:e} of its full scale");
