@@ -4,10 +4,13 @@
 //! The bounds are the figures that an independent implementation of both models gave, each with 0.02 kPa
 //! added: 0.01 % of the 200 kPa of full scale, to which two solvers agree.
 
+mod boost_steps;
+
 use boost_fmu::controller::BoostController;
 use boost_fmu::controller::variables as controller;
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables as plant;
+use boost_steps::BOOST_STEPS;
 use fmi2_export::{Context, Experiment, InputSignal, Inputs, Model, Step};
 
 /// The controller's sample time and the master's step (s).
@@ -183,21 +186,6 @@ fn follow(control: &mut Loop, references: &[(f64, f64)], end: f64) -> Vec<Answer
     answers
 }
 
-/// The steps of the paper's fig. 13; the first entry is the start.
-const FIGURE_13: [(f64, f64); 11] = [
-    (0.0, 125.0),
-    (5.0, 135.0),
-    (15.0, 150.0),
-    (25.0, 170.0),
-    (38.0, 185.0),
-    (52.0, 170.0),
-    (64.0, 150.0),
-    (76.0, 135.0),
-    (88.0, 125.0),
-    (100.0, 145.0),
-    (112.0, 125.0),
-];
-
 fn figure_13(structure: controller::FeedbackStructure, order: Order) -> Vec<Answer> {
     figure_13_with(Loop::new(controller::Inputs::default(), order, |parameters, _| {
         parameters.structure = structure;
@@ -205,7 +193,8 @@ fn figure_13(structure: controller::FeedbackStructure, order: Order) -> Vec<Answ
 }
 
 fn figure_13_with(mut control: Loop) -> Vec<Answer> {
-    let mut answers = follow(&mut control, &FIGURE_13, 124.0);
+    let steps: Vec<_> = BOOST_STEPS.iter().map(|&(time, pressure)| (time, 1e-3 * pressure)).collect();
+    let mut answers = follow(&mut control, &steps, 124.0);
     answers.remove(0);
     for answer in &answers {
         println!("{answer:?}");

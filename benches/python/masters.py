@@ -10,6 +10,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tomllib
 from bisect import bisect_right
 from collections.abc import Callable, Iterable
 from ctypes import CDLL, c_double, c_size_t, c_uint, c_void_p, cast
@@ -25,9 +26,8 @@ ROOT = Path(__file__).resolve().parents[2]
 STEP = 1 / 80
 """The size of a step in s."""
 STEPS = 124 * 80
-TIMES = [0, 5, 15, 25, 38, 52, 64, 76, 88, 100, 112]
-KILOPASCALS = [125, 135, 150, 170, 185, 170, 150, 135, 125, 145, 125]
-"""What boost pressure shall be from each of these times (s) on."""
+SCENARIO = ROOT / "crates" / "boost-lab" / "scenarios" / "figure_13.toml"
+"""What boost pressure shall be when."""
 
 LOOPS, REPETITIONS = 5, 20
 """Of the closed loop, and of what is short; the shortest of them counts."""
@@ -220,7 +220,10 @@ class Masters:
 
 def boost_references() -> list[float]:
     """The reference of boost pressure (Pa) in each step."""
-    return [1e3 * KILOPASCALS[bisect_right(TIMES, i * STEP) - 1] for i in range(STEPS)]
+    times, pressures = zip(
+        *tomllib.loads(SCENARIO.read_text())["inputs"]["boost_reference"]["steps"], strict=True
+    )
+    return [pressures[bisect_right(times, i * STEP) - 1] for i in range(STEPS)]
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-//! The closed loop over the steps of the paper's Fig. 13, as `benches/python/closed_loop.py` has it: 124 s at
+//! The closed loop over the steps of the paper's Fig. 13, as `benches/python/masters.py` has it: 124 s at
 //! 80 Hz, in each step the controller first.
 
 use std::sync::OnceLock;
@@ -10,6 +10,7 @@ use boost_fmu::plant::variables::Inputs as PlantInputs;
 use fmi2_export::c_types::ValueReference;
 use fmi2_export::description::Causality;
 
+use crate::boost_steps::BOOST_STEPS;
 use crate::direct::Direct;
 use crate::library::{Instance, Library};
 use crate::plant;
@@ -20,23 +21,10 @@ const STEP: f64 = 1.0 / 80.0;
 /// How many steps there are.
 pub const STEPS: u32 = 124 * 80;
 
-/// From which step on boost pressure shall be what (Pa).
-const REFERENCES: [(u32, f64); 11] = [
-    (0, 125e3),
-    (5 * 80, 135e3),
-    (15 * 80, 150e3),
-    (25 * 80, 170e3),
-    (38 * 80, 185e3),
-    (52 * 80, 170e3),
-    (64 * 80, 150e3),
-    (76 * 80, 135e3),
-    (88 * 80, 125e3),
-    (100 * 80, 145e3),
-    (112 * 80, 125e3),
-];
-
 fn boost_reference(step: u32) -> f64 {
-    REFERENCES[REFERENCES.partition_point(|&(begin, _)| begin <= step) - 1].1
+    // Half a step later than it begins, where rounding does not matter.
+    let time = (f64::from(step) + 0.5) * STEP;
+    BOOST_STEPS[BOOST_STEPS.partition_point(|&(begin, _)| begin <= time) - 1].1
 }
 
 /// The exported library of the controller, which is loaded once.

@@ -7,6 +7,8 @@
 //! prints the table.
 
 pub mod benchmarks;
+#[path = "../../tests/boost_steps/mod.rs"]
+mod boost_steps;
 pub mod closed_loop;
 pub mod direct;
 pub mod experiment;

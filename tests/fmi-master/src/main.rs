@@ -3,6 +3,8 @@
 //! `cargo run --package fmi-master -- target/fmu` takes the FMUs from that folder and writes all their
 //! outputs at each communication point as CSV, in numbers that read back as the same doubles.
 
+#[path = "../../boost_steps/mod.rs"]
+mod boost_steps;
 mod slave;
 
 use std::io::{self, BufWriter, Write};
@@ -10,25 +12,11 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
+use boost_steps::BOOST_STEPS;
 use slave::{Slave, Wires};
 
 /// The size of a step in s: the controller samples at 80 Hz.
 const STEP: f64 = 1.0 / 80.0;
-
-/// From when on (s) boost pressure shall be what (Pa).
-const BOOST_STEPS: [(f64, f64); 11] = [
-    (0.0, 125e3),
-    (5.0, 135e3),
-    (15.0, 150e3),
-    (25.0, 170e3),
-    (38.0, 185e3),
-    (52.0, 170e3),
-    (64.0, 150e3),
-    (76.0, 135e3),
-    (88.0, 125e3),
-    (100.0, 145e3),
-    (112.0, 125e3),
-];
 
 /// How many steps there are: until 124 s.
 const STEPS: u32 = 124 * 80;
