@@ -19,7 +19,7 @@ const MOST_COINCIDENCE: f64 = 0.05;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SampleClock {
     /// How many samples have been executed; the next one has this number.
-    executed: i64,
+    executed: u64,
     /// How far the master's additions may have led its time astray (s).
     rounding: f64,
 }
