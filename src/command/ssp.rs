@@ -71,7 +71,8 @@ fn package(fits: &[Fit<'_>; 2], fmus: [Vec<u8>; 2], parameter_files: &[PathBuf])
             Role::Plant => &mut plant,
             Role::Controller => &mut controller,
         };
-        let set = parameters::fit(&set, member.fit.fmu)
+        let set = set
+            .fit(member.fit.fmu)
             .with_context(|| format!("the parameter set {} cannot be bound", path.display()))?;
         let file = path.file_name().and_then(|name| name.to_str()).context("the file's name is no text")?;
         member.parameter_sets.push((file.to_owned(), set.to_xml()));

@@ -301,12 +301,14 @@ WRONG = [
     (
         '"tank.frozen" = true',
         '"tank.frozen" = 1',
-        RUN_IN + r'."tank.frozen": tank.frozen is of the type Boolean, the value of the type Integer',
+        RUN_IN
+        + r'."tank.frozen": the value 1 of tank.frozen cannot be taken: it is of the type Integer, not Boolean',
     ),
     (
         '= "running"',
         '= "runing"',
-        RUN_IN + r".*: initialization.mode cannot be runing: it is one of settled, running, given",
+        RUN_IN
+        + r".*: the value runing of initialization.mode cannot be taken: it is none of settled, running, given",
     ),
     (
         "[inputs.boost_reference]",

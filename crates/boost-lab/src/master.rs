@@ -9,11 +9,12 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
+use fmi2_export::package::like;
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 
-use crate::importer::{Fmu, Instance, Message, Selection, like};
+use crate::importer::{Fmu, Instance, Message, Selection};
 use crate::record::Record;
 use crate::scenario::{Assignment, Input, Member, Scenario, Signal, Stepping};
 

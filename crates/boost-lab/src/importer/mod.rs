@@ -21,7 +21,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use fmi2_export::c_types::{FmuState, ValueReference};
-use fmi2_export::package::{ModelDescription, ParameterSet, Platform, Value, Variable};
+use fmi2_export::package::{ModelDescription, ParameterSet, Platform, Value, Variable, like};
 use tempfile::TempDir;
 
 use self::c_boundary::{Functions, Handle};
@@ -147,15 +147,6 @@ fn reference(variable: &Variable) -> Result<ValueReference> {
     variable.value_reference.parse().with_context(|| {
         format!("the value reference of {} is '{}'", variable.name, variable.value_reference)
     })
-}
-
-/// The name that is likeliest meant, as the end of a message.
-pub fn like<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
-    known
-        .map(|other| (strsim::jaro_winkler(name, other), other))
-        .filter(|(likeness, _)| *likeness > 0.8)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map_or_else(String::new, |(_, name)| format!("; the nearest is {name}"))
 }
 
 /// Some variables that are numbers, resolved, in the order of their names.
@@ -385,73 +376,49 @@ impl Instance {
     /// # Errors
     /// When there is no such variable, the value is not for it, or the FMU refuses it.
     pub fn set_value(&mut self, name: &str, value: &Value) -> Result<()> {
-        self.set_value_of(name, value, &ParameterSet::default())
+        let fmu = Arc::clone(&self.fmu);
+        let variable = fmu.variable(name)?;
+        self.set_fitted(variable, &value.fit(variable, &[], &fmu.description)?)
     }
 
     /// Sets the parameters of a set.
     ///
     /// # Errors
-    /// As [`set_value`](Self::set_value), at the first that fails.
+    /// When one is not for the FMU, before any is set; when the FMU refuses one.
     pub fn set_parameters(&mut self, set: &ParameterSet) -> Result<()> {
-        set.parameters
+        let fmu = Arc::clone(&self.fmu);
+        let fitted =
+            set.fit(&fmu.description).with_context(|| format!("the parameter set '{}'", set.name))?;
+        fitted
+            .parameters
             .iter()
-            .try_for_each(|parameter| self.set_value_of(&parameter.name, &parameter.value, set))
+            .try_for_each(|parameter| self.set_fitted(fmu.variable(&parameter.name)?, &parameter.value))
     }
 
-    fn set_value_of(&mut self, name: &str, value: &Value, set: &ParameterSet) -> Result<()> {
-        let fmu = Arc::clone(&self.fmu);
-        let variable = fmu.variable(name)?;
+    /// Sets a variable to a value that fits it.
+    fn set_fitted(&mut self, variable: &Variable, value: &Value) -> Result<()> {
+        let name = &variable.name;
         let references = [reference(variable)?];
-        let named = [name.to_owned()];
-        match (variable.data_type.as_str(), value) {
-            ("Real", &Value::Integer(value)) => {
-                let status = self.handle.set_real(&references, &[f64::from(value)]);
-                self.check("fmi2SetReal", &named, status)?;
-            }
-            ("Real", Value::Real(value, unit)) => {
-                let value = match unit {
-                    Some(unit) if *unit != variable.unit => convert(*value, unit, variable, set, &fmu)?,
-                    _ => *value,
-                };
-                let status = self.handle.set_real(&references, &[value]);
-                self.check("fmi2SetReal", &named, status)?;
-            }
-            ("Integer", &Value::Integer(value)) => {
-                let status = self.handle.set_integer(&references, &[value]);
-                self.check("fmi2SetInteger", &named, status)?;
-            }
-            ("Enumeration", Value::Enumeration(item) | Value::String(item)) => {
-                let enumeration = fmu.description.enumeration(&variable.declared_type);
+        let (function, status) = match value {
+            Value::Real(value, _) => ("fmi2SetReal", self.handle.set_real(&references, &[*value])),
+            Value::Integer(value) => ("fmi2SetInteger", self.handle.set_integer(&references, &[*value])),
+            Value::Enumeration(item) => {
+                let enumeration = self.fmu.description.enumeration(&variable.declared_type);
                 let items = enumeration.map_or(&[] as &[_], |known| known.items.as_slice());
-                let Some((_, value)) = items.iter().find(|(name, _)| name == item) else {
-                    let names: Vec<_> = items.iter().map(|(name, _)| name.as_str()).collect();
-                    bail!("{name} cannot be {item}: it is one of {}", names.join(", "));
-                };
-                let status = self.handle.set_integer(&references, &[*value]);
-                self.check("fmi2SetInteger", &named, status)?;
+                let number = items.iter().find(|(known, _)| known == item).map(|(_, number)| *number);
+                let number = number.with_context(|| format!("{name} has no item {item}"))?;
+                ("fmi2SetInteger", self.handle.set_integer(&references, &[number]))
             }
-            ("Boolean", &Value::Boolean(value)) => {
-                let status = self.handle.set_boolean(&references, &[i32::from(value)]);
-                self.check("fmi2SetBoolean", &named, status)?;
+            Value::Boolean(value) => {
+                ("fmi2SetBoolean", self.handle.set_boolean(&references, &[i32::from(*value)]))
             }
-            ("String", Value::String(value)) => {
+            Value::String(value) => {
                 let text =
                     CString::new(value.as_str()).with_context(|| format!("{name} holds a zero byte"))?;
-                let status = self.handle.set_string(references[0], &text);
-                self.check("fmi2SetString", &named, status)?;
+                ("fmi2SetString", self.handle.set_string(references[0], &text))
             }
-            (wanted, given) => {
-                let given = match given {
-                    Value::Real(..) => "Real",
-                    Value::Integer(_) => "Integer",
-                    Value::Boolean(_) => "Boolean",
-                    Value::String(_) => "String",
-                    Value::Enumeration(_) => "Enumeration",
-                };
-                bail!("{name} is of the type {wanted}, the value of the type {given}");
-            }
-        }
-        Ok(())
+        };
+        self.check(function, std::slice::from_ref(name), status)
     }
 
     /// The text that a variable is now.
@@ -494,17 +461,4 @@ impl Instance {
         self.time = saved.time;
         Ok(())
     }
-}
-
-/// A value in the variable's unit.
-fn convert(value: f64, unit: &str, variable: &Variable, set: &ParameterSet, fmu: &Fmu) -> Result<f64> {
-    let own =
-        set.units.iter().find(|known| known.name == unit).cloned().or_else(|| fmu.description.unit(unit));
-    let own = own.with_context(|| format!("{}: the unit {unit} is not defined", variable.name))?;
-    let wanted = fmu.description.unit(&variable.unit).and_then(|unit| unit.base);
-    let conversion = own.base.zip(wanted).and_then(|(own, wanted)| own.to(&wanted));
-    let conversion = conversion.with_context(|| {
-        format!("{}: the unit {unit} does not convert to {}", variable.name, variable.unit)
-    })?;
-    Ok(conversion.apply(value))
 }

@@ -6,10 +6,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use anyhow::{Error, Result, anyhow};
+use fmi2_export::package::like;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
-
-use crate::importer::like;
 
 /// Where something stands in a file.
 #[derive(Clone, Debug)]

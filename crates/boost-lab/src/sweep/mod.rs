@@ -15,13 +15,12 @@ use std::path::Path;
 use std::sync::Mutex;
 
 use anyhow::{Context, Result};
-use fmi2_export::package::{Value, Variable};
+use fmi2_export::package::Value;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use self::design::Design;
 use self::journal::{Journal, Outcome};
 use self::measures::Measure;
-use crate::importer::Fmu;
 use crate::journal::digest;
 use crate::master::{Fmus, Master};
 use crate::scenario::document::Document;
@@ -131,7 +130,8 @@ impl Study {
                 return Err(parameter.place.error(message));
             }
             for value in self.points.iter().filter_map(|point| point[index].as_ref()) {
-                parameter.place.locate(is_for(value, variable, &fmu))?;
+                let fitted = value.fit(variable, &[], fmu.description());
+                parameter.place.locate(fitted.map_err(anyhow::Error::from))?;
             }
             data_types.push(variable.data_type.clone());
         }
@@ -159,32 +159,6 @@ fn record_measured(scenario: &mut Scenario, measures: &[Measure], keeps_records:
         }
     }
     scenario.record = Some(record);
-}
-
-/// Refuses a value of another type than the variable's.
-fn is_for(value: &Value, variable: &Variable, fmu: &Fmu) -> Result<()> {
-    let name = &variable.name;
-    let expected = match (variable.data_type.as_str(), value) {
-        ("Real", Value::Real(..) | Value::Integer(_))
-        | ("Integer", Value::Integer(_))
-        | ("Boolean", Value::Boolean(_))
-        | ("String", Value::String(_)) => return Ok(()),
-        ("Enumeration", Value::String(item)) => {
-            let items = fmu.description().enumeration(&variable.declared_type);
-            let items: Vec<_> = items.iter().flat_map(|known| &known.items).map(|(name, _)| name).collect();
-            if items.contains(&item) {
-                return Ok(());
-            }
-            let items: Vec<_> = items.iter().map(|item| item.as_str()).collect();
-            format!("one of {}", items.join(", "))
-        }
-        ("Enumeration", _) => "the name of an item, a text".to_owned(),
-        ("Boolean", _) => "true or false".to_owned(),
-        ("Integer", _) => "a whole number".to_owned(),
-        ("Real", _) => "a number".to_owned(),
-        _ => "a text".to_owned(),
-    };
-    anyhow::bail!("expected {expected} for {name}, found {}", written(value))
 }
 
 /// A value as results and messages show it; a number reads back as the same double.

@@ -134,13 +134,7 @@ impl Task {
     /// The plant's parameters in words.
     #[must_use]
     pub fn plant_parameters_written(&self) -> String {
-        let written = |parameter: &Parameter| match &parameter.value {
-            Value::Real(value, Some(unit)) => format!("{} = {value} {unit}", parameter.name),
-            Value::Real(value, None) => format!("{} = {value}", parameter.name),
-            Value::Integer(value) => format!("{} = {value}", parameter.name),
-            Value::Boolean(value) => format!("{} = {value}", parameter.name),
-            Value::String(value) | Value::Enumeration(value) => format!("{} = {value}", parameter.name),
-        };
+        let written = |parameter: &Parameter| format!("{} = {}", parameter.name, parameter.value);
         let parameters: Vec<_> =
             self.plant_parameters.iter().flat_map(|set| &set.parameters).map(written).collect();
         if parameters.is_empty() { "its start values".to_owned() } else { parameters.join(", ") }

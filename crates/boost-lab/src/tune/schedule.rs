@@ -2,9 +2,7 @@
 //! controller an identification must know.
 
 use anyhow::{Context, Result, bail};
-use fmi2_export::package::{ModelDescription, Unit, Variable};
-
-use crate::importer::like;
+use fmi2_export::package::{ModelDescription, Unit, Variable, like};
 
 /// What this repository's controller says of itself.
 const BUILT_IN: &str = include_str!(concat!(env!("OUT_DIR"), "/BoostController/modelDescription.xml"));

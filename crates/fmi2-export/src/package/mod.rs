@@ -1,13 +1,16 @@
 //! The files that models and systems are exchanged in, for commands.
 //!
 //! Written: [`Fmu`], [`SystemPackage`], [`PlatformList`]. Read, of any maker: [`archive::open`],
-//! [`ModelDescription`] and [`Library`]. Both: [`ParameterSet`], and FMUs that are [`Merged`].
+//! [`ModelDescription`] and [`Library`]. Both: [`ParameterSet`], which [fits](ParameterSet::fit) an FMU or does not,
+//! and FMUs that are [`Merged`].
 
 pub mod archive;
 mod fmu;
 pub mod library;
+mod likeness;
 mod merge;
 mod model_description;
+mod parameter_fit;
 mod parameter_set;
 mod platform;
 mod platform_list;
@@ -16,6 +19,7 @@ mod units;
 
 pub use fmu::Fmu;
 pub use library::Library;
+pub use likeness::like;
 pub use merge::{Merged, Part};
 pub use model_description::{Enumeration, ModelDescription, Variable};
 pub use parameter_set::{Parameter, ParameterSet, Value};

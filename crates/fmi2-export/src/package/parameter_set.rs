@@ -1,5 +1,6 @@
 //! Parameter sets: the .ssv files of System Structure and Parameterization 1.0 (SSP, section 6).
 
+use std::fmt::{self, Display, Formatter};
 use std::io;
 
 use super::archive::broken;
@@ -178,6 +179,19 @@ impl Value {
             "Enumeration" => Self::Enumeration(text.to_owned()),
             other => return Err(broken(format!("values of the type {other} are not known"))),
         })
+    }
+}
+
+/// The value as messages show it, with its unit; a number reads back as the same double.
+impl Display for Value {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Real(value, Some(unit)) => write!(formatter, "{value} {unit}"),
+            Self::Real(value, None) => write!(formatter, "{value}"),
+            Self::Integer(value) => write!(formatter, "{value}"),
+            Self::Boolean(value) => write!(formatter, "{value}"),
+            Self::String(text) | Self::Enumeration(text) => write!(formatter, "{text}"),
+        }
     }
 }
 

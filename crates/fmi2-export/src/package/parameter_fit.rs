@@ -1,0 +1,207 @@
+//! Whether a parameter set is one for an FMU: each value of its variable's type, in its unit and within its
+//! range.
+
+use std::io;
+
+use super::archive::broken;
+use super::likeness::like;
+use super::model_description::{ModelDescription, Variable};
+use super::parameter_set::{Parameter, ParameterSet, Value};
+use super::units::{Linear, Unit};
+
+impl ParameterSet {
+    /// The set as an FMU takes it: each value of its variable's type, in its unit and within its range.
+    ///
+    /// # Errors
+    /// At the first parameter that is none of the FMU's, cannot be set, or is of another type, unit or range; the
+    /// message names it and says what was expected.
+    pub fn fit(&self, fmu: &ModelDescription) -> io::Result<Self> {
+        let parameters = self.parameters.iter().map(|parameter| {
+            let name = &parameter.name;
+            let variable = fmu.variable(name).ok_or_else(|| {
+                let settable = fmu.variables.iter().filter(|variable| variable.is_settable());
+                let like = like(name, settable.map(|variable| variable.name.as_str()));
+                broken(format!("{} has no variable {name}{like}", fmu.attribute("modelName")))
+            })?;
+            if !variable.is_settable() {
+                return Err(broken(format!(
+                    "{name} cannot be set: it is of the causality {}",
+                    variable.causality
+                )));
+            }
+            let value = parameter.value.fit(variable, &self.units, fmu)?;
+            value.check_range(variable)?;
+            Ok(Parameter { value, ..parameter.clone() })
+        });
+        Ok(Self {
+            parameters: parameters.collect::<io::Result<_>>()?,
+            units: fmu.units.clone(),
+            ..self.clone()
+        })
+    }
+}
+
+impl Value {
+    /// The value as a variable of an FMU takes it: of its type and in its unit. Units are those of the FMU, and
+    /// others that come with the value. Whole numbers do for real ones; an item of an enumeration is a name, as a
+    /// text too, or its number. The range is the FMU's own affair.
+    ///
+    /// # Errors
+    /// When it is of another type or unit; the message names variable and value, and what was expected.
+    pub fn fit(&self, variable: &Variable, units: &[Unit], fmu: &ModelDescription) -> io::Result<Self> {
+        match (variable.data_type.as_str(), self) {
+            ("Real", Self::Real(value, unit)) => {
+                let value = match unit {
+                    Some(unit) if *unit != variable.unit => conversion(unit, variable, units, fmu)
+                        .map_err(|reason| self.refused(variable, reason))?
+                        .apply(*value),
+                    _ => *value,
+                };
+                Ok(Self::Real(value, Some(variable.unit.clone()).filter(|unit| !unit.is_empty())))
+            }
+            ("Real", Self::Integer(value)) => Self::Real(f64::from(*value), None).fit(variable, units, fmu),
+            ("Integer", Self::Integer(_)) | ("Boolean", Self::Boolean(_)) | ("String", Self::String(_)) => {
+                Ok(self.clone())
+            }
+            ("Enumeration", Self::Enumeration(_) | Self::String(_) | Self::Integer(_)) => {
+                let enumeration = fmu.enumeration(&variable.declared_type).ok_or_else(|| {
+                    self.refused(variable, format!("its type {} is not defined", variable.declared_type))
+                })?;
+                let is_meant = |(name, number): &&(String, i32)| match self {
+                    Self::Integer(wanted) => number == wanted,
+                    Self::Enumeration(wanted) | Self::String(wanted) => name == wanted,
+                    _ => false,
+                };
+                let (item, _) = enumeration.items.iter().find(is_meant).ok_or_else(|| {
+                    let items: Vec<_> = enumeration.items.iter().map(|(name, _)| name.as_str()).collect();
+                    self.refused(variable, format!("it is none of {}", items.join(", ")))
+                })?;
+                Ok(Self::Enumeration(item.clone()))
+            }
+            (wanted, _) => {
+                Err(self.refused(variable, format!("it is of the type {}, not {wanted}", self.type_name())))
+            }
+        }
+    }
+
+    /// Refuses a number that is outside of a variable's range.
+    fn check_range(&self, variable: &Variable) -> io::Result<()> {
+        let number = match self {
+            Self::Real(value, _) => *value,
+            Self::Integer(value) => f64::from(*value),
+            Self::Boolean(_) | Self::String(_) | Self::Enumeration(_) => return Ok(()),
+        };
+        let (min, max) = variable.range()?;
+        if (min..=max).contains(&number) {
+            Ok(())
+        } else {
+            Err(self.refused(variable, format!("{self} is not within {min}..{max}")))
+        }
+    }
+
+    fn refused(&self, variable: &Variable, reason: String) -> io::Error {
+        broken(format!("the value {self} of {} cannot be taken: {reason}", variable.name))
+    }
+
+    fn type_name(&self) -> &'static str {
+        match self {
+            Self::Real(..) => "Real",
+            Self::Integer(_) => "Integer",
+            Self::Boolean(_) => "Boolean",
+            Self::String(_) => "String",
+            Self::Enumeration(_) => "Enumeration",
+        }
+    }
+}
+
+/// What takes values in a unit to the variable's.
+fn conversion(
+    unit: &str,
+    variable: &Variable,
+    units: &[Unit],
+    fmu: &ModelDescription,
+) -> Result<Linear, String> {
+    let own = units.iter().find(|known| known.name == unit).cloned().or_else(|| fmu.unit(unit));
+    let own = own.ok_or_else(|| format!("the unit {unit} is not defined"))?;
+    let wanted = fmu.unit(&variable.unit).and_then(|unit| unit.base);
+    own.base
+        .zip(wanted)
+        .and_then(|(own, wanted)| own.to(&wanted))
+        .ok_or_else(|| format!("the unit {unit} does not convert to {}", variable.unit))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FMU: &str = r#"<fmiModelDescription fmiVersion="2.0" modelName="Vessel">
+      <UnitDefinitions><Unit name="Pa"><BaseUnit kg="1" m="-1" s="-2"/><DisplayUnit name="kPa" factor="1e-3"/></Unit>
+      </UnitDefinitions>
+      <TypeDefinitions><SimpleType name="Mode"><Enumeration><Item name="off" value="3"/><Item name="on" value="5"/>
+      </Enumeration></SimpleType></TypeDefinitions>
+      <ModelVariables>
+        <ScalarVariable name="pressure" causality="parameter"><Real unit="Pa" min="0" max="2e5"/></ScalarVariable>
+        <ScalarVariable name="count" causality="parameter"><Integer min="1" max="4"/></ScalarVariable>
+        <ScalarVariable name="mode" causality="parameter"><Enumeration declaredType="Mode"/></ScalarVariable>
+        <ScalarVariable name="level" causality="output"><Real/></ScalarVariable>
+      </ModelVariables></fmiModelDescription>"#;
+
+    fn fit(name: &str, value: Value) -> Result<Value, String> {
+        let base = ModelDescription::parse(FMU).unwrap().unit("Pa").and_then(|unit| unit.base);
+        let base = base.map(|base| super::super::BaseUnit { factor: 100.0, ..base });
+        let set = ParameterSet {
+            parameters: vec![Parameter { name: name.to_owned(), description: String::new(), value }],
+            units: vec![Unit { name: "hPa".to_owned(), base, display_units: vec![] }],
+            ..ParameterSet::default()
+        };
+        let fitted = set.fit(&ModelDescription::parse(FMU).unwrap()).map_err(|error| error.to_string())?;
+        Ok(fitted.parameters[0].value.clone())
+    }
+
+    fn pressure(value: f64, unit: &str) -> Result<Value, String> {
+        fit("pressure", Value::Real(value, Some(unit.to_owned())))
+    }
+
+    #[test]
+    fn values_become_those_of_the_variable() {
+        let pascal = |value| Ok(Value::Real(value, Some("Pa".to_owned())));
+        assert_eq!(pressure(1.5, "kPa"), pascal(1500.0));
+        // A unit of the set's own.
+        assert_eq!(pressure(1.5, "hPa"), pascal(150.0));
+        assert_eq!(fit("pressure", Value::Integer(7)), pascal(7.0));
+        assert_eq!(fit("count", Value::Integer(4)), Ok(Value::Integer(4)));
+        for value in [Value::Enumeration("on".into()), Value::String("on".into()), Value::Integer(5)] {
+            assert_eq!(fit("mode", value), Ok(Value::Enumeration("on".to_owned())));
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused_by_name() {
+        let refusal = |name: &str, value| fit(name, value).unwrap_err();
+        assert_eq!(
+            pressure(1.0, "N").unwrap_err(),
+            "the value 1 N of pressure cannot be taken: the unit N is not defined"
+        );
+        assert_eq!(
+            pressure(201.0, "kPa").unwrap_err(),
+            "the value 201000 Pa of pressure cannot be taken: 201000 Pa is not within 0..200000"
+        );
+        assert_eq!(
+            refusal("count", Value::Integer(5)),
+            "the value 5 of count cannot be taken: 5 is not within 1..4"
+        );
+        assert_eq!(
+            refusal("count", Value::Real(1.0, None)),
+            "the value 1 of count cannot be taken: it is of the type Real, not Integer"
+        );
+        assert_eq!(
+            refusal("mode", Value::Integer(1)),
+            "the value 1 of mode cannot be taken: it is none of off, on"
+        );
+        assert_eq!(
+            refusal("presure", Value::Integer(1)),
+            "Vessel has no variable presure; the nearest is pressure"
+        );
+        assert_eq!(refusal("level", Value::Integer(1)), "level cannot be set: it is of the causality output");
+    }
+}
