@@ -10,11 +10,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use boost_interface::Role;
 use cargo_metadata::{CrateType, Metadata, MetadataCommand, Package};
 use fmi2_export::package::{Fmu, Library, Platform, PlatformList, library};
 
 use super::compile::{Compiled, compile};
-use super::coupling::Role;
 use super::target::{Build, Target};
 use super::{ssp, write_whole};
 

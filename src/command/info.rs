@@ -5,11 +5,11 @@ use std::path::Path;
 use anyhow::Result;
 use fmi2_export::package::{ModelDescription, Variable};
 
-use super::{fmu, print};
+use super::print;
 
 /// Prints an FMU's description and variables.
 pub fn run(path: &Path) -> Result<()> {
-    print(&table(&fmu::describe(path)?))
+    print(&table(&ModelDescription::read(path)?))
 }
 
 fn table(description: &ModelDescription) -> String {

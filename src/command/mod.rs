@@ -4,7 +4,6 @@ mod check;
 mod compile;
 mod coupling;
 mod export;
-mod fmu;
 mod info;
 mod merge;
 mod parameters;
@@ -16,11 +15,10 @@ use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use boost_interface::Role;
 use clap::{Parser, Subcommand};
-
 use fmi2_export::package::Platform;
 
-use self::coupling::Role;
 use self::target::Target;
 
 /// Exports the plant and the controller of the boost control as FMI 2.0 co-simulation FMUs, and couples them

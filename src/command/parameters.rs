@@ -5,11 +5,11 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use fmi2_export::package::{ModelDescription, Parameter, ParameterSet, Value, Variable};
 
-use super::{fmu, write_new};
+use super::write_new;
 
 /// Writes the parameters of an FMU, with their start values, to a new file.
 pub fn run(path: &Path, out: Option<&Path>) -> Result<()> {
-    let description = fmu::describe(path)?;
+    let description = ModelDescription::read(path)?;
     let set = defaults(&description)
         .with_context(|| format!("modelDescription.xml in {} is not as it should be", path.display()))?;
     let name = format!("{}.ssv", set.name);

@@ -6,10 +6,11 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use boost_interface::{Fit, Map, Role};
 use fmi2_export::package::{ModelDescription, ParameterSet, SystemPackage};
 
-use super::coupling::{Fit, Map, Member, Role, couple};
-use super::{check, fmu, parameters, write_whole};
+use super::coupling::{Member, couple};
+use super::{parameters, write_whole};
 
 /// The system's name.
 const SYSTEM: &str = "Boost";
@@ -30,17 +31,15 @@ pub fn run(
             (first, _) => Ok(first),
         }
     };
-    let described = [plant, controller].map(fmu::describe);
-    let [plant_description, controller_description] = described;
-    let (plant_description, controller_description) = (plant_description?, controller_description?);
+    let plant_description = ModelDescription::read(plant)?;
+    let controller_description = ModelDescription::read(controller)?;
     let fits = [
         Fit::new(Role::Plant, &plant_description, map(Role::Plant)?)?,
         Fit::new(Role::Controller, &controller_description, map(Role::Controller)?)?,
     ];
     if let Some(fit) = fits.iter().find(|fit| !fit.fits()) {
         bail!(
-            "{}Give a map: `boost-fmu check FILE.fmu --as {} --write-map MAP.json` writes one to be edited.",
-            check::report(fit),
+            "{fit}Give a map: `boost-fmu check FILE.fmu --as {} --write-map MAP.json` writes one to be edited.",
             fit.role.name()
         );
     }

@@ -60,10 +60,16 @@ def laboratory() -> Path:
 
 @pytest.fixture(scope="session")
 def lab(laboratory: Path) -> Run:
-    """Runs the laboratory's command."""
+    """Runs the laboratory's command, with more variables of the environment where they are given."""
 
-    def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-        return subprocess.run([laboratory, *arguments], capture_output=True, text=True, check=False)
+    def run(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [laboratory, *arguments],
+            env={**os.environ, **environment},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
 
     return run
 

@@ -7,10 +7,13 @@ down in memory that is free.
 
 from __future__ import annotations
 
+import csv
 import json
 import os
+import re
 import subprocess
 import sys
+import sysconfig
 import tempfile
 from collections.abc import Callable
 from math import exp, pi
@@ -21,12 +24,13 @@ import documents
 import fmpy.ssp.simulation
 import numpy as np
 import pytest
-from conftest import ROOT
+from conftest import ROOT, TARGET, Run
 from experiments import (
     BOOST_STEPS,
     BOOST_STEPS_END,
     OPERATING_POINT,
     SAMPLE_TIME,
+    SCENARIOS,
     Steps,
     constants,
     couple,
@@ -62,6 +66,7 @@ def clone(exported: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where the lines were run, but for those that install packages and run masters."""
     folder = documents.clone(exported, tmp_path_factory.mktemp("foreign"))
     (folder / "target" / "foreign").mkdir()
+    (folder / "target" / "release").symlink_to(TARGET.resolve() / "release")
     made = [line for line in LINES if line.split()[0] in ("pythonfmu", "cargo")]
     assert len(made) == 6
     for line in made:
@@ -291,6 +296,184 @@ def test_system_with_the_plant_of_another_make(clone: Path) -> None:
     expected = np.stack([record["boost_pressure"] / 1e5, record["hp_wastegate_pwm"]], axis=1)
     # Pressure is in bar again, which rounds twice.
     assert np.abs(table / expected - 1).max() <= 2 * np.finfo(float).eps
+
+
+WITH_PYTHON = {
+    "LD_PRELOAD": str(Path(sysconfig.get_config_var("LIBDIR")) / str(sysconfig.get_config_var("INSTSONAME")))
+}
+"""The laboratory with the library of this Python loaded, which PythonFMU leaves to the host."""
+
+SCENARIO = re.sub(r"\[fmu\.run_in\]\n(.+\n)+", "", (SCENARIOS / "figure_13.toml").read_text())
+"""The steps of fig. 13 from the settled start, which the FMUs here have, too."""
+
+MAP = "examples/foreign/surrogate_plant.json"
+
+
+def simulate(lab: Run, clone: Path, folder: Path, text: str, *more: str | Path) -> Record:
+    """What the laboratory records of a scenario."""
+    scenario = folder / "scenario.toml"
+    scenario.write_text(text)
+    out = folder / "record.csv"
+    done = lab("simulate", scenario, "--fmus", clone / "target" / "fmu", "--out", out, *more, **WITH_PYTHON)
+    assert (done.returncode, done.stderr) == (0, "")
+    with out.open(newline="") as file:
+        names, *rows = csv.reader(file)
+    return Record(zip(names, np.array(rows, dtype=float).T, strict=True))
+
+
+def in_the_place_of(name: str, foreign: Path) -> list[str]:
+    """The option that puts an FMU into the place of the scenario's."""
+    return ["--fmu", f"{name}={foreign}"]
+
+
+def bits(column: np.ndarray) -> np.ndarray:
+    """What tells doubles apart."""
+    return np.ascontiguousarray(column).view(np.uint64)
+
+
+@pytest.mark.parametrize("stepping", ["in_turn", "at_once"])
+@pytest.mark.parametrize("given", ["by the option", "by the scenario"])
+def test_laboratory_couples_a_plant_of_another_make_by_its_map(
+    clone: Path, lab: Run, tmp_path: Path, stepping: str, given: str
+) -> None:
+    """Against the own master, which converts by the numbers above, at each communication point.
+
+    To the last bit: both multiply each value once, by factors that are the same doubles.
+    """
+    text = f'stepping = "{stepping}"\n{SCENARIO}'
+    more = in_the_place_of("plant", clone / "target" / "foreign" / "SurrogatePlant.fmu")
+    if given == "by the option":
+        more += ["--map", str(ROOT / MAP)]
+    else:
+        text = text.replace('"BoostPlant.fmu"\n', f'"BoostPlant.fmu"\nmap = "{ROOT / MAP}"\n')
+    found = simulate(lab, clone, tmp_path, text, *more)
+
+    expected = loop(clone, "foreign_plant", stepping == "at_once")
+    for name in [*(name for _, name, _ in MEASUREMENTS), "hp_wastegate_pwm"]:
+        assert np.array_equal(bits(found[name][1:]), bits(expected[name])), name
+    assert np.ptp(found["boost_pressure"]) > LARGEST_STEP
+
+
+def test_laboratory_couples_a_controller_of_another_make(clone: Path, lab: Run, tmp_path: Path) -> None:
+    """By equal names alone."""
+    foreign = clone / "target" / "foreign" / "PiController.fmu"
+    found = simulate(lab, clone, tmp_path, SCENARIO, *in_the_place_of("controller", foreign))
+    for name, column in loop(clone, "foreign_controller").items():
+        assert np.array_equal(bits(found[name]), bits(column)), name
+
+
+def test_lines_of_the_laboratorys_page(clone: Path) -> None:
+    lines = documents.lines((ROOT / "docs" / "laboratory.md").read_text())
+    lines = [line for line in lines if "target/foreign/" in line]
+    assert len(lines) == 2
+    for line in lines:
+        documents.run(line, clone, **WITH_PYTHON)
+    for name in ["surrogate", "pi"]:
+        with (clone / "target" / f"{name}.csv").open(newline="") as file:
+            rows = list(csv.DictReader(file))
+        # What is left of the first step just before the second.
+        assert abs(float(rows[round(22 / SAMPLE_TIME)]["boost_pressure"]) - 150e3) < 100
+
+
+def entry(name: str, **more: str | float) -> dict[str, str | float]:
+    """What a map says of a variable."""
+    return {"name": name, **more}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"boost_pressure": entry("p_bost")}, "the map's p_bost is missing; like it: p_boost, p_tank"),
+        ({"boost_pressure": entry("u_measured")}, "its unit V measures another thing than Pa"),
+        ({"boost_pressure": entry("p_boost", unit="V")}, "its unit V measures another thing than Pa"),
+        ({"tank_pressure": ...}, "WRONG  output  tank_pressure "),
+        ({"engine_speed": entry("wg_duty")}, "its unit 1 measures another thing than rpm"),
+        ({"throttle": entry("wg_duty")}, "its input wg_duty cannot be both hp_wastegate_pwm and throttle"),
+        ({"boost": entry("p_boost")}, "names boost, which is no variable of a plant"),
+    ],
+)
+def test_laboratory_refuses_a_map_that_is_wrong(
+    clone: Path, lab: Run, tmp_path: Path, changes: dict, message: str
+) -> None:
+    wrong = json.loads((ROOT / MAP).read_text())
+    for name, change in changes.items():
+        wrong["variables"][name] = change
+        if change is ...:
+            del wrong["variables"][name]
+    (tmp_path / "wrong.json").write_text(json.dumps(wrong))
+    (tmp_path / "scenario.toml").write_text(SCENARIO)
+    more = in_the_place_of("plant", clone / "target" / "foreign" / "SurrogatePlant.fmu")
+    more += ["--map", tmp_path / "wrong.json", "--fmus", clone / "target" / "fmu", "--out", tmp_path]
+    done = lab("simulate", tmp_path / "scenario.toml", *more, **WITH_PYTHON)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert not (tmp_path / "scenario.csv").exists()
+
+
+def test_map_for_an_fmu_that_is_not_there_is_refused(clone: Path, lab: Run, tmp_path: Path) -> None:
+    (tmp_path / "scenario.toml").write_text(SCENARIO)
+    arguments = ["--fmus", clone / "target" / "fmu", "--map", ROOT / MAP]
+    done = lab("simulate", tmp_path / "scenario.toml", *arguments)
+    assert done.returncode == 2
+    assert done.stderr == (
+        f"error: the map {ROOT / MAP} is for the FMU SurrogatePlant, which the scenario has not: it has "
+        "BoostController, BoostPlant\n"
+    )
+
+
+def test_study_with_a_plant_of_another_make(clone: Path, lab: Run, tmp_path: Path) -> None:
+    """Its runs have the map as well, and its journal is of this map."""
+    (tmp_path / "scenario.toml").write_text(SCENARIO)
+    (tmp_path / "study.toml").write_text(
+        'scenario = "scenario.toml"\n[grid]\n"controller:lambda" = [0.3, 0.6]\n'
+        '[measures]\npeak = { maximum = "boost_pressure" }\n'
+    )
+    more = in_the_place_of("plant", clone / "target" / "foreign" / "SurrogatePlant.fmu")
+    arguments = ["sweep", tmp_path / "study.toml", "--fmus", clone / "target" / "fmu", *more]
+    out = tmp_path / "out"
+    done = lab(*arguments, "--map", ROOT / MAP, "--out", out, **WITH_PYTHON)
+    assert done.returncode == 0, done.stderr
+    with (out / "results.csv").open(newline="") as file:
+        one, other = csv.DictReader(file)
+    # λ is 0.3 s where nothing is said.
+    assert float(one["peak"]) == loop(clone, "foreign_plant")["boost_pressure"].max()
+    assert other["peak"] != one["peak"]
+
+    changed = tmp_path / "changed.json"
+    changed.write_text((ROOT / MAP).read_text().replace('"u_battery"', '"u_battery", "unit": "V"'))
+    done = lab(*arguments, "--map", changed, "--out", out, **WITH_PYTHON)
+    assert done.returncode == 2
+    assert "plant's map was" in done.stderr
+
+
+def test_tuning_to_a_plant_of_another_make(clone: Path, lab: Run, tmp_path: Path) -> None:
+    """What is known of the surrogate comes out, in the controller's units.
+
+    As in test_tune.py, 0.3 % of duty and 2 % of a gain are what an identification is worth.
+    """
+    reached = [150e3, 160e3]
+    # Above its reach, where no time is spent on steps.
+    references = reached + [300e3 + 1e3 * row for row in range(14)]
+    out = tmp_path / "tuned"
+    done = lab(
+        *["tune", "--plant", clone / "target" / "foreign" / "SurrogatePlant.fmu", "--map", ROOT / MAP],
+        *["--boost-references", ",".join(map(str, references)), "--out", out],
+        **WITH_PYTHON,
+    )
+    assert done.returncode == 0, done.stderr
+    report = json.loads((out / "report.json").read_text())
+    column = report["engine_speeds"].index(1500.0)
+    cells = [cell for cell in report["cells"] if cell["column"] == column and cell["row"] < len(reached)]
+    assert [cell["basis"] for cell in cells] == ["identified"] * len(reached)
+    for cell, reference in zip(cells, reached, strict=True):
+        duty = cell["feedforward"]
+        below, at, above = loop(clone, "foreign_plant_at_rest", duty - 1, duty, duty + 1)["boost_pressure"]
+        gain = (above - below) / 2
+        assert abs(at - reference) <= 0.3 * abs(gain)
+        assert cell["gain"] == pytest.approx(gain, rel=0.02)
+        # Two lags of 1.5 and 0.07 s: the smaller one is seen partly as lag and partly as delay.
+        assert 1.5 < cell["time_constant"] < 1.57
+        assert 0 < cell["delay"] < 0.07
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 //!
 //! - [`importer`] drives FMUs of any maker; nothing else knows how they are called.
 //! - [`scenario`] reads experiments from TOML files.
+//! - [`mapping`] gives FMUs the names and units of the interface.
 //! - [`master`] couples FMUs by equal names and steps them through a scenario.
 //! - [`record`] is what comes of it.
 //! - [`plot`] draws it as SVG.
@@ -13,6 +14,7 @@
 
 pub mod importer;
 pub mod journal;
+pub mod mapping;
 pub mod master;
 mod measure;
 pub mod plot;

@@ -1,20 +1,22 @@
 //! The master: couples instances by equal names, and steps them through a scenario.
 //!
-//! An output goes to the inputs of its name at the others. A signal of the scenario drives the inputs of its
-//! name that nothing else drives; one that a scenario gives an FMU for itself comes before what another FMU
-//! would give.
+//! An output goes to the inputs of its name at the others; where both declare units that differ, the value is
+//! converted on its way, as a connection of System Structure and Parameterization 1.0 does it. A signal of the
+//! scenario drives the inputs of its name that nothing else drives; one that a scenario gives an FMU for itself comes
+//! before what another FMU would give.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use fmi2_export::package::like;
+use fmi2_export::package::{Linear, like};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 
 use crate::importer::{Fmu, Instance, Message, Selection};
+use crate::mapping;
 use crate::record::Record;
 use crate::scenario::{Assignment, Input, Member, Scenario, Signal, Stepping};
 
@@ -22,9 +24,9 @@ use crate::scenario::{Assignment, Input, Member, Scenario, Signal, Stepping};
 /// the controller its measured supply, and this its outputs.
 const INITIAL_EXCHANGES: usize = 2;
 
-/// The FMUs of experiments, each loaded once, by their paths.
+/// The FMUs of experiments, each loaded once, by their paths and maps.
 #[derive(Clone, Default)]
-pub struct Fmus(BTreeMap<PathBuf, Arc<Fmu>>);
+pub struct Fmus(BTreeMap<(PathBuf, Option<String>), Arc<Fmu>>);
 
 impl Fmus {
     /// Those that are loaded.
@@ -35,13 +37,14 @@ impl Fmus {
     /// The FMU of a member.
     ///
     /// # Errors
-    /// When it cannot be imported.
+    /// When it cannot be imported, or does not fit its map.
     pub fn get(&mut self, member: &Member) -> Result<Arc<Fmu>> {
-        if let Some(fmu) = self.0.get(&member.file) {
+        let key = (member.file.clone(), member.map.as_ref().map(mapping::setting).transpose()?);
+        if let Some(fmu) = self.0.get(&key) {
             return Ok(Arc::clone(fmu));
         }
-        let fmu = member.place.locate(Fmu::open(&member.file))?;
-        self.0.insert(member.file.clone(), Arc::clone(&fmu));
+        let fmu = member.place.locate(mapping::open(&member.file, member.map.as_ref()))?;
+        self.0.insert(key, Arc::clone(&fmu));
         Ok(fmu)
     }
 }
@@ -76,6 +79,8 @@ struct Wires {
     outputs: Selection,
     inputs: Selection,
     values: Vec<f64>,
+    /// By position: from the giver's unit to the taker's, where they differ.
+    conversions: Vec<(usize, Linear)>,
 }
 
 /// Noise on a wire.
@@ -118,6 +123,7 @@ impl<'a> Master<'a> {
         let loaded: Vec<_> = scenario.fmus.iter().map(|member| fmus.get(member)).collect::<Result<_>>()?;
         for input in &scenario.inputs {
             input.place.locate(has_input(&loaded, &input.name))?;
+            check_units(scenario, &loaded, input)?;
         }
         let mut members = vec![];
         for (index, member) in scenario.fmus.iter().enumerate() {
@@ -278,6 +284,9 @@ impl<'a> Master<'a> {
                     wires.values[noise.position] += noise.distribution.sample(&mut noise.generator);
                 }
             }
+            for (position, conversion) in &wires.conversions {
+                wires.values[*position] = conversion.apply(wires.values[*position]);
+            }
             taker.instance.set(&mut wires.inputs, &wires.values)?;
         }
         Ok(())
@@ -361,23 +370,65 @@ fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], target: usize) -> Result<Vec<Wi
                 let [one, two] = [other, source].map(|index| scenario.fmus[index].name.as_str());
                 return Err(member.place.error(format!("{one} and {two} both have an output {name}")));
             }
-            let [given, taken] = [fmu, &fmus[target]].map(|fmu| fmu.variable(name).map(|found| &found.unit));
-            let (given, taken) = (given?, taken?);
-            if !given.is_empty() && !taken.is_empty() && given != taken {
-                return Err(member.place.error(format!(
-                    "{name} is in {taken}, but {} has it in {given}",
-                    scenario.fmus[source].name
-                )));
-            }
         }
         if !names.is_empty() {
             let values = vec![0.0; names.len()];
+            let mut conversions = vec![];
+            for (position, name) in names.iter().enumerate() {
+                let conversion = conversion(name, (&scenario.fmus[source], fmu), (member, &fmus[target]))?;
+                if conversion != Linear::IDENTITY {
+                    conversions.push((position, conversion));
+                }
+            }
             let outputs = fmu.select(names.iter().copied())?;
             let inputs = fmus[target].select(names)?;
-            all.push(Wires { source, outputs, inputs, values });
+            all.push(Wires { source, outputs, inputs, values, conversions });
         }
     }
     Ok(all)
+}
+
+/// What takes a variable's values from an FMU to one that has it, too: by the units that both declare. What declares
+/// none takes the values as they are.
+fn conversion(name: &str, giver: (&Member, &Fmu), taker: (&Member, &Fmu)) -> Result<Linear> {
+    let (given, taken) = (&giver.1.variable(name)?.unit, &taker.1.variable(name)?.unit);
+    if given.is_empty() || taken.is_empty() {
+        return Ok(Linear::IDENTITY);
+    }
+    let base = |fmu: &Fmu, unit: &str| fmu.description().unit(unit).and_then(|unit| unit.base);
+    let conversion = match (base(giver.1, given), base(taker.1, taken)) {
+        (Some(own), Some(other)) => own.to(&other),
+        // Equal names are taken for equal units.
+        _ => (given == taken).then_some(Linear::IDENTITY),
+    };
+    conversion.ok_or_else(|| {
+        let message = format!("{name} is in {taken}, but {} has it in {given}", giver.0.name);
+        taker.0.place.error(message + ", which does not convert")
+    })
+}
+
+/// Refuses a signal for several FMUs that have the input in different units: it is in none of them.
+fn check_units(scenario: &Scenario, fmus: &[Arc<Fmu>], input: &Input) -> Result<()> {
+    let members = scenario.fmus.iter().zip(fmus.iter().map(Arc::as_ref));
+    let mut takers = members.filter(|(member, fmu)| {
+        let is_own = member.inputs.iter().any(|own| own.name == input.name);
+        !is_own && fmu.names("input").any(|name| name == input.name)
+    });
+    let Some(first) = takers.next() else { return Ok(()) };
+    for other in takers {
+        if conversion(&input.name, first, other)? != Linear::IDENTITY {
+            let unit = |fmu: &Fmu| fmu.variable(&input.name).map(|variable| variable.unit.clone());
+            return Err(input.place.error(format!(
+                "{} has {} in {}, {} in {}: give each a signal of its own, or a map",
+                first.0.name,
+                input.name,
+                unit(first.1)?,
+                other.0.name,
+                unit(other.1)?
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// The noise of a scenario, on every wire of the name.
@@ -411,6 +462,7 @@ impl Recorder {
         let mut sources = vec![];
         let mut columns = vec![];
         let mut add = |name: &str, found: Found| {
+            let unit = found.unit(name, fmus);
             let source = match found {
                 Found::Signal(signal) => Source::Signal(signal),
                 Found::Variable { member, name } => {
@@ -418,7 +470,6 @@ impl Recorder {
                     Source::Instance { member, position: names[member].len() - 1 }
                 }
             };
-            let unit = unit(name, scenario, fmus);
             sources.push(source);
             columns.push((name.to_owned(), unit));
         };
@@ -487,12 +538,15 @@ fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
     Ok(Found::Variable { member, name: name.to_owned() })
 }
 
-/// The unit of what is recorded under a name.
-fn unit(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> String {
-    let name = name.split_once(':').map_or(name, |(member, rest)| {
-        if scenario.fmus.iter().any(|known| known.name == member) { rest } else { name }
-    });
-    let units = fmus.iter().filter_map(|fmu| fmu.description().variable(name)).map(|variable| &variable.unit);
-    let mut units = units.filter(|unit| !unit.is_empty());
-    units.next().cloned().unwrap_or_default()
+impl Found {
+    /// The unit, as the FMU declares it, or for a signal the first that has the input with one.
+    fn unit(&self, name: &str, fmus: &[Arc<Fmu>]) -> String {
+        let (of, name) = match self {
+            Self::Variable { member, name } => (&fmus[*member..=*member], name.as_str()),
+            Self::Signal(_) => (fmus, name),
+        };
+        let variables = of.iter().filter_map(|fmu| fmu.description().variable(name));
+        let mut units = variables.map(|variable| &variable.unit).filter(|unit| !unit.is_empty());
+        units.next().cloned().unwrap_or_default()
+    }
 }

@@ -10,8 +10,9 @@ use std::sync::{Arc, OnceLock};
 use std::thread;
 
 use anyhow::Result;
+use boost_interface::Translation;
 use boost_lab::importer::{CallFailed, Fmu, Instance, Status};
-use fmi2_export::package::{self, Platform, Value};
+use fmi2_export::package::{self, Linear, ModelDescription, Platform, Value};
 
 const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="Careless" guid="careless">
@@ -100,6 +101,34 @@ fn values_of_each_type_go_by_their_names() {
     instance.get(&mut selection, &mut values).unwrap();
     assert_eq!(values.map(f64::to_bits), [0.0_f64, 5.0, 0.0, 7.0].map(f64::to_bits));
     assert_eq!(instance.text("note").unwrap(), "Größe");
+}
+
+#[test]
+fn a_translated_fmu_has_other_names_and_values() {
+    let own = careless("translated");
+    let description = DESCRIPTION.replace("name=\"level\"", "name=\"pressure\"");
+    // pressure = 2 level + 1
+    let to_interface = [("pressure".to_owned(), Linear { factor: 2.0, offset: 1.0 })].into();
+    let description = ModelDescription::parse(&description).unwrap();
+    let seen = own.translated(Translation { description, to_interface });
+    let mut instance = started(&seen).unwrap();
+    let mut selections =
+        [own.select(["input", "level"]).unwrap(), seen.select(["input", "pressure"]).unwrap()];
+    let mut values = |instance: &mut Instance| {
+        selections.each_mut().map(|selection| {
+            let mut values = [0.0; 2];
+            instance.get(selection, &mut values).unwrap();
+            values.map(f64::to_bits)
+        })
+    };
+    let expected = |input: f64, level: f64, pressure: f64| {
+        [[input.to_bits(), level.to_bits()], [input.to_bits(), pressure.to_bits()]]
+    };
+    instance.set_value("pressure", &Value::Real(7.0, None)).unwrap();
+    assert_eq!(values(&mut instance), expected(1.0, 3.0, 7.0));
+    instance.set(&mut seen.select(["pressure", "input"]).unwrap(), &[9.0, 2.0]).unwrap();
+    assert_eq!(values(&mut instance), expected(2.0, 4.0, 9.0));
+    assert!(seen.variable("level").is_err());
 }
 
 #[test]

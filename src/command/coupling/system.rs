@@ -5,14 +5,13 @@
 //! that neither gives becomes an input of the system, one for both where both have it. All outputs become
 //! outputs of the system. Where an FMU's units differ from the interface's, the connection converts.
 
+use boost_interface::{Fit, Match, Port, Role};
 use fmi2_export::package::{
     Component, Connection, Connector, End, Kind, Linear, System, SystemPackage, SystemStructure, Unit,
     Variable,
 };
 
-use super::fit::{Fit, Match};
 use super::layout::{Counts, Layout, relative};
-use super::{Port, Role};
 
 /// The file of the structure that has no connectors of the system.
 const COMPONENTS: &str = "Components.ssd";

@@ -32,6 +32,9 @@ enum Command {
         /// Another file for an FMU of the scenario, by its name there
         #[arg(long, value_name = "NAME=FILE.fmu", value_parser = name_and_path)]
         fmu: Vec<(String, PathBuf)>,
+        /// Maps for FMUs with other names and units, as `boost-fmu check --write-map` writes them
+        #[arg(long, value_name = "FILE.json")]
+        map: Vec<PathBuf>,
         /// The file to write, or a folder to write it to [default: <scenario>.csv]
         #[arg(long, value_name = "FILE.csv|DIR")]
         out: Option<PathBuf>,
@@ -66,6 +69,9 @@ enum Command {
         /// Another file for an FMU of the scenario, by its name there
         #[arg(long, value_name = "NAME=FILE.fmu", value_parser = name_and_path)]
         fmu: Vec<(String, PathBuf)>,
+        /// Maps for FMUs with other names and units, as `boost-fmu check --write-map` writes them
+        #[arg(long, value_name = "FILE.json")]
+        map: Vec<PathBuf>,
         /// The folder for results.csv, results.parquet, the journal and the records
         #[arg(long, value_name = "DIR", default_value = "target/sweep")]
         out: PathBuf,
@@ -78,13 +84,13 @@ enum Command {
 /// Does what the command line asks for. Whether the answer is yes, where it is a question.
 pub fn run() -> Result<bool> {
     match Arguments::parse().command {
-        Command::Simulate { scenario, fmus, fmu, out, plot } => {
-            simulate::run(&scenario, fmus.as_deref(), &fmu, out, plot.as_deref()).map(|()| true)
+        Command::Simulate { scenario, fmus, fmu, map, out, plot } => {
+            simulate::run(&scenario, fmus.as_deref(), &fmu, &map, out, plot.as_deref()).map(|()| true)
         }
         Command::Reproduce { figures, fmus, out } => reproduce::run(&fmus, &out, &figures),
         Command::Tune(arguments) => tune::run(&arguments).map(|()| true),
-        Command::Sweep { study, fmus, fmu, out, threads } => {
-            sweep::run(&study, fmus.as_deref(), &fmu, &out, threads.map(usize::from)).map(|()| true)
+        Command::Sweep { study, fmus, fmu, map, out, threads } => {
+            sweep::run(&study, fmus.as_deref(), &fmu, &map, &out, threads.map(usize::from)).map(|()| true)
         }
     }
 }

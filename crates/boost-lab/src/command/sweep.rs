@@ -5,6 +5,7 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use boost_lab::mapping;
 use boost_lab::sweep::Study;
 use boost_lab::sweep::journal::Journal;
 use boost_lab::sweep::results::Table;
@@ -15,11 +16,13 @@ pub fn run(
     path: &Path,
     folder: Option<&Path>,
     files: &[(String, PathBuf)],
+    maps: &[PathBuf],
     out: &Path,
     threads: Option<usize>,
 ) -> Result<()> {
     let mut study = Study::read(path, folder)?;
     super::replace_files(&mut study.scenario, files)?;
+    mapping::give(&mut study.scenario, maps)?;
     let study = study.load()?;
     let journal = Journal::open(out, &study.settings()?)?;
     let taken_up = journal.len();

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use boost_lab::importer::Fmu;
 use boost_lab::journal::digest;
+use boost_lab::mapping::{self, Map};
 use boost_lab::tune::{Basis, Journal, Procedure, Schedule, Task, html, json};
 use clap::Args;
 use fmi2_export::package::ParameterSet;
@@ -19,6 +20,9 @@ pub struct Arguments {
     /// The plant
     #[arg(long, value_name = "FILE.fmu")]
     plant: PathBuf,
+    /// A map for a plant with other names and units, as `boost-fmu check --write-map` writes it
+    #[arg(long, value_name = "FILE.json")]
+    map: Option<PathBuf>,
     /// Parameters of the plant; may be given several times
     #[arg(long, value_name = "FILE.ssv")]
     parameters: Vec<PathBuf>,
@@ -47,8 +51,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             .with_context(|| format!("{} cannot be tuned", path.display()))?,
         None => Schedule::built_in()?,
     };
+    let plant_map = arguments.map.as_deref().map(Map::read).transpose()?;
     let task = Task {
-        plant: Fmu::open(&arguments.plant)?,
+        plant: mapping::open(&arguments.plant, plant_map.as_ref())?,
+        plant_map,
         plant_parameters: arguments.parameters.iter().map(|path| read(path)).collect::<Result<_>>()?,
         lambda: arguments.lambda.unwrap_or(schedule.lambda),
         schedule: schedule.with_grid(arguments.engine_speeds.clone(), arguments.boost_references.clone())?,
@@ -56,7 +62,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     };
     let out = &arguments.out;
     fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
-    let settings = task.settings(digest(&arguments.plant)?);
+    let settings = task.settings(digest(&arguments.plant)?)?;
     let journal = Journal::open(&out.join("journal.jsonl"), &settings)?;
     let (sweeps, points) = journal.finished();
     if sweeps + points > 0 {

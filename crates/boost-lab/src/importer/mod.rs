@@ -14,14 +14,16 @@ mod c_boundary;
 mod folder;
 mod messages;
 
+use std::collections::BTreeMap;
 use std::ffi::CString;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
+use boost_interface::Translation;
 use fmi2_export::c_types::{FmuState, ValueReference};
-use fmi2_export::package::{ModelDescription, ParameterSet, Platform, Value, Variable, like};
+use fmi2_export::package::{Linear, ModelDescription, ParameterSet, Platform, Value, Variable, like};
 use tempfile::TempDir;
 
 use self::c_boundary::{Functions, Handle};
@@ -31,9 +33,11 @@ pub use self::messages::{CallFailed, Message, Status};
 pub struct Fmu {
     path: PathBuf,
     description: ModelDescription,
+    /// By their names: what takes the FMU's values to those that are seen here.
+    conversions: BTreeMap<String, Linear>,
     functions: Arc<Functions>,
     // Dropped after the library in it.
-    folder: TempDir,
+    folder: Arc<TempDir>,
 }
 
 impl Fmu {
@@ -63,7 +67,27 @@ impl Fmu {
             bail!("it has no {library}: it is not for this platform");
         }
         let functions = Functions::load(&folder.path().join(library))?;
-        Ok(Self { path: path.to_owned(), description, functions: Arc::new(functions), folder })
+        Ok(Self {
+            path: path.to_owned(),
+            description,
+            conversions: BTreeMap::new(),
+            functions: Arc::new(functions),
+            folder: Arc::new(folder),
+        })
+    }
+
+    /// The FMU as it is seen in other names and units: from here on nothing refers to its own.
+    #[must_use]
+    pub fn translated(&self, translation: Translation) -> Arc<Self> {
+        let mut conversions = translation.to_interface;
+        conversions.retain(|_, conversion| *conversion != Linear::IDENTITY);
+        Arc::new(Self {
+            path: self.path.clone(),
+            description: translation.description,
+            conversions,
+            functions: Arc::clone(&self.functions),
+            folder: Arc::clone(&self.folder),
+        })
     }
 
     /// What the FMU says of itself.
@@ -99,7 +123,13 @@ impl Fmu {
             let reference = reference(variable)?;
             let position = selection.names.len();
             match variable.data_type.as_str() {
-                "Real" => selection.reals.push(reference, position),
+                "Real" => {
+                    if let Some(&to_seen) = self.conversions.get(name) {
+                        let slot = selection.reals.references.len();
+                        selection.conversions.push(Conversion { slot, to_seen, to_own: to_seen.inverse() });
+                    }
+                    selection.reals.push(reference, position);
+                }
                 "Integer" | "Enumeration" => selection.integers.push(reference, position),
                 "Boolean" => selection.booleans.push(reference, position),
                 other => bail!("{name} is of the type {other}, which is no number"),
@@ -157,6 +187,17 @@ pub struct Selection {
     integers: Group<i32>,
     /// An `fmi2Boolean` is an int.
     booleans: Group<i32>,
+    conversions: Vec<Conversion>,
+}
+
+/// What converts one of a selection's reals.
+struct Conversion {
+    /// Its place among them.
+    slot: usize,
+    /// From the FMU's value.
+    to_seen: Linear,
+    /// To the FMU's value.
+    to_own: Linear,
 }
 
 /// Those of a type.
@@ -315,10 +356,13 @@ impl Instance {
     /// # Errors
     /// When the FMU refuses.
     pub fn get(&mut self, selection: &mut Selection, values: &mut [f64]) -> Result<()> {
-        let Selection { names, reals, integers, booleans } = selection;
+        let Selection { names, reals, integers, booleans, conversions } = selection;
         if !reals.references.is_empty() {
             let status = self.handle.get_real(&reals.references, &mut reals.values);
             self.check("fmi2GetReal", names, status)?;
+            for Conversion { slot, to_seen, .. } in conversions {
+                reals.values[*slot] = to_seen.apply(reals.values[*slot]);
+            }
             reals.scatter(values, |value| value);
         }
         if !integers.references.is_empty() {
@@ -339,9 +383,12 @@ impl Instance {
     /// # Errors
     /// When the FMU refuses.
     pub fn set(&mut self, selection: &mut Selection, values: &[f64]) -> Result<()> {
-        let Selection { names, reals, integers, booleans } = selection;
+        let Selection { names, reals, integers, booleans, conversions } = selection;
         if !reals.references.is_empty() {
             reals.gather(values, |value| value);
+            for Conversion { slot, to_own, .. } in conversions {
+                reals.values[*slot] = to_own.apply(reals.values[*slot]);
+            }
             let status = self.handle.set_real(&reals.references, &reals.values);
             self.check("fmi2SetReal", names, status)?;
         }
@@ -400,7 +447,10 @@ impl Instance {
         let name = &variable.name;
         let references = [reference(variable)?];
         let (function, status) = match value {
-            Value::Real(value, _) => ("fmi2SetReal", self.handle.set_real(&references, &[*value])),
+            Value::Real(value, _) => {
+                let own = self.fmu.conversions.get(name).map_or(*value, |seen| seen.inverse().apply(*value));
+                ("fmi2SetReal", self.handle.set_real(&references, &[own]))
+            }
             Value::Integer(value) => ("fmi2SetInteger", self.handle.set_integer(&references, &[*value])),
             Value::Enumeration(item) => {
                 let enumeration = self.fmu.description.enumeration(&variable.declared_type);

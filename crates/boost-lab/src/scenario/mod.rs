@@ -8,6 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use boost_interface::Map;
 use fmi2_export::package::{ParameterSet, Value};
 use toml::de::DeValue;
 
@@ -54,6 +55,8 @@ pub struct Member {
     pub name: String,
     /// The file.
     pub file: PathBuf,
+    /// Which of its variables are those of the interface, where it has other names or units.
+    pub map: Option<Map>,
     /// Where it stands.
     pub place: Place,
     /// Parameter sets that are set before initialization.
@@ -237,6 +240,7 @@ fn read_member(node: &Node<'_>, folder: &Path, fmus: &Path) -> Result<Member> {
     let member = Member {
         name: table.required("name", "the FMU's name in the scenario")?.string("a text")?.to_owned(),
         file: fmus.join(file.string("the FMU's path")?),
+        map: table.optional("map").map(|node| read_map(&node, folder)).transpose()?,
         place: file.place().clone(),
         parameters: table.optional("parameters").map_or(Ok(vec![]), |node| {
             const EXPECTED: &str = "a list of paths of parameter sets (.ssv)";
@@ -248,6 +252,11 @@ fn read_member(node: &Node<'_>, folder: &Path, fmus: &Path) -> Result<Member> {
     };
     table.finish()?;
     Ok(member)
+}
+
+fn read_map(node: &Node<'_>, folder: &Path) -> Result<Map> {
+    let path = folder.join(node.string("the path of a map (.json)")?);
+    node.place().locate(Map::read(&path))
 }
 
 fn read_parameters(node: &Node<'_>, folder: &Path, expected: &str) -> Result<(ParameterSet, Place)> {

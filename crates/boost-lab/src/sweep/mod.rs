@@ -22,6 +22,7 @@ use self::design::Design;
 use self::journal::{Journal, Outcome};
 use self::measures::Measure;
 use crate::journal::digest;
+use crate::mapping;
 use crate::master::{Fmus, Master};
 use crate::scenario::document::Document;
 use crate::scenario::{Assignment, Place, Recorded, Scenario};
@@ -217,6 +218,9 @@ impl Loaded {
         for member in &scenario.fmus {
             let name = &member.name;
             set(format!("SHA-256 of {name}'s file"), digest(&member.file)?);
+            if let Some(map) = &member.map {
+                set(format!("{name}'s map"), mapping::setting(map)?);
+            }
             for (index, (parameters, _)) in member.parameters.iter().enumerate() {
                 set(format!("{name}'s parameter set {}", index + 1), format!("{parameters:?}"));
             }

@@ -24,6 +24,7 @@ use serde::Serialize;
 
 use crate::importer::Fmu;
 use crate::journal::Settings;
+use crate::mapping;
 
 use self::bench::Bench;
 pub use self::bench::{Hold, Point, Sweep};
@@ -38,6 +39,8 @@ pub use self::schedule::{Map, Schedule};
 pub struct Task {
     /// The plant.
     pub plant: Arc<Fmu>,
+    /// The map that the plant is seen by, if any.
+    pub plant_map: Option<mapping::Map>,
     /// The plant's parameters, set in their order.
     pub plant_parameters: Vec<ParameterSet>,
     /// The controller's grid.
@@ -141,10 +144,12 @@ impl Task {
     }
 
     /// All that the experiments depend on; `digest` is that of the plant's file.
-    #[must_use]
-    pub fn settings(&self, digest: String) -> Settings {
+    ///
+    /// # Errors
+    /// When a number of the map is none.
+    pub fn settings(&self, digest: String) -> Result<Settings> {
         let schedule = &self.schedule;
-        [
+        let mut settings: Settings = [
             ("boost-lab's version", env!("CARGO_PKG_VERSION").to_owned()),
             ("SHA-256 of the plant's file", digest),
             ("the plant's parameters", self.plant_parameters_written()),
@@ -155,7 +160,11 @@ impl Task {
             ("the procedure", format!("{:?}", self.procedure)),
         ]
         .map(|(name, value)| (name.to_owned(), value))
-        .into()
+        .into();
+        if let Some(map) = &self.plant_map {
+            settings.insert("the plant's map".to_owned(), mapping::setting(map)?);
+        }
+        Ok(settings)
     }
 
     /// How many seconds of the plant's time a tuning takes at most.

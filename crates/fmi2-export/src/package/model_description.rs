@@ -3,12 +3,15 @@
 //! What the schemas say is not checked here; validators do. What is read is taken as it stands there, as text
 //! where its meaning differs between versions, and whatever is not XML is refused with its place.
 
-use std::io;
+use std::fs::File;
+use std::io::{self, BufReader};
+use std::path::Path;
 
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
-use super::archive::broken;
+use super::archive::{self, broken};
+use super::fmu::MODEL_DESCRIPTION;
 use super::units::{BaseUnit, DisplayUnit, Unit};
 
 /// How deep elements may lie in each other; schemas of FMI and SSP need a tenth.
@@ -79,6 +82,21 @@ struct DeclaredType {
 }
 
 impl ModelDescription {
+    /// Reads the description of an FMU, after a look at the whole archive.
+    ///
+    /// # Errors
+    /// When there is no such file, it is no FMU, or its description is broken; the message names the file.
+    pub fn read(fmu: &Path) -> io::Result<Self> {
+        let shown = fmu.display();
+        let file = File::open(fmu)
+            .map_err(|error| io::Error::new(error.kind(), format!("cannot open {shown}: {error}")))?;
+        let xml = archive::open(BufReader::new(file))
+            .and_then(|mut archive| archive::read_text(&mut archive, MODEL_DESCRIPTION))
+            .map_err(|error| broken(format!("{shown} is no FMU: {error}")))?;
+        Self::parse(&xml)
+            .map_err(|error| broken(format!("{MODEL_DESCRIPTION} in {shown} is broken: {error}")))
+    }
+
     /// Reads the text of a modelDescription.xml.
     ///
     /// # Errors

@@ -53,7 +53,7 @@ impl Value {
             ("Real", Self::Real(value, unit)) => {
                 let value = match unit {
                     Some(unit) if *unit != variable.unit => conversion(unit, variable, units, fmu)
-                        .map_err(|reason| self.refused(variable, reason))?
+                        .map_err(|reason| self.refused(variable, &reason))?
                         .apply(*value),
                     _ => *value,
                 };
@@ -65,7 +65,7 @@ impl Value {
             }
             ("Enumeration", Self::Enumeration(_) | Self::String(_) | Self::Integer(_)) => {
                 let enumeration = fmu.enumeration(&variable.declared_type).ok_or_else(|| {
-                    self.refused(variable, format!("its type {} is not defined", variable.declared_type))
+                    self.refused(variable, &format!("its type {} is not defined", variable.declared_type))
                 })?;
                 let is_meant = |(name, number): &&(String, i32)| match self {
                     Self::Integer(wanted) => number == wanted,
@@ -74,12 +74,12 @@ impl Value {
                 };
                 let (item, _) = enumeration.items.iter().find(is_meant).ok_or_else(|| {
                     let items: Vec<_> = enumeration.items.iter().map(|(name, _)| name.as_str()).collect();
-                    self.refused(variable, format!("it is none of {}", items.join(", ")))
+                    self.refused(variable, &format!("it is none of {}", items.join(", ")))
                 })?;
                 Ok(Self::Enumeration(item.clone()))
             }
             (wanted, _) => {
-                Err(self.refused(variable, format!("it is of the type {}, not {wanted}", self.type_name())))
+                Err(self.refused(variable, &format!("it is of the type {}, not {wanted}", self.type_name())))
             }
         }
     }
@@ -95,11 +95,11 @@ impl Value {
         if (min..=max).contains(&number) {
             Ok(())
         } else {
-            Err(self.refused(variable, format!("{self} is not within {min}..{max}")))
+            Err(self.refused(variable, &format!("{self} is not within {min}..{max}")))
         }
     }
 
-    fn refused(&self, variable: &Variable, reason: String) -> io::Error {
+    fn refused(&self, variable: &Variable, reason: &str) -> io::Error {
         broken(format!("the value {self} of {} cannot be taken: {reason}", variable.name))
     }
 

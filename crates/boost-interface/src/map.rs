@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail};
 use fmi2_export::package::{Linear, ModelDescription, Unit};
 use serde::{Deserialize, Serialize};
 
-use super::{Port, Role};
+use crate::{Port, Role};
 
 /// A map as the file holds it.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -56,6 +56,10 @@ pub enum Meaning {
 
 impl Map {
     /// Reads a file.
+    ///
+    /// # Errors
+    /// When it cannot be read, is no map, names what is no variable of the interface, or leaves a name open; the
+    /// message says which.
     pub fn read(path: &Path) -> Result<Self> {
         let shown = path.display();
         let text = fs::read_to_string(path).with_context(|| format!("cannot read the map {shown}"))?;
@@ -82,15 +86,20 @@ impl Map {
         Ok(map)
     }
 
-    /// Writes a file; one that is there is kept.
-    pub fn write(&self, path: &Path) -> Result<()> {
-        let text = serde_json::to_string_pretty(self).context("cannot write the map")? + "\n";
-        super::super::write_new(path, text.as_bytes())
+    /// The text of the file.
+    ///
+    /// # Errors
+    /// When a number is none.
+    pub fn to_json(&self) -> Result<String> {
+        Ok(serde_json::to_string_pretty(self).context("cannot write the map")? + "\n")
     }
 }
 
 impl Entry {
     /// What the entry says of the value of a port; units are those of the interface or of the FMU.
+    ///
+    /// # Errors
+    /// When it contradicts itself, or its unit is not known.
     pub fn meaning(&self, port: &Port, fmu: &ModelDescription) -> Result<Meaning, String> {
         match (&self.unit, self.factor, self.offset) {
             (Some(_), Some(_), _) | (Some(_), _, Some(_)) => {

@@ -1,11 +1,13 @@
 //! Whether an FMU can take a place: for each variable of the interface, which of its variables it is, what is
 //! wrong with that, and how values convert.
 
+use std::fmt::{self, Display, Formatter};
+
 use anyhow::{Result, bail};
 use fmi2_export::package::{Kind, Linear, ModelDescription, Variable};
 
-use super::map::{Entry, Map, Meaning};
-use super::{Port, Role};
+use crate::map::{Entry, Map, Meaning};
+use crate::{Port, Role};
 
 /// How like the interface's a name must be to be suggested, from 0 to 1.
 const LIKENESS: f64 = 0.6;
@@ -88,17 +90,27 @@ impl<'a> Fit<'a> {
         if fmu.interface("CoSimulation").is_none() {
             problems.push("it is not for co-simulation".to_owned());
         }
-        let matches = role
+        let matches: Vec<(Port, Match<'a>)> = role
             .ports()
             .map(|port| {
                 let entry = map.and_then(|map| map.variables.get(port.name()));
                 (port, Match::new(&port, fmu, entry))
             })
             .collect();
+        for (index, (port, found)) in matches.iter().enumerate() {
+            let twin = matches[..index].iter().find(|(other, same)| {
+                other.kind == Kind::Input && port.kind == Kind::Input && found.is_the_same_as(same)
+            });
+            if let (Some((other, _)), Match::Found { variable, .. }) = (twin, found) {
+                let [one, two] = [other.name(), port.name()];
+                problems.push(format!("its input {} cannot be both {one} and {two}", variable.name));
+            }
+        }
         Ok(Self { role, fmu, matches, problems })
     }
 
     /// Whether the FMU can take the place.
+    #[must_use]
     pub fn fits(&self) -> bool {
         self.problems.is_empty()
             && self.matches.iter().all(|(port, found)| found.verdict(port) != Verdict::Wrong)
@@ -114,6 +126,7 @@ impl<'a> Fit<'a> {
     }
 
     /// The map by which the FMU was compared, completed by what may be meant where nothing was found.
+    #[must_use]
     pub fn to_map(&self, given: Option<&Map>) -> Map {
         let variables = self.matches.iter().map(|(port, found)| {
             let given = given.and_then(|map| map.variables.get(port.name()).cloned());
@@ -195,13 +208,79 @@ impl<'a> Match<'a> {
         Self::Found { variable, to_interface, problems, notes }
     }
 
+    /// Whether both are the same variable of the FMU.
+    fn is_the_same_as(&self, other: &Self) -> bool {
+        matches!(
+            (self, other),
+            (Self::Found { variable: one, .. }, Self::Found { variable: two, .. }) if one.name == two.name
+        )
+    }
+
     /// What it means that this was found for a port.
+    #[must_use]
     pub fn verdict(&self, port: &Port) -> Verdict {
         match self {
             Self::Found { problems, .. } if problems.is_empty() => Verdict::Fits,
             Self::Unconnected => Verdict::LeftOut,
             Self::Missing { .. } if !port.couples() => Verdict::LeftOut,
             _ => Verdict::Wrong,
+        }
+    }
+}
+
+/// What was found, line by line.
+impl Display for Fit<'_> {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(
+            formatter,
+            "{} in the {}'s place, by the names and units of {}:",
+            self.fmu.attribute("modelName"),
+            self.role.name(),
+            self.role.model_identifier()
+        )?;
+        for problem in &self.problems {
+            writeln!(formatter, "  WRONG  {problem}")?;
+        }
+        let width = self.matches.iter().map(|(port, _)| port.name().len()).max().unwrap_or(0);
+        for (port, found) in &self.matches {
+            let word = match found.verdict(port) {
+                Verdict::Fits => "ok   ",
+                Verdict::LeftOut => "-    ",
+                Verdict::Wrong => "WRONG",
+            };
+            let kind = match port.kind {
+                Kind::Input => "input ",
+                Kind::Output => "output",
+            };
+            let line = format!("  {word}  {kind}  {:width$}  {}", port.name(), details(found));
+            writeln!(formatter, "{}", line.trim_end())?;
+        }
+        let others: Vec<_> = self.other_inputs().map(|input| input.name.as_str()).collect();
+        if !others.is_empty() {
+            writeln!(formatter, "Inputs of its own, which keep their start values: {}", others.join(", "))?;
+        }
+        let can = if self.fits() { "can" } else { "cannot" };
+        writeln!(formatter, "It {can} take the {}'s place.", self.role.name())
+    }
+}
+
+fn details(found: &Match<'_>) -> String {
+    let like = |suggestions: &[&str]| match suggestions {
+        [] => String::new(),
+        names => format!("; like it: {}", names.join(", ")),
+    };
+    match found {
+        Match::Missing { suggestions } => format!("missing{}", like(suggestions)),
+        Match::Unconnected => "left unconnected by the map".to_owned(),
+        Match::Unknown { name, suggestions } => {
+            format!("the map's {name} is missing{}", like(suggestions))
+        }
+        Match::Found { variable, problems, notes, .. } => {
+            let said: Vec<_> = problems.iter().chain(notes).map(String::as_str).collect();
+            match said.join("; ") {
+                said if said.is_empty() => variable.name.clone(),
+                said => format!("{}: {said}", variable.name),
+            }
         }
     }
 }

@@ -1,0 +1,166 @@
+//! An FMU in the interface's names and units: who couples it, drives it or looks at it needs to know no others.
+
+use std::collections::BTreeMap;
+
+use fmi2_export::package::{Linear, ModelDescription, Variable};
+
+use crate::Port;
+use crate::fit::{Fit, Match};
+
+/// What an FMU would say of itself if it had the interface's names and units, and how its values get there.
+#[derive(Clone, Debug)]
+pub struct Translation {
+    /// The FMU's description. What is connected has the interface's name and unit; what the map leaves unconnected
+    /// is a local variable; what has a name of the interface and is another variable is left out.
+    pub description: ModelDescription,
+    /// By the names in the interface: what takes the FMU's values there. The values of other variables are the
+    /// FMU's own.
+    pub to_interface: BTreeMap<String, Linear>,
+}
+
+impl Fit<'_> {
+    /// The FMU in the interface's names and units.
+    #[must_use]
+    pub fn translation(&self) -> Translation {
+        let mut description = self.fmu.clone();
+        let mut to_interface = BTreeMap::new();
+        description.units.clear();
+        for (port, _) in &self.matches {
+            if description.units.iter().all(|unit| unit.name != port.unit().name) {
+                description.units.push(port.unit());
+            }
+        }
+        // A unit of the FMU's own variables that the interface defines otherwise says nothing of them any more.
+        let (foreign, own): (Vec<_>, Vec<_>) = self.fmu.units.iter().cloned().partition(|unit| {
+            description.units.iter().any(|known| known.name == unit.name && known.base != unit.base)
+        });
+        for unit in own {
+            if description.units.iter().all(|known| known.name != unit.name) {
+                description.units.push(unit);
+            }
+        }
+        description.variables.clear();
+        for variable in &self.fmu.variables {
+            let mut is_connected = false;
+            for (port, found) in &self.matches {
+                let Match::Found { variable: connected, to_interface: function, .. } = found else {
+                    continue;
+                };
+                if connected.name == variable.name {
+                    is_connected = true;
+                    description.variables.push(translated(variable, port, *function));
+                    to_interface.insert(port.name().to_owned(), *function);
+                }
+            }
+            let namesake = self.matches.iter().find(|(port, _)| port.name() == variable.name);
+            let mut variable = variable.clone();
+            if foreign.iter().any(|unit| unit.name == variable.unit) {
+                variable.unit.clear();
+            }
+            match namesake {
+                _ if is_connected => {}
+                None => description.variables.push(variable),
+                Some((_, Match::Unconnected)) => {
+                    "local".clone_into(&mut variable.causality);
+                    description.variables.push(variable);
+                }
+                Some(_) => {}
+            }
+        }
+        Translation { description, to_interface }
+    }
+}
+
+/// A variable by the interface's name, in its unit.
+fn translated(variable: &Variable, port: &Port, function: Linear) -> Variable {
+    let converted = |text: &str| match text.trim().parse::<f64>() {
+        Ok(value) => function.apply(value).to_string(),
+        // There is none, or none that could be read.
+        Err(_) => text.to_owned(),
+    };
+    let mut bounds = [converted(&variable.min), converted(&variable.max)];
+    if function.factor < 0.0 {
+        bounds.reverse();
+    }
+    let [min, max] = bounds;
+    Variable {
+        name: port.name().to_owned(),
+        unit: port.unit().name,
+        start: converted(&variable.start),
+        min,
+        max,
+        ..variable.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Map, Role};
+
+    const FMU: &str = r#"<fmiModelDescription fmiVersion="2.0" modelName="Other">
+      <CoSimulation modelIdentifier="Other"/>
+      <UnitDefinitions>
+        <Unit name="bar"><BaseUnit kg="1" m="-1" s="-2" factor="1e5"/></Unit>
+        <Unit name="%"><BaseUnit/></Unit>
+      </UnitDefinitions>
+      <ModelVariables>
+        <ScalarVariable name="p" causality="output"><Real unit="bar" start="1.5" min="0" max="3"/></ScalarVariable>
+        <ScalarVariable name="shut" causality="input"><Real start="0.25" min="0" max="1"/></ScalarVariable>
+        <ScalarVariable name="hp_bypass" causality="input"><Real/></ScalarVariable>
+        <ScalarVariable name="boost_pressure" causality="output"><Real unit="bar"/></ScalarVariable>
+        <ScalarVariable name="slip" causality="output"><Real unit="%"/></ScalarVariable>
+      </ModelVariables></fmiModelDescription>"#;
+
+    fn map(variables: &str) -> Map {
+        serde_json::from_str(&format!(
+            r#"{{"as": "plant", "fmu": "Other", "variables": {{"vacuum_pump": null, "lp_wastegate": null,
+               "hp_bypass": null, "tank_pressure": null, "supply_voltage_measured": null, {variables}}}}}"#
+        ))
+        .unwrap()
+    }
+
+    #[test]
+    fn an_fmu_gets_the_names_and_units_of_the_interface() {
+        let fmu = ModelDescription::parse(FMU).unwrap();
+        let map = map(r#""boost_pressure": {"name": "p"},
+               "hp_wastegate_pwm": {"name": "shut", "factor": -100, "offset": 100}"#);
+        let fit = Fit::new(Role::Plant, &fmu, Some(&map)).unwrap();
+        assert!(fit.fits(), "{fit}");
+        let Translation { description, to_interface } = fit.translation();
+        let seen: Vec<_> = description
+            .variables
+            .iter()
+            .map(|v| {
+                let Variable { name, causality, unit, start, min, max, .. } = v;
+                [name, causality, unit, start, min, max].map(String::as_str)
+            })
+            .collect();
+        assert_eq!(
+            seen,
+            [
+                ["boost_pressure", "output", "Pa", "150000", "0", "300000"],
+                ["hp_wastegate_pwm", "input", "%", "75", "0", "100"],
+                ["hp_bypass", "local", "", "", "", ""],
+                // Its boost_pressure is not the interface's, and its % is not the interface's hundredth.
+                ["slip", "output", "", "", "", ""],
+            ]
+        );
+        let converted = |name: &str, value| to_interface[name].apply(value).to_bits();
+        assert_eq!(converted("boost_pressure", 1.25), 125_000_f64.to_bits());
+        assert_eq!(converted("hp_wastegate_pwm", 0.75), 25_f64.to_bits());
+        assert_eq!(to_interface.len(), 2);
+        assert!(description.unit("bar").is_some());
+        assert_eq!(description.unit("%").unwrap().base.unwrap().factor.to_bits(), 0.01_f64.to_bits());
+    }
+
+    #[test]
+    fn an_input_has_one_source() {
+        let fmu = ModelDescription::parse(FMU).unwrap();
+        let map = map(r#""boost_pressure": {"name": "p"}, "throttle": {"name": "shut", "unit": "1"},
+               "hp_wastegate_pwm": {"name": "shut", "unit": "1"}"#);
+        let fit = Fit::new(Role::Plant, &fmu, Some(&map)).unwrap();
+        assert_eq!(fit.problems, ["its input shut cannot be both hp_wastegate_pwm and throttle"]);
+        assert!(!fit.fits());
+    }
+}
