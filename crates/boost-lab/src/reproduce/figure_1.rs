@@ -31,7 +31,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     Ok(Evidence {
         drawings: vec![(
             "Supply voltage, actuator pressure, wastegate position and boost pressure.".into(),
-            figure,
+            figure.into(),
         )],
         claims: vec![
             Claim {

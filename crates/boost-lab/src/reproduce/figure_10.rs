@@ -63,7 +63,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         drawings: vec![(
             "Supply voltage, wastegate position without and with the compensator, and the compensated duty."
                 .into(),
-            figure,
+            figure.into(),
         )],
         claims: vec![
             Claim {

@@ -76,7 +76,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     Ok(Evidence {
         drawings: vec![(
             "Torque, boost pressure and the pressure before the turbines at full load.".into(),
-            figure,
+            figure.into(),
         )],
         claims: vec![
             Claim {

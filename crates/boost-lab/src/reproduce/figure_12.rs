@@ -3,8 +3,11 @@
 use anyhow::Result;
 
 use super::measure::greatest;
-use super::{Basis, Claim, Evidence, Laboratory, shipped};
+use super::{Basis, Claim, Drawing, Evidence, Laboratory, shipped};
 use crate::plot::{Figure, Line, Panel, color};
+
+/// The drawing in the documentation of `BoostController`.
+const STRUCTURE: &str = include_str!("../../../../modelDescription/documentation/controller_structure.svg");
 
 pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     let (name, text) = shipped!("figure_12.toml");
@@ -56,7 +59,18 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             .line(line("derivative_term", 1.0)?.color(color::PURPLE).label("derivative"))])
         .shared_x();
     Ok(Evidence {
-        drawings: vec![("Steps of the reference at a supply of 13 V: what the controller's blocks put out.".into(), figure)],
+        drawings: vec![
+            (
+                "The structure. Pale: the reference model, which is not among the paper's blocks; in the paper's own \
+                 structure the reference goes straight through. The gain schedule acts along the dashed lines."
+                    .into(),
+                Drawing::Picture(without_links(STRUCTURE)),
+            ),
+            (
+                "Steps of the reference at a supply of 13 V: what the controller's blocks put out.".into(),
+                figure.into(),
+            ),
+        ],
         claims: vec![
             Claim {
                 name: "sum_of_terms",
@@ -98,4 +112,12 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 .into(),
         ],
     })
+}
+
+/// A picture with groups in the place of its links, which lead to variables of the page that it was drawn for.
+fn without_links(svg: &str) -> String {
+    let mut parts = svg.split(" href=\"");
+    let first = parts.next().unwrap_or_default().to_owned();
+    let text = parts.fold(first, |text, part| text + part.split_once('"').map_or("", |(_, rest)| rest));
+    text.replace("<a", "<g").replace("</a>", "</g>")
 }

@@ -47,11 +47,11 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         drawings: vec![
             (
                 "Reference and actual boost pressure, and the duty.".into(),
-                draw(&record, "With the reference model (the default)")?,
+                draw(&record, "With the reference model (the default)")?.into(),
             ),
             (
                 "The same with the feedback structure that the paper prints.".into(),
-                draw(&paper, "With the structure of the paper")?,
+                draw(&paper, "With the structure of the paper")?.into(),
             ),
         ],
         claims: claims(&following, &papers, least(duty.iter().copied())),

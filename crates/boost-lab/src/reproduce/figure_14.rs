@@ -68,8 +68,8 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         )]);
     Ok(Evidence {
         drawings: vec![
-            ("Supply voltage; desired and actual boost pressure, and the duty.".into(), figure),
-            ("What the compensator spares: the band is the paper's 1 kPa.".into(), comparison),
+            ("Supply voltage; desired and actual boost pressure, and the duty.".into(), figure.into()),
+            ("What the compensator spares: the band is the paper's 1 kPa.".into(), comparison.into()),
         ],
         claims: vec![
             Claim {

@@ -76,7 +76,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     Ok(Evidence {
         drawings: vec![(
             "What the plant's valve does at rest, and the polynomials of Table 1.".into(),
-            Figure::new().row([leakage, pressure]),
+            Figure::new().row([leakage, pressure]).into(),
         )],
         claims: vec![
             Claim {

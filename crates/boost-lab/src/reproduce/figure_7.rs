@@ -56,7 +56,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     Ok(Evidence {
         drawings: vec![(
             "A ramp of the duty by 1 % per second, up and down, the pump's relay at work.".into(),
-            figure,
+            figure.into(),
         )],
         claims: vec![
             Claim {

@@ -43,7 +43,7 @@ fn spring(laboratory: &mut Laboratory) -> Result<Evidence> {
     Ok(Evidence {
         drawings: vec![(
             "The spring's force over the rod's position, from the ramp of Fig. 7.".into(),
-            Figure::new().row([panel]),
+            Figure::new().row([panel]).into(),
         )],
         claims: vec![Claim {
             name: "spring_stiffening",
@@ -95,7 +95,7 @@ fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
         drawings: vec![(
             "The pump's run: voltage at the valve, tank pressure, wastegate position, pressure before the turbine."
                 .into(),
-            figure,
+            figure.into(),
         )],
         claims: vec![
             Claim {

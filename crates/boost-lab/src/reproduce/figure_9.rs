@@ -62,7 +62,10 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         .fold(Figure::new(), |figure, (left, right)| figure.row([left, right]))
         .shared_x();
     Ok(Evidence {
-        drawings: vec![("The model alone: the paper's measurements are not published.".into(), figure)],
+        drawings: vec![(
+            "The model alone: the paper's measurements are not published.".into(),
+            figure.into(),
+        )],
         claims: vec![
             Claim {
                 name: "ramp_deviation",

@@ -65,11 +65,25 @@ pub const FIGURES: [PaperFigure; 10] = [
 /// What a figure's experiments gave.
 pub struct Evidence {
     /// The drawings, each with what it shows.
-    pub drawings: Vec<(String, Figure)>,
+    pub drawings: Vec<(String, Drawing)>,
     /// The statements.
     pub claims: Vec<Claim>,
     /// What else a reader must know: how the experiment differs from the paper's, what is not reproduced.
     pub notes: Vec<String>,
+}
+
+/// A drawing of a report.
+pub enum Drawing {
+    /// A plot of what was recorded.
+    Plot(Figure),
+    /// A picture, as SVG.
+    Picture(String),
+}
+
+impl From<Figure> for Drawing {
+    fn from(plot: Figure) -> Self {
+        Self::Plot(plot)
+    }
 }
 
 /// A statement of the paper, held against the FMUs.

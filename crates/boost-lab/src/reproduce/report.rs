@@ -3,7 +3,7 @@
 use anyhow::Result;
 use serde::Serialize;
 
-use super::{Claim, Reproduced};
+use super::{Claim, Drawing, Reproduced};
 use crate::plot::escaped;
 
 /// The number of significant digits that are shown.
@@ -16,6 +16,7 @@ figure { margin: 1em 0; } figure svg { width: 100%; height: auto; } figcaption {
 table { border-collapse: collapse; width: 100%; font-size: 0.88em; } th { text-align: left; font-weight: 600; white-space: nowrap; }
 th, td { padding: 0.35em 0.6em 0.35em 0; vertical-align: top; border-bottom: 1px solid #e0e0e0; }
 td.number { white-space: nowrap; } .how { color: #555; font-size: 0.93em; }
+svg .third { color: #666; } svg .added { opacity: 0.45; }
 .holds { color: #00704f; font-weight: 600; } .fails { color: #b32d00; font-weight: 600; }
 pre { font-size: 0.8em; background: #f6f6f6; padding: 0.8em; overflow-x: auto; } summary { cursor: pointer; color: #444; font-size: 0.9em; }
 ";
@@ -97,12 +98,11 @@ fn section(Reproduced { figure, evidence, scenarios }: &Reproduced) -> String {
     let mut text =
         format!("<h2 id=\"figure-{0}\">Fig. {0}: {1}</h2>\n", figure.number, escaped(figure.title));
     for (index, (caption, drawing)) in evidence.drawings.iter().enumerate() {
-        let name = format!("figure-{}-{}", figure.number, index + 1);
-        text += &format!(
-            "<figure>\n{}<figcaption>{}</figcaption>\n</figure>\n",
-            drawing.svg_named(&name),
-            escaped(caption)
-        );
+        let svg = match drawing {
+            Drawing::Plot(plot) => plot.svg_named(&format!("figure-{}-{}", figure.number, index + 1)),
+            Drawing::Picture(svg) => svg.clone(),
+        };
+        text += &format!("<figure>\n{svg}<figcaption>{}</figcaption>\n</figure>\n", escaped(caption));
     }
     text += "<table>\n<tr><th>The paper</th><th>The FMUs</th><th>Asked for</th><th></th></tr>\n";
     for claim in &evidence.claims {
