@@ -440,7 +440,7 @@ def clone(exported: Path, tmp_path: Path) -> Path:
     (tmp_path / "target" / "release").mkdir(parents=True)
     (tmp_path / "target" / "fmu").symlink_to(exported)
     (tmp_path / "target" / "release" / "boost-lab").symlink_to(TARGET / "release" / "boost-lab")
-    for folder in ["crates", "parameters"]:
+    for folder in ["crates", "examples", "parameters"]:
         (tmp_path / folder).symlink_to(ROOT / folder)
     return tmp_path
 
@@ -452,7 +452,7 @@ def test_every_line_of_the_document_is_tried() -> None:
     script = (ROOT / "tests" / "run").read_text()
     for line in others:
         assert line.replace("--release", "--release --locked") in script
-    assert len(LAB_LINES) - len(FOREIGN_LINES) == 5
+    assert len(LAB_LINES) - len(FOREIGN_LINES) == 6
 
 
 @pytest.mark.parametrize("line", [line for line in LAB_LINES if line not in FOREIGN_LINES])
@@ -463,13 +463,13 @@ def test_line_of_the_document(clone: Path, line: str) -> None:
     written = [clone / word for word in done.stdout.split() if word.startswith("target/")]
     assert written
     for file in written:
-        assert file.stat().st_size > 1000
+        assert file.stat().st_size > 500
     for path in re.findall(r"(?<=--out |-plot )\S+", line):
         assert (clone / path).exists()
 
 
 def test_scenario_of_the_document(lab: Run, clone: Path) -> None:
-    (text,) = re.findall(r"^```toml\n(.*?)^```$", DOCUMENT, re.DOTALL | re.MULTILINE)
+    text, _ = re.findall(r"^```toml\n(.*?)^```$", DOCUMENT, re.DOTALL | re.MULTILINE)
     folder = clone / "mine"
     folder.mkdir()
     (folder / "mine.toml").write_text(text)
@@ -483,11 +483,40 @@ def test_scenario_of_the_document(lab: Run, clone: Path) -> None:
     assert record["controller:engine_speed"][-1] == 2000.0
 
 
-def test_document_knows_every_key() -> None:
+def test_study_of_the_document(lab: Run, clone: Path) -> None:
+    _, text = re.findall(r"^```toml\n(.*?)^```$", DOCUMENT, re.DOTALL | re.MULTILINE)
+    folder = clone / "mine"
+    folder.mkdir()
+    assert "runs = 200" in text
+    (folder / "mine.toml").write_text(text.replace("runs = 200", "runs = 2"))
+    done = lab("sweep", folder / "mine.toml", "--fmus", clone / "target" / "fmu", "--out", folder / "out")
+    assert (done.returncode, done.stderr) == (0, "")
+    with (folder / "out" / "results.csv").open(newline="") as file:
+        runs = list(csv.DictReader(file))
+    assert [run["run"] for run in runs] == ["0", "1"]
+    study = tomllib.loads(text)
+    for run in runs:
+        for name, limits in study["latin_hypercube"]["ranges"].items():
+            assert limits["from"] <= float(run[name]) <= limits["to"]
+        assert all(np.isfinite(float(run[name])) for name in study["measures"])
+        assert run["error"] == ""
+    records = sorted(file.name for file in (folder / "out" / "records").iterdir())
+    assert records == ["0.csv", "1.csv"]
+
+
+@pytest.mark.parametrize(
+    ("sources", "least"),
+    [
+        (["scenario/mod.rs", "scenario/signal.rs"], 30),
+        (["sweep/mod.rs", "sweep/design.rs", "sweep/measures.rs"], 15),
+    ],
+)
+def test_document_knows_every_key(sources: list[str], least: int) -> None:
     """What the parser asks for, by its source."""
-    folder = ROOT / "crates" / "boost-lab" / "src" / "scenario"
-    source = "".join((folder / name).read_text() for name in ["mod.rs", "signal.rs"])
-    keys = set(re.findall(r'(?:optional|required|number)\(\s*"(\w+)"', source))
-    assert len(keys) > 30
+    folder = ROOT / "crates" / "boost-lab" / "src"
+    source = "".join((folder / name).read_text() for name in sources)
+    keys = set(re.findall(r'(?:optional|required|number|time)\(\s*"(\w+)"', source))
+    keys |= set(re.findall(r'^    \("(\w+)", (?:Statistic|Quality)::', source, re.MULTILINE))
+    assert len(keys) > least
     for key in keys:
         assert re.search(rf"\b{key}\b", DOCUMENT), key
