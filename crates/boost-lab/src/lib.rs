@@ -17,6 +17,7 @@ pub mod journal;
 pub mod mapping;
 pub mod master;
 mod measure;
+mod page;
 pub mod plot;
 pub mod record;
 pub mod reproduce;

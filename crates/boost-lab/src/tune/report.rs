@@ -5,20 +5,19 @@ use serde::Serialize;
 
 use super::bench::drawn_samples;
 use super::{Basis, Cell, Map, Point, Procedure, Sweep, Tuning};
+use crate::page::page;
 use crate::plot::{Figure, Line, Panel, color, escaped};
 
 const STYLE: &str = "
-body { font: 16px/1.5 Georgia, 'Times New Roman', serif; color: #1a1a1a; max-width: 860px; margin: 2.5em auto; padding: 0 1em; }
-h1 { font-size: 1.6em; line-height: 1.25; } h2 { font-size: 1.2em; margin: 2.4em 0 0.6em; border-top: 1px solid #c8c8c8; padding-top: 1em; }
-figure { margin: 1em 0; } figure svg { width: 100%; height: auto; } figcaption, .caption { font-size: 0.9em; color: #444; }
+body { max-width: 860px; } sub { line-height: 0; }
+table { width: auto; font: 11.5px/1.35 Helvetica, Arial, 'Liberation Sans', sans-serif; font-variant-numeric: tabular-nums; }
 .maps { display: grid; grid-template-columns: repeat(auto-fit, minmax(390px, 1fr)); gap: 1.6em 2em; }
-table { border-collapse: collapse; font: 11.5px/1.35 Helvetica, Arial, 'Liberation Sans', sans-serif; font-variant-numeric: tabular-nums; }
-.map { width: 100%; table-layout: fixed; } sub { line-height: 0; } .map caption { font: 600 15px/1.6 Georgia, 'Times New Roman', serif; text-align: left; }
-.map td { text-align: center; padding: 0.16em 0; border: 1px solid #fff; } .map th { font-weight: 400; color: #444; padding: 0.16em 0.3em; text-align: right; }
-.map thead th { text-align: center; } .map .corner { text-align: right; white-space: nowrap; }
+.map { width: 100%; table-layout: fixed; } .map caption { font: 600 15px/1.6 Georgia, 'Times New Roman', serif; text-align: left; }
+.map td { text-align: center; padding: 0.16em 0; border: 1px solid #fff; } .map th { font-weight: 400; color: #444; padding: 0.16em 0.3em; text-align: right; border: none; }
+.map thead th { text-align: center; } .map .corner { text-align: right; }
 .filled { color: #777; font-style: italic; background: repeating-linear-gradient(135deg, #f1f1f1 0 4px, #fafafa 4px 8px); } .raised { text-decoration: underline; text-underline-offset: 2px; }
-.legend { margin-top: 1.2em; } .legend td { padding: 0.1em 0.7em; } .points { width: 100%; } .points th { text-align: left; font-weight: 600; } .points th, .points td { padding: 0.2em 0.5em 0.2em 0; border-bottom: 1px solid #e4e4e4; white-space: nowrap; }
-.settings td { padding: 0.15em 1.2em 0.15em 0; vertical-align: top; } summary { cursor: pointer; color: #444; font-size: 0.9em; }
+.legend { margin-top: 1.2em; } .legend td { padding: 0.1em 0.7em; border: none; } .settings td { padding: 0.15em 1.2em 0.15em 0; border: none; }
+.points { width: 100%; } .points th, .points td { padding: 0.2em 0.5em 0.2em 0; white-space: nowrap; }
 ";
 
 /// How many responses are drawn.
@@ -98,13 +97,7 @@ pub fn html(tuning: &Tuning<'_>) -> String {
         responses(tuning),
         points(tuning),
     ];
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" \
-         content=\"width=device-width\">\n<title>{}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n{}</body>\n\
-         </html>\n",
-        escaped(&title),
-        sections.concat()
-    )
+    page(&title, STYLE, &sections.concat())
 }
 
 fn introduction(tuning: &Tuning<'_>, title: &str) -> String {

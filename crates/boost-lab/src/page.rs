@@ -1,0 +1,112 @@
+//! The reports as pages of HTML that need no other file, and numbers in them.
+
+use crate::plot::escaped;
+
+/// The number of significant digits that are shown.
+const DIGITS: usize = 3;
+
+/// What all reports look like.
+const STYLE: &str = "
+body { font: 16px/1.5 Georgia, 'Times New Roman', serif; color: #1a1a1a; max-width: 760px; margin: 2.5em auto; padding: 0 1em; }
+h1 { font-size: 1.6em; line-height: 1.25; } h2 { font-size: 1.2em; margin: 2.4em 0 0.6em; border-top: 1px solid #c8c8c8; padding-top: 1em; }
+figure { margin: 1em 0; } figure svg { width: 100%; height: auto; } figcaption, .caption { font-size: 0.9em; color: #444; }
+table { border-collapse: collapse; width: 100%; font-size: 0.88em; } th { text-align: left; font-weight: 600; white-space: nowrap; }
+th, td { padding: 0.35em 0.6em 0.35em 0; vertical-align: top; border-bottom: 1px solid #e0e0e0; }
+td.number { white-space: nowrap; } summary { cursor: pointer; color: #444; font-size: 0.9em; }
+";
+
+/// A page with a title, style sheet rules of its own and a body of HTML.
+pub fn page(title: &str, style: &str, body: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" \
+         content=\"width=device-width\">\n<title>{}</title>\n<style>{STYLE}{style}</style>\n\
+         </head>\n<body>\n{body}</body>\n</html>\n",
+        escaped(title)
+    )
+}
+
+/// A number with its unit.
+pub fn quantity(value: f64, unit: &str) -> String {
+    let space = if unit.is_empty() { "" } else { "\u{202f}" };
+    format!("{}{space}{}", number(value), escaped(unit))
+}
+
+/// A number with a few significant digits, but all before the point up to a million.
+pub fn number(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return value.to_string();
+    }
+    let magnitude = value.abs().log10().floor();
+    let text = if !(-3.0..6.0).contains(&magnitude) {
+        let mantissa = value / 10_f64.powf(magnitude);
+        return format!("{mantissa:.1}\u{b7}10<sup>{magnitude:.0}</sup>").replace('-', "\u{2212}");
+    } else if magnitude >= 2.0 {
+        format!("{value:.0}")
+    } else {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // from 0 to 5
+        let decimals = DIGITS - 1 - (magnitude.max(0.0) as usize) + (-magnitude).max(0.0) as usize;
+        let text = format!("{value:.decimals$}");
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    };
+    text.replace('-', "\u{2212}")
+}
+
+/// A value and its standard error, which is shown with two digits and ends the value's.
+pub fn estimate(value: f64, error: f64) -> String {
+    if !(value.is_finite() && error.is_finite() && error > 0.0) {
+        return format!("{} ± {}", number(value), number(error));
+    }
+    let magnitude = value.abs().max(error).log10().floor();
+    // Powers of ten where there would be many zeros.
+    let exponent = if (-3.0..5.0).contains(&magnitude) { 0.0 } else { magnitude };
+    let factor = 10_f64.powf(-exponent);
+    let decimals = 1.0 - (error * factor).log10().floor();
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // from 0 to 15
+    let decimals = decimals.clamp(0.0, 15.0) as usize;
+    let (value, error) = (value * factor, error * factor);
+    let text = if exponent == 0.0 {
+        format!("{value:.decimals$} ± {error:.decimals$}")
+    } else {
+        format!("({value:.decimals$} ± {error:.decimals$})\u{b7}10<sup>{exponent:.0}</sup>")
+    };
+    text.replace('-', "\u{2212}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_a_few_digits() {
+        let cases = [
+            (2466.41, "2466"),
+            (9.174_3, "9.17"),
+            (71.875, "71.9"),
+            (0.55, "0.55"),
+            (0.012_34, "0.0123"),
+            (-1.5, "\u{2212}1.5"),
+            (0.0, "0"),
+            (106_120.0, "106120"),
+            (2e15, "2.0\u{b7}10<sup>15</sup>"),
+            (1e-9, "1.0\u{b7}10<sup>\u{2212}9</sup>"),
+        ];
+        for (value, text) in cases {
+            assert_eq!(number(value), text);
+        }
+    }
+
+    #[test]
+    fn estimates_end_with_their_errors() {
+        let cases = [
+            (19.002_34, 0.004_13, "19.0023 ± 0.0041"),
+            (-440.4, 3.21, "\u{2212}440.4 ± 3.2"),
+            (106_120.0, 13.0, "(1.06120 ± 0.00013)\u{b7}10<sup>5</sup>"),
+            (8.01e-7, 2.5e-9, "(8.010 ± 0.025)\u{b7}10<sup>\u{2212}7</sup>"),
+            (-4.7e-5, 9.0e-5, "(\u{2212}4.7 ± 9.0)\u{b7}10<sup>\u{2212}5</sup>"),
+            (3530.0, 120.0, "3530 ± 120"),
+        ];
+        for (value, error, text) in cases {
+            assert_eq!(estimate(value, error), text);
+        }
+    }
+}
