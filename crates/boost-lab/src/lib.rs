@@ -7,11 +7,13 @@
 //! - [`record`] is what comes of it.
 //! - [`plot`] draws it as SVG.
 //! - [`journal`] keeps what a long task has finished.
+//! - [`identify`] finds parameters of the plant's actuator in measured data.
 //! - [`sweep`] runs a scenario for many values of parameters.
 //! - [`reproduce`] holds the paper against it, figure by figure.
 //! - [`tune`] tunes the controller to a plant.
 #![deny(unsafe_code)]
 
+pub mod identify;
 pub mod importer;
 pub mod journal;
 pub mod mapping;

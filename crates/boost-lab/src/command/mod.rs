@@ -1,15 +1,18 @@
 //! The command line: what it takes, and which room does the work.
 
+mod identify;
 mod reproduce;
 mod simulate;
 mod sweep;
 mod tune;
 
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use boost_lab::scenario::Scenario;
 use clap::{Parser, Subcommand};
+use fmi2_export::package::ParameterSet;
 
 /// The laboratory: drives FMUs through experiments of boost control.
 #[derive(Parser)]
@@ -79,6 +82,17 @@ enum Command {
         #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
         threads: Option<u16>,
     },
+    /// Identify parameters of the plant from measured data
+    Identify {
+        #[command(subcommand)]
+        what: Identify,
+    },
+}
+
+#[derive(Subcommand)]
+enum Identify {
+    /// The wastegate's actuator with its valve and its tank, as section 4.2 of the paper does
+    Actuator(identify::Arguments),
 }
 
 /// Does what the command line asks for. Whether the answer is yes, where it is a question.
@@ -89,6 +103,7 @@ pub fn run() -> Result<bool> {
         }
         Command::Reproduce { figures, fmus, out } => reproduce::run(&fmus, &out, &figures),
         Command::Tune(arguments) => tune::run(&arguments).map(|()| true),
+        Command::Identify { what: Identify::Actuator(arguments) } => identify::run(arguments).map(|()| true),
         Command::Sweep { study, fmus, fmu, map, out, threads } => {
             sweep::run(&study, fmus.as_deref(), &fmu, &map, &out, threads.map(usize::from)).map(|()| true)
         }
@@ -111,5 +126,14 @@ fn name_and_path(text: &str) -> Result<(String, PathBuf)> {
     match text.split_once('=') {
         Some((name, path)) if !name.is_empty() && !path.is_empty() => Ok((name.to_owned(), path.into())),
         _ => bail!("expected NAME=FILE.fmu"),
+    }
+}
+
+/// Reads a parameter set.
+fn parameter_set(path: &Path) -> Result<ParameterSet> {
+    let text = fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    match ParameterSet::parse(&text) {
+        Ok(set) => Ok(set),
+        Err(error) => bail!("{} is no parameter set: {error}", path.display()),
     }
 }

@@ -1,15 +1,14 @@
 //! `tune`: the controller's gain schedule for a plant, to a parameter set and a report.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use boost_lab::importer::Fmu;
 use boost_lab::journal::digest;
 use boost_lab::mapping::{self, Map};
 use boost_lab::tune::{Basis, Journal, Procedure, Schedule, Task, html, json};
 use clap::Args;
-use fmi2_export::package::ParameterSet;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// The name of the parameter set.
@@ -55,7 +54,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let task = Task {
         plant: mapping::open(&arguments.plant, plant_map.as_ref())?,
         plant_map,
-        plant_parameters: arguments.parameters.iter().map(|path| read(path)).collect::<Result<_>>()?,
+        plant_parameters: arguments
+            .parameters
+            .iter()
+            .map(|path| super::parameter_set(path))
+            .collect::<Result<_>>()?,
         lambda: arguments.lambda.unwrap_or(schedule.lambda),
         schedule: schedule.with_grid(arguments.engine_speeds.clone(), arguments.boost_references.clone())?,
         procedure: Procedure::default(),
@@ -109,13 +112,4 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // durations are above zero, and few
 fn whole(seconds: f64) -> u64 {
     seconds.round() as u64
-}
-
-/// Reads a parameter set.
-fn read(path: &Path) -> Result<ParameterSet> {
-    let text = fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-    match ParameterSet::parse(&text) {
-        Ok(set) => Ok(set),
-        Err(error) => bail!("{} is no parameter set: {error}", path.display()),
-    }
 }

@@ -1,0 +1,82 @@
+//! `identify`: parameters of the plant from measured data, to an .ssv file, report.html and report.json.
+
+use std::fs;
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use boost_lab::identify::{Naming, html, identify, json};
+use boost_lab::importer::Fmu;
+use clap::Args;
+
+/// What `identify actuator` takes.
+#[derive(Args)]
+pub struct Arguments {
+    /// The measured data: a CSV file with a header; a row's duty and supply hold until the next row
+    #[arg(value_name = "DATA.csv")]
+    data: PathBuf,
+    /// The plant: its values are what is known, and where the fits start
+    #[arg(long, value_name = "FILE.fmu")]
+    plant: PathBuf,
+    /// Parameters of the plant, such as the membrane's area; may be given several times
+    #[arg(long, value_name = "FILE.ssv")]
+    parameters: Vec<PathBuf>,
+    #[arg(long, value_name = "ROLE=NAME", value_parser = name_and_value, help = columns_help())]
+    column: Vec<(String, String)>,
+    /// The unit of a role's column, where the header does not say it in brackets
+    #[arg(long, value_name = "ROLE=UNIT", value_parser = name_and_value)]
+    unit: Vec<(String, String)>,
+    /// The part of the data that no fit sees
+    #[arg(long, value_name = "SHARE", default_value_t = 0.3, value_parser = share)]
+    validation_share: f64,
+    /// The folder for identified.ssv, report.html and report.json
+    #[arg(long, value_name = "DIR", default_value = "target/identification")]
+    out: PathBuf,
+}
+
+fn columns_help() -> String {
+    format!("Another column for a role: {}", boost_lab::identify::roles())
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let share = text.parse().ok().filter(|share| (0.0..=0.9).contains(share));
+    share.ok_or_else(|| "expected a number from 0 to 0.9".to_owned())
+}
+
+/// Identifies the actuator.
+pub fn run(arguments: Arguments) -> Result<()> {
+    let Arguments { data, plant, parameters, column, unit, validation_share, out } = arguments;
+    let plant = Fmu::open(&plant)?;
+    let sets: Vec<_> = parameters.iter().map(|path| super::parameter_set(path)).collect::<Result<_>>()?;
+    let naming = Naming { columns: column, units: unit };
+    let identification = identify(&data, &naming, &plant, &sets, validation_share)?;
+    fs::create_dir_all(&out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+    for note in &identification.notes {
+        eprintln!("note: {note}");
+    }
+    for parameter in identification.parameters() {
+        let error = parameter.standard_error;
+        println!("{:32} {:>14.6e} ± {error:.1e} {}", parameter.name, parameter.value, parameter.unit);
+    }
+    for parameter in &identification.unidentified {
+        println!("{:32} not identified: {}", parameter.name, parameter.reason);
+    }
+    for (name, text) in [
+        ("identified.ssv", identification.parameter_set(&plant).to_xml()),
+        ("report.html", html(&identification)),
+        ("report.json", json(&identification)?),
+    ] {
+        let path = out.join(name);
+        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+        println!("{}", path.display());
+    }
+    Ok(())
+}
+
+fn name_and_value(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.is_empty() && !value.is_empty() => {
+            Ok((name.to_owned(), value.to_owned()))
+        }
+        _ => Err("expected a role, = and what it is".to_owned()),
+    }
+}

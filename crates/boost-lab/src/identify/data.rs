@@ -1,0 +1,361 @@
+//! Measured data: a CSV file's columns by what they are, in SI units.
+
+use std::fs::File;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+
+/// What a column can be.
+struct Role {
+    name: &'static str,
+    /// What messages call it.
+    meaning: &'static str,
+    /// The columns that are it where nothing else is said.
+    columns: &'static [&'static str],
+    /// Units with what they are multiplied by and what is added then; the first is that of columns without one.
+    units: &'static [(&'static str, f64, f64)],
+    /// What it can be, in the first unit: what lies outside is in another one.
+    range: (f64, f64),
+    is_required: bool,
+}
+
+const PRESSURE: &[(&str, f64, f64)] = &[
+    ("Pa", 1.0, 0.0),
+    ("hPa", 1e2, 0.0),
+    ("mbar", 1e2, 0.0),
+    ("kPa", 1e3, 0.0),
+    ("bar", 1e5, 0.0),
+    ("MPa", 1e6, 0.0),
+];
+
+/// From a good vacuum to ten times what surrounds an engine.
+const PRESSURES: (f64, f64) = (1e3, 1e6);
+
+const ROLES: [Role; 9] = [
+    Role {
+        name: "time",
+        meaning: "the time",
+        columns: &["time"],
+        units: &[("s", 1.0, 0.0), ("ms", 1e-3, 0.0)],
+        range: (f64::NEG_INFINITY, f64::INFINITY),
+        is_required: true,
+    },
+    Role {
+        name: "duty",
+        meaning: "the duty of the valve's PWM",
+        columns: &["hp_wastegate_pwm"],
+        units: &[("%", 1.0, 0.0), ("1", 1e2, 0.0)],
+        range: (-1.0, 101.0),
+        is_required: true,
+    },
+    Role {
+        name: "supply_voltage",
+        meaning: "the supply voltage",
+        columns: &["supply_voltage", "supply_voltage_measured"],
+        units: &[("V", 1.0, 0.0), ("mV", 1e-3, 0.0)],
+        range: (0.0, 50.0),
+        is_required: true,
+    },
+    Role {
+        name: "tank_pressure",
+        meaning: "the pressure in the vacuum tank, absolute",
+        columns: &["tank_pressure"],
+        units: PRESSURE,
+        range: PRESSURES,
+        is_required: true,
+    },
+    Role {
+        name: "actuator_pressure",
+        meaning: "the pressure in the actuator's chamber, absolute",
+        columns: &["actuator_pressure"],
+        units: PRESSURE,
+        range: PRESSURES,
+        is_required: true,
+    },
+    Role {
+        name: "position",
+        meaning: "the position of the actuator's rod",
+        columns: &["actuator.position", "hp_wastegate_position"],
+        units: &[("m", 1.0, 0.0), ("mm", 1e-3, 0.0), ("1", 1.0, 0.0), ("%", 1e-2, 0.0)],
+        range: (-0.5, 1.5),
+        is_required: true,
+    },
+    Role {
+        name: "pump",
+        meaning: "whether the vacuum pump runs, 1 or 0",
+        columns: &["vacuum_pump"],
+        units: &[("1", 1.0, 0.0)],
+        range: (0.0, 1.0),
+        is_required: false,
+    },
+    Role {
+        name: "ambient_pressure",
+        meaning: "the ambient pressure",
+        columns: &["ambient_pressure"],
+        units: PRESSURE,
+        range: PRESSURES,
+        is_required: false,
+    },
+    Role {
+        name: "ambient_temperature",
+        meaning: "the ambient temperature",
+        columns: &["ambient_temperature"],
+        units: &[("K", 1.0, 0.0), ("degC", 1.0, 273.15), ("\u{b0}C", 1.0, 273.15)],
+        range: (200.0, 350.0),
+        is_required: false,
+    },
+];
+
+/// The names of what columns can be, for the command's help.
+#[must_use]
+pub fn roles() -> String {
+    ROLES.map(|role| role.name).join(", ")
+}
+
+/// Columns and units that differ from what is expected, by roles.
+#[derive(Clone, Debug, Default)]
+pub struct Naming {
+    /// The columns' names.
+    pub columns: Vec<(String, String)>,
+    /// The units, which come before the header's.
+    pub units: Vec<(String, String)>,
+}
+
+/// Measured data in SI units, the duty in percent.
+#[derive(Clone, Debug, Default)]
+pub struct Data {
+    pub time: Vec<f64>,
+    pub duty: Vec<f64>,
+    pub voltage: Vec<f64>,
+    pub tank: Vec<f64>,
+    pub chamber: Vec<f64>,
+    pub position: Vec<f64>,
+    /// Whether the position is in parts of the stroke.
+    pub position_is_relative: bool,
+    pub pump: Option<Vec<f64>>,
+    pub ambient_pressure: Option<Vec<f64>>,
+    pub ambient_temperature: Option<Vec<f64>>,
+    /// The file's line of the last row.
+    pub last_line: u64,
+}
+
+impl Data {
+    /// Reads a CSV file. A header may say a unit in brackets: `tank_pressure (kPa)`.
+    ///
+    /// # Errors
+    /// The message names line and column, and says what was expected.
+    pub fn read(path: &Path, naming: &Naming) -> Result<Self> {
+        let file = File::open(path).with_context(|| format!("cannot read the data {}", path.display()))?;
+        Self::parse(file, naming).with_context(|| path.display().to_string())
+    }
+
+    fn parse(file: impl std::io::Read, naming: &Naming) -> Result<Self> {
+        for (role, _) in naming.columns.iter().chain(&naming.units) {
+            if ROLES.iter().all(|known| known.name != role) {
+                bail!("no column can be {role}: there are {}", roles());
+            }
+        }
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
+        let header: Vec<_> = reader.headers()?.iter().map(Heading::read).collect();
+        let found: Vec<_> = ROLES.iter().map(|role| find(role, &header, naming)).collect::<Result<_>>()?;
+        let mut values: Vec<Vec<f64>> = vec![vec![]; ROLES.len()];
+        let mut last_line = 1;
+        for row in reader.records() {
+            let row = row?;
+            let line = row.position().map_or(0, csv::Position::line);
+            last_line = line;
+            for ((values, column), role) in values.iter_mut().zip(&found).zip(&ROLES) {
+                let Some(Column { index, factor, offset, is_relative }) = column else { continue };
+                let text = row.get(*index).unwrap_or_default();
+                let number = text.parse().ok().filter(|number: &f64| number.is_finite());
+                let number = number.with_context(|| {
+                    format!("line {line}, {}: expected a number, found \"{text}\"", header[*index].name)
+                })?;
+                let value = factor * number + offset;
+                let (least, most) = role.range;
+                if !(least..=most).contains(&value) {
+                    let unit = if *is_relative { "" } else { role.units[0].0 };
+                    bail!(
+                        "line {line}, {}: expected {least} to {most} {unit}, found {value} {unit}; another unit is \
+                         told in the header's brackets or by --unit {}=UNIT",
+                        header[*index].name,
+                        role.name
+                    );
+                }
+                values.push(value);
+            }
+            if let [.., before, now] = values[0][..]
+                && now <= before
+            {
+                bail!(
+                    "line {line}, {}: expected a time after {before} s, found {now} s",
+                    column_name(&found, &header)
+                );
+            }
+        }
+        if values[0].is_empty() {
+            bail!("line 2: expected rows of numbers, found none");
+        }
+        let position_is_relative = found[5].as_ref().is_some_and(|column| column.is_relative);
+        let has = |index: usize, values: Vec<f64>| found[index].is_some().then_some(values);
+        let values: [Vec<f64>; ROLES.len()] = values.try_into().unwrap_or_default();
+        let [time, duty, voltage, tank, chamber, position, pump, pressure, temperature] = values;
+        Ok(Self {
+            time,
+            duty,
+            voltage,
+            tank,
+            chamber,
+            position,
+            position_is_relative,
+            pump: has(6, pump),
+            ambient_pressure: has(7, pressure),
+            ambient_temperature: has(8, temperature),
+            last_line,
+        })
+    }
+}
+
+/// A column's name and unit.
+struct Heading {
+    name: String,
+    unit: Option<String>,
+}
+
+impl Heading {
+    fn read(text: &str) -> Self {
+        for (open, close) in [('(', ')'), ('[', ']')] {
+            if let Some(text) = text.strip_suffix(close)
+                && let Some((name, unit)) = text.rsplit_once(open)
+                && !name.trim().is_empty()
+                && unit.parse::<u32>().is_err()
+            {
+                return Self { name: name.trim().to_owned(), unit: Some(unit.trim().to_owned()) };
+            }
+        }
+        Self { name: text.to_owned(), unit: None }
+    }
+}
+
+/// Where a role's numbers are.
+struct Column {
+    index: usize,
+    factor: f64,
+    offset: f64,
+    is_relative: bool,
+}
+
+fn column_name<'a>(found: &[Option<Column>], header: &'a [Heading]) -> &'a str {
+    found[0].as_ref().map_or("", |column| &header[column.index].name)
+}
+
+fn find(role: &Role, header: &[Heading], naming: &Naming) -> Result<Option<Column>> {
+    let named = naming.columns.iter().find(|(name, _)| name == role.name);
+    let candidates = named.map_or_else(|| role.columns.to_vec(), |(_, column)| vec![column.as_str()]);
+    let position = |name: &&str| header.iter().position(|heading| heading.name == *name);
+    let Some(index) = candidates.iter().find_map(position) else {
+        if !role.is_required && named.is_none() {
+            return Ok(None);
+        }
+        let names: Vec<_> = header.iter().map(|heading| heading.name.as_str()).collect();
+        bail!(
+            "line 1: expected a column {} ({}), found {}; --column {}=NAME names another",
+            candidates.join(" or "),
+            role.meaning,
+            names.join(", "),
+            role.name
+        );
+    };
+    let heading = &header[index];
+    let given = naming.units.iter().find(|(name, _)| name == role.name).map(|(_, unit)| unit);
+    let unit = given.or(heading.unit.as_ref());
+    let known = match unit {
+        None if heading.name == "hp_wastegate_position" => Some(("1", 1.0, 0.0)),
+        None => Some(role.units[0]),
+        Some(unit) => role.units.iter().find(|(name, ..)| name == unit).copied(),
+    };
+    let Some((name, factor, offset)) = known else {
+        let names: Vec<_> = role.units.iter().map(|(name, ..)| *name).collect();
+        bail!(
+            "line 1, {}: expected one of the units {}, found {}",
+            heading.name,
+            names.join(", "),
+            unit.map_or("", |unit| unit)
+        );
+    };
+    Ok(Some(Column { index, factor, offset, is_relative: matches!(name, "1" | "%") }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEADER: &str = "time (ms),hp_wastegate_pwm,U [mV],tank_pressure (kPa),actuator_pressure,x (mm)\n";
+
+    fn naming() -> Naming {
+        let columns = [("supply_voltage", "U"), ("position", "x")];
+        Naming {
+            columns: columns.map(|(role, name)| (role.to_owned(), name.to_owned())).to_vec(),
+            units: vec![],
+        }
+    }
+
+    fn error(text: &str, naming: &Naming) -> String {
+        Data::parse(text.as_bytes(), naming)
+            .map_or_else(|error| format!("{error:#}"), |_| "no error".to_owned())
+    }
+
+    #[test]
+    fn units_become_those_of_si() -> Result<()> {
+        let text = format!("{HEADER}0,40,12000,32.5,8e4,5\n12.5,41,12100,32,7e4,6\n");
+        let data = Data::parse(text.as_bytes(), &naming())?;
+        let close = |found: f64, expected: f64| (found - expected).abs() < 1e-12 * expected;
+        assert!(close(data.time[1], 0.0125) && close(data.voltage[1], 12.1) && close(data.tank[0], 32.5e3));
+        assert!(close(data.chamber[1], 7e4) && close(data.position[1], 6e-3) && close(data.duty[1], 41.0));
+        assert!(data.pump.is_none() && !data.position_is_relative);
+        Ok(())
+    }
+
+    #[test]
+    fn a_position_may_be_in_parts_of_the_stroke() -> Result<()> {
+        let mut naming = naming();
+        naming.units.push(("position".to_owned(), "%".to_owned()));
+        let data = Data::parse(format!("{HEADER}0,40,12000,32.5,8e4,50\n").as_bytes(), &naming)?;
+        assert!(data.position_is_relative && (data.position[0] - 0.5).abs() < 1e-15);
+        Ok(())
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        let rows = format!("{HEADER}0,40,12000,32.5,8e4,5\n");
+        for (text, message) in [
+            (
+                format!("{rows}12.5,,12000,32.5,8e4,5\n"),
+                "line 3, hp_wastegate_pwm: expected a number, found \"\"",
+            ),
+            (
+                format!("{rows}12.5,40,12000,off,8e4,5\n"),
+                "line 3, tank_pressure: expected a number, found \"off\"",
+            ),
+            (format!("{rows}0,40,12000,32.5,8e4,5\n"), "line 3, time: expected a time after 0 s, found 0 s"),
+            (format!("{rows}12.5,40\n"), "line: 3"),
+            (HEADER.to_owned(), "line 2: expected rows of numbers, found none"),
+            (
+                rows.replace("(kPa)", "(psi)"),
+                "line 1, tank_pressure: expected one of the units Pa, hPa, mbar",
+            ),
+            (
+                rows.replace("hp_wastegate_pwm", "pwm"),
+                "line 1: expected a column hp_wastegate_pwm (the duty of the valve's PWM), found time, pwm, U,",
+            ),
+        ] {
+            let error = error(&text, &naming());
+            assert!(error.contains(message), "{error}");
+        }
+        let mut wrong = naming();
+        wrong.columns.push(("speed".to_owned(), "x".to_owned()));
+        assert!(
+            error(&rows, &wrong).contains("no column can be speed: there are time, duty, supply_voltage")
+        );
+    }
+}

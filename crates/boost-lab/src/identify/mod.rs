@@ -1,0 +1,347 @@
+//! Identifies the wastegate's actuation from measured data, as section 4.2 of the paper does: the valve's
+//! pressure and leakage over the duty, the spring with its friction, and what moves between.
+//!
+//! Four fits follow each other: eq. (7) from the chamber's pressure at rest ([`valve`]), eq. (6) from the
+//! tank's pressure ([`valve`]), spring and friction from the positions at rest ([`rod`]), and the valve's
+//! areas, its delays, mass and damping from the transients after steps ([`motion`]). What the data do not tell
+//! is told by name, and stays as the plant has it.
+
+mod data;
+mod motion;
+mod phases;
+mod points;
+mod report;
+mod rod;
+mod statistics;
+mod valve;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Result, bail};
+use fmi2_export::package::{Parameter, ParameterSet, Value};
+use serde::Serialize;
+
+use self::data::Data;
+pub use self::data::{Naming, roles};
+use self::phases::Noise;
+pub use self::report::{html, json};
+use crate::importer::Fmu;
+use crate::plot::Figure;
+
+/// A fit with larger residuals, in terms of the measurement's noise, is one to be looked at.
+const MOST_RESIDUAL: f64 = 1.5;
+
+/// A parameter of the plant that the data tell.
+#[derive(Clone, Debug, Serialize)]
+pub struct Estimate {
+    /// The plant's variable.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// The value's standard error.
+    pub standard_error: f64,
+    /// The unit, the plant's.
+    pub unit: String,
+    /// What the plant has without it.
+    pub plant_value: f64,
+}
+
+/// A parameter that the data do not tell.
+#[derive(Clone, Debug, Serialize)]
+pub struct Unidentified {
+    /// The plant's variable.
+    pub name: String,
+    /// Why not.
+    pub reason: String,
+}
+
+impl Unidentified {
+    fn new(name: &str, reason: &str) -> Self {
+        Self { name: name.to_owned(), reason: reason.to_owned() }
+    }
+
+    /// For a standard error that is too large a part of the parameter.
+    fn uncertain(name: &str, relative_error: f64) -> Self {
+        Self::new(name, &format!("its standard error would be {:.0} % of it", 100.0 * relative_error))
+    }
+}
+
+/// A fit of some parameters.
+#[derive(Clone, Debug, Serialize)]
+pub struct Fit {
+    /// What it is of.
+    pub title: String,
+    /// How it was made.
+    pub method: String,
+    /// How far measurements are from it.
+    pub residuals: Vec<Residuals>,
+    #[serde(skip)]
+    drawing: Figure,
+    /// What was found.
+    pub parameters: Vec<Estimate>,
+}
+
+/// A fit, with those of its parameters that it does not tell.
+type Outcome = Result<(Fit, Vec<Unidentified>)>;
+
+/// How far measurements are from a fit.
+#[derive(Clone, Debug, Serialize)]
+pub struct Residuals {
+    /// Of what.
+    pub name: String,
+    /// The unit.
+    pub unit: String,
+    /// The root of the mean square over the data that were fitted.
+    pub tuning: Option<f64>,
+    /// The same over the data that were kept apart.
+    pub validation: Option<f64>,
+    /// What the noise of the measurement alone would leave, where a residual is that of a single measurement.
+    pub noise: Option<f64>,
+}
+
+/// What is known of the plant before.
+#[derive(Clone, Debug, Serialize)]
+pub struct Known {
+    gas_constant: f64,
+    heat_capacity_ratio: f64,
+    linear_pressure_ratio: f64,
+    nominal_voltage: f64,
+    voltage_exponent: f64,
+    leakage_area_scale: f64,
+    tank_volume: f64,
+    membrane_area: f64,
+    chamber_volume: f64,
+    stroke: f64,
+    stop_stiffness: f64,
+    stop_damping: f64,
+    stop_damping_depth: f64,
+    ambient_pressure: f64,
+    ambient_temperature: f64,
+    /// What the plant has for the parameters that are sought, with their units.
+    #[serde(skip)]
+    sought: BTreeMap<&'static str, (f64, String)>,
+}
+
+impl Known {
+    /// Reads what a plant has with parameter sets.
+    fn read(plant: &Arc<Fmu>, sets: &[ParameterSet]) -> Result<Self> {
+        let mut instance = plant.instantiate("plant")?;
+        instance.set_up(0.0, None)?;
+        for set in sets {
+            instance.set_parameters(set)?;
+        }
+        instance.enter_initialization()?;
+        let mut get = |name: &str| instance.number(name);
+        let mut sought = BTreeMap::new();
+        let polynomials = valve::PRESSURE.iter().chain(&valve::LEAKAGE);
+        let positive = rod::NAMES.iter().chain(&motion::NAMES).chain([&valve::PUMP]);
+        for (name, is_positive) in
+            polynomials.map(|name| (name, false)).chain(positive.map(|name| (name, true)))
+        {
+            let value = get(name)?;
+            if is_positive && value <= 0.0 {
+                bail!("{name} is {value}: a fit starts from it, so it has to be above 0");
+            }
+            sought.insert(*name, (value, plant.variable(name)?.unit.clone()));
+        }
+        Ok(Self {
+            gas_constant: get("air.gas_constant")?,
+            heat_capacity_ratio: get("air.heat_capacity_ratio")?,
+            linear_pressure_ratio: get("valve.linear_pressure_ratio")?,
+            nominal_voltage: get("valve.nominal_voltage")?,
+            voltage_exponent: get("valve.voltage_exponent")?,
+            leakage_area_scale: get("valve.leakage_area_scale")?,
+            tank_volume: get("tank.volume")?,
+            membrane_area: get("actuator.membrane_area")?,
+            chamber_volume: get("actuator.chamber_volume")?,
+            stroke: get("actuator.stroke")?,
+            stop_stiffness: get("actuator.stop_stiffness")?,
+            stop_damping: get("actuator.stop_damping")?,
+            stop_damping_depth: get("actuator.stop_damping_depth")?,
+            ambient_pressure: get("ambient_pressure")?,
+            ambient_temperature: get("ambient_temperature")?,
+            sought,
+        })
+    }
+
+    /// What the plant has for a parameter that is sought.
+    fn value(&self, name: &str) -> f64 {
+        self.sought[name].0
+    }
+
+    fn estimate(&self, name: &str, value: f64, standard_error: f64) -> Estimate {
+        let (plant_value, unit) = self.sought[name].clone();
+        Estimate { name: name.to_owned(), value, standard_error, unit, plant_value }
+    }
+
+    /// Ψ of eq. (2) with the linear part near equal pressures, as the plant has it.
+    fn flow_function(&self, ratio: f64) -> f64 {
+        let gamma = self.heat_capacity_ratio;
+        let isentropic = |ratio: f64| {
+            let temperatures = ratio.powf((gamma - 1.0) / gamma);
+            ratio.powf(1.0 / gamma) * (2.0 * gamma / (gamma - 1.0) * (1.0 - temperatures)).sqrt()
+        };
+        let critical = (2.0 / (gamma + 1.0)).powf(gamma / (gamma - 1.0));
+        if ratio > self.linear_pressure_ratio {
+            isentropic(self.linear_pressure_ratio) * (1.0 - ratio) / (1.0 - self.linear_pressure_ratio)
+        } else {
+            isentropic(ratio.max(critical))
+        }
+    }
+
+    /// Eq. (1): the flow (kg/s) for each m² from a pressure (Pa) to another, at ambient temperature.
+    fn flow(&self, from: f64, to: f64) -> f64 {
+        let root = (self.gas_constant * self.ambient_temperature).sqrt();
+        if from >= to {
+            from / root * self.flow_function(to / from)
+        } else {
+            -to / root * self.flow_function(from / to)
+        }
+    }
+}
+
+/// The result of an identification.
+pub struct Identification {
+    /// The data's file.
+    pub file: String,
+    rows: usize,
+    duration: f64,
+    known: Known,
+    noise: Option<Noise>,
+    phases_at_rest: usize,
+    /// The fits, in the order in which they were made.
+    pub fits: Vec<Fit>,
+    /// What the data do not tell.
+    pub unidentified: Vec<Unidentified>,
+    /// What a reader of the results must know.
+    pub notes: Vec<String>,
+}
+
+/// Identifies the actuation of a plant from a CSV file. What is known before is the plant's with parameter sets.
+///
+/// # Errors
+/// When the file is not as it should be (the message names line and column) or tells no parameter at all, or
+/// the plant is no `BoostPlant`.
+pub fn identify(
+    path: &Path,
+    naming: &Naming,
+    plant: &Arc<Fmu>,
+    sets: &[ParameterSet],
+    validation_share: f64,
+) -> Result<Identification> {
+    let mut known = Known::read(plant, sets)?;
+    let mut data = Data::read(path, naming)?;
+    let mut notes = vec![];
+    for (values, known, name, unit) in [
+        (&data.ambient_pressure, &mut known.ambient_pressure, "ambient pressure", "Pa"),
+        (&data.ambient_temperature, &mut known.ambient_temperature, "ambient temperature", "K"),
+    ] {
+        match values {
+            Some(values) => *known = statistics::mean(values),
+            None => notes.push(format!("The data have no {name}: taken as {known} {unit}.")),
+        }
+    }
+    if data.pump.is_none() {
+        notes.push("The data do not say when the pump runs: taken as never.".to_owned());
+    }
+    if data.position_is_relative {
+        for position in &mut data.position {
+            *position *= known.stroke;
+        }
+        notes.push(format!("The position is in parts of the stroke, {} m.", known.stroke));
+    }
+    let phases = phases::phases(&data, &known, validation_share);
+    let noise = phases::noise(&data, &phases);
+    let rests: Vec<_> = phases.iter().filter_map(|phase| phase.rest.as_ref()).collect();
+    let mut identification = Identification {
+        file: path.display().to_string(),
+        rows: data.time.len(),
+        duration: data.time[data.time.len() - 1] - data.time[0],
+        phases_at_rest: rests.len(),
+        noise,
+        fits: vec![],
+        unidentified: vec![],
+        notes,
+        known,
+    };
+    let known = identification.known.clone();
+    identification.take(&valve::PRESSURE, valve::pressure(&rests, &known));
+    identification.take(&valve::FROM_TANK, valve::leakage(&data, &phases, &known));
+    let (prior, outcome) = rod::identify(&data, &rests, &known, noise);
+    identification.take(&rod::NAMES, outcome);
+    let pressure = valve::PRESSURE.map(|name| identification.value(name));
+    let validates = |index| phases::validates(index, validation_share);
+    let outcome = motion::identify(&data, &phases, &known, pressure, noise, &prior, validates);
+    identification.take(&motion::NAMES, outcome);
+    for (fit, residuals) in
+        identification.fits.iter().flat_map(|fit| fit.residuals.iter().map(move |each| (fit, each)))
+    {
+        let Residuals { name, tuning: Some(tuning), noise: Some(noise), .. } = residuals else { continue };
+        if *tuning > MOST_RESIDUAL * noise {
+            identification.notes.push(format!(
+                "{}: the residuals of the {name} are {:.1} times its noise at rest. The model is not what was measured, \
+                 or the fit began too far from it; the errors may be larger than they say.",
+                fit.title,
+                tuning / noise
+            ));
+        }
+    }
+    if identification.fits.is_empty() {
+        let mut reasons: Vec<_> = identification.unidentified.into_iter().map(|each| each.reason).collect();
+        reasons.dedup();
+        bail!(
+            "{}, lines 2 to {}: expected steps of the duty, each held for more than a second; in {} phases without \
+             a change of duty, supply and pump the actuator comes to rest in {}. Nothing can be identified:\n  {}",
+            identification.file,
+            data.last_line,
+            phases.len(),
+            rests.len(),
+            reasons.join("\n  ")
+        );
+    }
+    Ok(identification)
+}
+
+impl Identification {
+    fn take(&mut self, names: &[&str], outcome: Outcome) {
+        match outcome {
+            Ok((fit, unidentified)) => {
+                self.fits.push(fit);
+                self.unidentified.extend(unidentified);
+            }
+            Err(error) => {
+                let reason = format!("{error:#}");
+                self.unidentified.extend(names.iter().map(|name| Unidentified::new(name, &reason)));
+            }
+        }
+    }
+
+    /// A parameter's value: found, or known before.
+    fn value(&self, name: &str) -> f64 {
+        let found = self.parameters().find(|estimate| estimate.name == name);
+        found.map_or_else(|| self.known.value(name), |estimate| estimate.value)
+    }
+
+    /// All that was found.
+    pub fn parameters(&self) -> impl Iterator<Item = &Estimate> {
+        self.fits.iter().flat_map(|fit| &fit.parameters)
+    }
+
+    /// What was found, for the plant.
+    #[must_use]
+    pub fn parameter_set(&self, plant: &Fmu) -> ParameterSet {
+        let parameter = |estimate: &Estimate| Parameter {
+            name: estimate.name.clone(),
+            description: format!("standard error {:.2e}", estimate.standard_error),
+            value: Value::Real(estimate.value, (!estimate.unit.is_empty()).then(|| estimate.unit.clone())),
+        };
+        ParameterSet {
+            name: "identified_actuator".to_owned(),
+            description: format!("identified from {}", self.file),
+            parameters: self.parameters().map(parameter).collect(),
+            units: plant.description().units.clone(),
+        }
+    }
+}

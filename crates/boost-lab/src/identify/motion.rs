@@ -1,0 +1,398 @@
+//! What moves: the valve's areas, proportional band and time constant, and the rod's mass and damping, from the
+//! transients after steps of the duty or the supply.
+//!
+//! The chamber's pressure and the rod's position are computed from eqs. (1) to (5) and (8) with the measured
+//! duty, supply and tank pressure, and compared with the measured ones. Spring and friction are free within what
+//! the rod at rest tells of them, so that their uncertainty is in the standard errors.
+
+use std::ops::Range;
+
+use anyhow::{Context, Result, bail};
+use nalgebra::{DMatrix, DVector};
+
+use super::data::Data;
+use super::phases::{Noise, Phase, Rest, is_after_gap, plunger_duty};
+use super::points::{Point, residual_panel, residuals, with_measured};
+use super::rod::{Prior, Rod, STOPS};
+use super::statistics::{Reliable, Solution, nonlinear};
+use super::{Fit, Known, Outcome, Residuals, Unidentified};
+use crate::plot::{Figure, Line, Panel, color};
+
+pub const NAMES: [&str; 6] = [
+    "valve.tank_area",
+    "valve.ambient_area",
+    "valve.proportional_band",
+    "valve.time_constant",
+    "actuator.damping",
+    "actuator.mass",
+];
+/// So many of these are fitted before all: the areas, and then the valve.
+const STAGES: [usize; 2] = [2, 4];
+/// How long a transient is looked at (s).
+const DURATION: f64 = 0.6;
+/// The least change of the chamber's pressure (Pa) in a transient that tells something.
+const LEAST_CHANGE: f64 = 3000.0;
+/// The longest step of the integration (s).
+const LONGEST_STEP: f64 = 0.6e-3;
+/// How long a step is at most over the fastest eigenvalue: the method of Runge and Kutta bears 2.7.
+const STABLE: f64 = 2.5;
+/// No measurement is better than that, whatever it shows at rest: a converter's steps may hide the noise.
+const LEAST_NOISE: Noise = Noise { chamber: 10.0, position: 1e-6 };
+/// The horizontal axis of the drawing.
+const TIME: &str = "time after the step (s)";
+
+/// What follows a step.
+struct Transient<'a> {
+    before: &'a Rest,
+    rows: Range<usize>,
+    change: f64,
+    validates: bool,
+}
+
+/// The parameters of a simulation.
+struct Model<'a> {
+    known: &'a Known,
+    pressure: [f64; 4],
+    /// In the order of [`NAMES`].
+    values: [f64; 6],
+    rod: Rod,
+}
+
+/// The plunger's duty (%), the chamber's pressure (Pa), position (m), speed (m/s) and friction (N).
+type State = [f64; 5];
+
+impl Model<'_> {
+    /// The rates of change for a commanded duty (%) and a tank pressure (Pa).
+    fn rates(&self, state: &State, commanded: f64, tank: f64) -> State {
+        let Self {
+            known, values: [tank_area, ambient_area, band, time_constant, damping, mass], rod, ..
+        } = self;
+        let [plunger, chamber, position, speed, friction] = *state;
+        let ambient = known.ambient_pressure;
+        let target =
+            self.pressure.iter().fold(0.0, |sum, coefficient| sum * plunger + coefficient).min(ambient);
+        let deviation = (chamber - target) / band;
+        let opening = deviation / (1.0 + deviation * deviation).sqrt();
+        let inflow = if opening >= 0.0 {
+            -tank_area * opening * known.flow(chamber, tank)
+        } else {
+            -ambient_area * opening * known.flow(ambient, chamber)
+        };
+        let volume = known.chamber_volume - known.membrane_area * position;
+        let pressure_rate = (known.gas_constant * known.ambient_temperature * inflow
+            + chamber * known.membrane_area * speed)
+            / volume;
+        let stop = |depth: f64| {
+            known.stop_stiffness * depth
+                + known.stop_damping * speed * (depth.abs() / known.stop_damping_depth).min(1.0)
+        };
+        let stop = if position < 0.0 {
+            stop(position)
+        } else if position > known.stroke {
+            stop(position - known.stroke)
+        } else {
+            0.0
+        };
+        let force = (ambient - chamber) * known.membrane_area - rod.spring(position) - stop - friction;
+        [
+            (commanded - plunger) / time_constant,
+            pressure_rate,
+            speed,
+            (force - damping * speed) / mass,
+            rod.rate * (rod.coulomb * speed - speed.abs() * friction),
+        ]
+    }
+
+    /// The longest step (s) with which the rod stays stable in its stops. In halves, so that it rarely changes
+    /// while a fit differentiates.
+    fn longest_step(&self) -> f64 {
+        let [.., damping, mass] = self.values;
+        // No eigenvalue of a damped spring is faster.
+        let fastest =
+            ((damping + self.known.stop_damping) / mass).max((self.known.stop_stiffness / mass).sqrt());
+        LONGEST_STEP * (STABLE / (fastest * LONGEST_STEP)).log2().floor().min(0.0).exp2()
+    }
+
+    /// Chamber pressure and position at the rows after a transient's first.
+    fn simulate(&self, data: &Data, transient: &Transient<'_>) -> Vec<(f64, f64)> {
+        let Rest { duty, chamber, position, .. } = *transient.before;
+        let Known { ambient_pressure, membrane_area, stroke, .. } = *self.known;
+        let force = (ambient_pressure - chamber) * membrane_area - self.rod.spring(position);
+        // What is left over from the balance is friction between the stops, and else the stop.
+        let friction = force.clamp(-self.rod.coulomb, self.rod.coulomb);
+        let left = force - friction;
+        let position = if position < STOPS * stroke && left < 0.0 {
+            left / self.known.stop_stiffness
+        } else if position > (1.0 - STOPS) * stroke && left > 0.0 {
+            stroke + left / self.known.stop_stiffness
+        } else {
+            position
+        };
+        // The mean: noise of the supply would shake the rod, and make its friction seem less than it is.
+        let commanded = plunger_duty(data, transient.rows.clone(), self.known);
+        let longest = self.longest_step();
+        let mut state = [duty, chamber, position, 0.0, friction];
+        let mut results = vec![];
+        for row in transient.rows.clone().skip(1) {
+            let interval = data.time[row] - data.time[row - 1];
+            let steps = (interval / longest).ceil().max(1.0);
+            let step = interval / steps;
+            let tank = |part: f64| data.tank[row - 1] + part * (data.tank[row] - data.tank[row - 1]);
+            let mut done = 0.0;
+            while done < steps {
+                let [begin, middle, end] = [0.0, 0.5, 1.0].map(|part| tank((done + part) / steps));
+                let moved = |rates: &State, part: f64| {
+                    let mut moved = state;
+                    moved.iter_mut().zip(rates).for_each(|(value, rate)| *value += part * step * rate);
+                    moved
+                };
+                let k1 = self.rates(&state, commanded, begin);
+                let k2 = self.rates(&moved(&k1, 0.5), commanded, middle);
+                let k3 = self.rates(&moved(&k2, 0.5), commanded, middle);
+                let k4 = self.rates(&moved(&k3, 1.0), commanded, end);
+                for index in 0..state.len() {
+                    state[index] += step / 6.0 * (k1[index] + 2.0 * (k2[index] + k3[index]) + k4[index]);
+                }
+                done += 1.0;
+            }
+            results.push((state[1], state[2]));
+        }
+        results
+    }
+}
+
+fn transients<'a>(
+    data: &Data,
+    phases: &'a [Phase],
+    validation_share: impl Fn(usize) -> bool,
+) -> Vec<Transient<'a>> {
+    let mut transients = vec![];
+    for pair in phases.windows(2) {
+        let [before, after] = pair else { continue };
+        // With the tank the chamber's pressure would still drift.
+        let Some(rest) = before.rest.as_ref().filter(|rest| !rest.is_limited_by_tank) else { continue };
+        if is_after_gap(data, after.rows.start) {
+            continue;
+        }
+        let end = data.time[after.rows.start] + DURATION;
+        let count = data.time[after.rows.clone()].partition_point(|&time| time <= end);
+        let rows = after.rows.start..after.rows.start + count;
+        let change = data.chamber[rows.end - 1] - rest.chamber;
+        if change.abs() > LEAST_CHANGE && rows.len() > 3 {
+            let validates = validation_share(transients.len());
+            transients.push(Transient { before: rest, rows, change, validates });
+        }
+    }
+    transients
+}
+
+/// See the head of the module. `pressure` are the coefficients of eq. (7).
+pub fn identify(
+    data: &Data,
+    phases: &[Phase],
+    known: &Known,
+    pressure: [f64; 4],
+    noise: Option<Noise>,
+    prior: &Prior,
+    validates: impl Fn(usize) -> bool,
+) -> Outcome {
+    const LEAST_TRANSIENTS: usize = 4;
+    let noise = noise.context("nothing is at rest, where transients would begin")?;
+    let transients = transients(data, phases, validates);
+    let tuning: Vec<_> = transients.iter().filter(|transient| !transient.validates).collect();
+    if tuning.len() < LEAST_TRANSIENTS {
+        bail!(
+            "it needs {LEAST_TRANSIENTS} transients: steps from a phase at rest that move the chamber's pressure by \
+             {} kPa; there are {} among the tuning data",
+            1e-3 * LEAST_CHANGE,
+            tuning.len()
+        );
+    }
+    let (free, mut unidentified) = seen(&tuning);
+    let noise = Noise {
+        chamber: noise.chamber.max(LEAST_NOISE.chamber),
+        position: noise.position.max(LEAST_NOISE.position),
+    };
+    let problem = Problem { data, known, pressure, noise, prior, whitening: whitening(prior)?, tuning };
+    // Of a logarithm the error itself is the relative one.
+    let Reliable { free, solution, left_out } =
+        Reliable::fit(free, |free| problem.fit(free), |solution, place, _| solution.standard_error(place))?;
+    unidentified.extend(left_out.iter().map(|&(index, error)| Unidentified::uncertain(NAMES[index], error)));
+    let model = problem.model(&free, solution.parameters.as_slice());
+    let parameters = free
+        .iter()
+        .enumerate()
+        .map(|(position, &index)| {
+            let value = model.values[index];
+            known.estimate(NAMES[index], value, value * solution.standard_error(position))
+        })
+        .collect();
+    let (drawing, residuals) = results(data, &transients, &model, noise);
+    Ok((
+        Fit {
+            title: "Transients: valve, mass and damping, eqs. (1), (3), (4) and (8)".to_owned(),
+            method: format!(
+                "Nonlinear least squares of chamber pressure and position over {DURATION} s after {} steps, computed \
+                 with the measured duty, supply and tank pressure; pressure and position are weighed by their noise \
+                 at rest, {:.3} Pa and {:.3e} m. The areas are proportional to the chamber's volume, which is taken as \
+                 {:e} m\u{b3}.",
+                problem.tuning.len(),
+                noise.chamber,
+                noise.position,
+                known.chamber_volume
+            ),
+            residuals,
+            drawing,
+            parameters,
+        },
+        unidentified,
+    ))
+}
+
+/// The transients that are fitted. Its parameters are the logarithms of those that are free, in the order of
+/// [`NAMES`], and after them the rod's, in the units of the fit that they come from.
+struct Problem<'a> {
+    data: &'a Data,
+    known: &'a Known,
+    pressure: [f64; 4],
+    noise: Noise,
+    prior: &'a Prior,
+    whitening: DMatrix<f64>,
+    tuning: Vec<&'a Transient<'a>>,
+}
+
+impl<'a> Problem<'a> {
+    fn model(&self, free: &[usize], values: &[f64]) -> Model<'a> {
+        let mut own = NAMES.map(|name| self.known.value(name));
+        for (&index, value) in free.iter().zip(values) {
+            own[index] = value.exp();
+        }
+        let mut rod = self.prior.parameters.clone();
+        for (&index, value) in self.prior.free.iter().zip(&values[free.len()..]) {
+            rod[index] = *value;
+        }
+        Model { known: self.known, pressure: self.pressure, values: own, rod: Prior::rod(&rod) }
+    }
+
+    /// Residuals in terms of the noise; and how far the rod's parameters are from what they were at rest, in
+    /// terms of their errors.
+    fn residuals(&self, free: &[usize], values: &[f64]) -> Vec<f64> {
+        let model = self.model(free, values);
+        let mut residuals = vec![];
+        for transient in &self.tuning {
+            let rows = transient.rows.clone().skip(1).zip(model.simulate(self.data, transient));
+            for (row, (chamber, position)) in rows {
+                residuals.push((self.data.chamber[row] - chamber) / self.noise.chamber);
+                residuals.push((self.data.position[row] - position) / self.noise.position);
+            }
+        }
+        let rod = self.prior.free.iter().zip(&values[free.len()..]);
+        let differences = rod.map(|(&index, value)| self.prior.parameters[index] - value);
+        let differences = DVector::from_iterator(self.prior.free.len(), differences);
+        residuals.extend((&self.whitening * differences).iter());
+        residuals
+    }
+
+    /// First fits what moves the most, or a far start may end in a false minimum.
+    fn fit(&self, free: &[usize]) -> Result<Solution> {
+        let mut lengths: Vec<_> =
+            self.tuning.iter().map(|transient| 2 * (transient.rows.len() - 1)).collect();
+        lengths.extend(self.prior.free.iter().map(|_| 1));
+        let own = free.iter().map(|&index| self.known.value(NAMES[index]).ln());
+        let rod = self.prior.free.iter().map(|&index| self.prior.parameters[index]);
+        let mut begin: Vec<_> = own.chain(rod).collect();
+        for stage in STAGES {
+            let count = free.iter().filter(|&&index| index < stage).count();
+            let with = |values: &[f64]| [values, &begin[count..]].concat();
+            // What does not converge leaves the start to the next.
+            if count > 0
+                && let Ok(solution) =
+                    nonlinear(&begin[..count], &lengths, |values| self.residuals(free, &with(values)))
+            {
+                begin = with(solution.parameters.as_slice());
+            }
+        }
+        nonlinear(&begin, &lengths, |values| self.residuals(free, values))
+    }
+}
+
+/// Turns what the rod's parameters differ by from the prior into units of its standard errors.
+fn whitening(prior: &Prior) -> Result<DMatrix<f64>> {
+    const INDEFINITE: &str = "the rod's errors are not definite";
+    let Some(solution) = &prior.solution else { return Ok(DMatrix::zeros(0, 0)) };
+    let factor = solution.covariance.clone().cholesky().context(INDEFINITE)?;
+    factor.l().try_inverse().context(INDEFINITE)
+}
+
+/// Which of the parameters act in the transients: each of the valve's ports is open in one direction only.
+fn seen(transients: &[&Transient<'_>]) -> (Vec<usize>, Vec<Unidentified>) {
+    let mut free: Vec<usize> = (0..NAMES.len()).collect();
+    let mut unidentified = vec![];
+    for (index, sign, what) in [(0, -1.0, "falls"), (1, 1.0, "rises")] {
+        if !transients.iter().any(|transient| sign * transient.change > 0.0) {
+            free.retain(|&other| other != index);
+            let reason = format!("the tuning data have no transient in which the chamber's pressure {what}");
+            unidentified.push(Unidentified::new(NAMES[index], &reason));
+        }
+    }
+    (free, unidentified)
+}
+
+/// The largest transients both ways of those that were fitted and of those kept apart, and the residuals of all.
+fn results(
+    data: &Data,
+    transients: &[Transient<'_>],
+    model: &Model<'_>,
+    noise: Noise,
+) -> (Figure, Vec<Residuals>) {
+    let simulated: Vec<_> = transients.iter().map(|transient| model.simulate(data, transient)).collect();
+    let points = |measured: fn(&Data, usize) -> f64, computed: fn(&(f64, f64)) -> f64| {
+        let of_one = |(transient, results): (&Transient<'_>, &Vec<(f64, f64)>)| {
+            let begin = data.time[transient.rows.start];
+            let rows = transient.rows.clone().skip(1).zip(results);
+            rows.map(|(row, result)| {
+                let measured = measured(data, row);
+                let residual = measured - computed(result);
+                Point { place: data.time[row] - begin, measured, residual, validates: transient.validates }
+            })
+            .collect::<Vec<_>>()
+        };
+        transients.iter().zip(&simulated).map(of_one).collect::<Vec<_>>()
+    };
+    let pressure = points(|data, row| data.chamber[row], |result| result.0);
+    let position = points(|data, row| 1e3 * data.position[row], |result| 1e3 * result.1);
+
+    let drawn: Vec<usize> = [(false, -1.0), (false, 1.0), (true, -1.0), (true, 1.0)]
+        .into_iter()
+        .filter_map(|(validates, sign)| {
+            let change = |index: &usize| sign * transients[*index].change;
+            let chosen = (0..transients.len()).filter(|&index| transients[index].validates == validates);
+            chosen.filter(|index| change(index) > 0.0).max_by(|a, b| change(a).total_cmp(&change(b)))
+        })
+        .collect();
+    let panel = |all: &[Vec<Point>], factor: f64, label: &str| {
+        let mut panel = Panel::new(TIME, label).height(190.0);
+        for (number, &index) in drawn.iter().enumerate() {
+            let time: Vec<_> = all[index].iter().map(|point| point.place).collect();
+            let computed = all[index].iter().map(|point| factor * (point.measured - point.residual));
+            let line = Line::new(&time, computed).color(color::BLACK).thin();
+            panel = panel.line(if number == 0 { line.label("computed") } else { line });
+        }
+        let scaled = |point: &Point| Point { measured: factor * point.measured, ..*point };
+        let points: Vec<_> = drawn.iter().flat_map(|&index| all[index].iter().map(scaled)).collect();
+        with_measured(panel, &points)
+    };
+    let [all_pressures, all_positions] = [pressure.concat(), position.concat()];
+    let figure = Figure::new()
+        .row([panel(&pressure, 1e-3, "chamber pressure (kPa)"), panel(&position, 1.0, "position (mm)")])
+        .row([
+            residual_panel(&all_pressures, TIME, "residual (Pa)").height(100.0),
+            residual_panel(&all_positions, TIME, "residual (mm)").height(100.0),
+        ])
+        .shared_x();
+    let residuals = vec![
+        Residuals { noise: Some(noise.chamber), ..residuals("chamber pressure", "Pa", &all_pressures) },
+        Residuals { noise: Some(1e3 * noise.position), ..residuals("position", "mm", &all_positions) },
+    ];
+    (figure, residuals)
+}

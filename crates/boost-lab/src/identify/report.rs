@@ -1,0 +1,112 @@
+//! The reports of an identification: report.html for readers, which needs no other file, and report.json for
+//! programs.
+
+use anyhow::Result;
+use serde::Serialize;
+
+use super::phases::Noise;
+use super::{Estimate, Fit, Identification, Known, Unidentified};
+use crate::page::{estimate, number, page, quantity};
+use crate::plot::escaped;
+
+#[derive(Serialize)]
+struct JsonReport<'a> {
+    data: &'a str,
+    rows: usize,
+    duration: f64,
+    phases_at_rest: usize,
+    noise: Option<Noise>,
+    parameters: Vec<&'a Estimate>,
+    unidentified: &'a [Unidentified],
+    fits: &'a [Fit],
+    known: &'a Known,
+    notes: &'a [String],
+}
+
+/// The text of report.json.
+///
+/// # Errors
+/// When a number is none.
+pub fn json(identification: &Identification) -> Result<String> {
+    let Identification { file, rows, duration, known, noise, phases_at_rest, fits, unidentified, notes } =
+        identification;
+    let report = JsonReport {
+        data: file,
+        rows: *rows,
+        duration: *duration,
+        phases_at_rest: *phases_at_rest,
+        noise: *noise,
+        parameters: identification.parameters().collect(),
+        unidentified,
+        fits,
+        known,
+        notes,
+    };
+    Ok(serde_json::to_string_pretty(&report)? + "\n")
+}
+
+/// The text of report.html.
+#[must_use]
+pub fn html(identification: &Identification) -> String {
+    let Identification { file, rows, duration, noise, phases_at_rest, fits, unidentified, notes, .. } =
+        identification;
+    let mut body = format!(
+        "<h1>The wastegate's actuator, identified</h1>\n<p>From {}: {rows} rows over {}, with {phases_at_rest} phases \
+         in which the actuator is at rest.{} Values are given with their standard errors. Residuals of one phase may \
+         hang together as they like: of two standard errors, one for independent residuals and one that takes each \
+         phase as a whole, the larger counts. What is validation has been seen by no fit.</p>\n",
+        escaped(file),
+        quantity(*duration, "s"),
+        noise.map_or_else(String::new, |noise| format!(
+            " At rest the chamber's pressure scatters by {}, the position by {}.",
+            quantity(noise.chamber, "Pa"),
+            quantity(1e3 * noise.position, "mm")
+        )),
+    );
+    for note in notes {
+        body += &format!("<p>{}</p>\n", escaped(note));
+    }
+    if !unidentified.is_empty() {
+        body += "<h2>What the data do not tell</h2>\n<table>\n<tr><th>Parameter</th><th>Why</th></tr>\n";
+        for Unidentified { name, reason } in unidentified {
+            body += &format!("<tr><td>{}</td><td>{}</td></tr>\n", escaped(name), escaped(reason));
+        }
+        body += "</table>\n<p>These are in no parameter set: the plant keeps its own values, and so did the fits.</p>\n";
+    }
+    for (index, fit) in fits.iter().enumerate() {
+        body += &section(fit, index);
+    }
+    page("The wastegate's actuator, identified", "", &body)
+}
+
+fn section(fit: &Fit, index: usize) -> String {
+    let mut text = format!(
+        "<h2>{}</h2>\n<figure>\n{}<figcaption>{}</figcaption>\n</figure>\n",
+        escaped(&fit.title),
+        fit.drawing.svg_named(&format!("fit-{}", index + 1)),
+        escaped(&fit.method)
+    );
+    text += "<table>\n<tr><th>Parameter</th><th>Value and standard error</th><th>Unit</th><th>Plant before</th></tr>\n";
+    for parameter in &fit.parameters {
+        text += &format!(
+            "<tr><td>{}</td><td class=\"number\">{}</td><td>{}</td><td class=\"number\">{}</td></tr>\n",
+            escaped(&parameter.name),
+            estimate(parameter.value, parameter.standard_error),
+            escaped(if parameter.unit == "1" { "" } else { &parameter.unit }),
+            number(parameter.plant_value)
+        );
+    }
+    text += "</table>\n<table>\n<tr><th>Residuals, root of the mean square</th><th>Tuning</th><th>Validation</th><th>Noise at rest</th></tr>\n";
+    for residuals in &fit.residuals {
+        let shown =
+            |value: Option<f64>| value.map_or_else(String::new, |value| quantity(value, &residuals.unit));
+        text += &format!(
+            "<tr><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td></tr>\n",
+            escaped(&residuals.name),
+            shown(residuals.tuning),
+            shown(residuals.validation),
+            shown(residuals.noise)
+        );
+    }
+    text + "</table>\n"
+}

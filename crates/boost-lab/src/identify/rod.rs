@@ -1,0 +1,309 @@
+//! The rod at rest: spring and friction from the balance of forces, eq. (4), over the positions that it came to.
+//!
+//! Friction is Dahl's, eq. (5) with α = 1: over the way x it approaches the Coulomb force of the direction,
+//! `F(x) = ±F_c + (F(0) ∓ F_c)·exp(−σ|x|/F_c)`. So what the positions tell depends on where the rod came from.
+
+use anyhow::{Context, Result, bail};
+
+use super::data::Data;
+use super::phases::{Noise, Rest};
+use super::points::{Point, curve, drawing, residuals};
+use super::statistics::{Reliable, Solution, nonlinear};
+use super::{Estimate, Fit, Known, Outcome, Residuals, Unidentified};
+use crate::plot::Figure;
+
+const COULOMB: &str = "actuator.coulomb_friction";
+pub const NAMES: [&str; 5] = [
+    "actuator.spring_preload",
+    "actuator.spring_stiffness",
+    "actuator.spring_hardening",
+    COULOMB,
+    "actuator.friction_stiffness",
+];
+
+/// The parts of the stroke at both ends in which a stop may hold the rod.
+pub const STOPS: f64 = 0.02;
+/// The stiffest friction that the plant takes, `σ/F_c` in 1/m: its integration would not follow a stiffer one.
+const STIFFEST: f64 = 2000.0;
+/// After so many lengths `F_c/σ` the friction has forgotten where it began.
+const FORGOTTEN: f64 = 5.0;
+/// In standard deviations of the position, what is a turn of the rod and no noise.
+const TURN: f64 = 5.0;
+
+/// Spring and friction: values that later fits start from.
+#[derive(Clone, Copy, Debug)]
+pub struct Rod {
+    pub preload: f64,
+    pub stiffness: f64,
+    pub hardening: f64,
+    pub coulomb: f64,
+    /// `σ/F_c` (1/m).
+    pub rate: f64,
+}
+
+impl Rod {
+    /// The spring's force (N).
+    pub fn spring(&self, position: f64) -> f64 {
+        self.preload + self.stiffness * position + self.hardening * position.powi(7)
+    }
+}
+
+/// What the fits of this rod and of its motion share: estimates with their covariance, in the fit's own units.
+pub struct Prior {
+    pub free: Vec<usize>,
+    pub parameters: Vec<f64>,
+    pub solution: Option<Solution>,
+}
+
+impl Prior {
+    /// The rod of parameters in the fit's own units.
+    pub fn rod(parameters: &[f64]) -> Rod {
+        Rod {
+            preload: parameters[0] * SCALES[0],
+            stiffness: parameters[1] * SCALES[1],
+            hardening: parameters[2] * SCALES[2],
+            coulomb: parameters[3].exp(),
+            rate: parameters[4].exp(),
+        }
+    }
+}
+
+/// Units of the spring's parameters in which they are of the order of 1; friction goes by logarithms, which
+/// keep it above zero.
+const SCALES: [f64; 3] = [10.0, 1e3, 1e15];
+
+/// A stand of the rod, and the way to it from the one before: positions of turns, and its own last.
+struct Stand<'a> {
+    rest: &'a Rest,
+    way: Vec<f64>,
+}
+
+/// The friction at each stand in parts of the Coulomb force, from none at the first.
+fn friction(stands: &[Stand<'_>], rate: f64) -> Vec<f64> {
+    let (mut friction, mut position) = (0.0, None);
+    stands
+        .iter()
+        .map(|stand| {
+            for &next in &stand.way {
+                if let Some(before) = position.replace(next) {
+                    let way: f64 = next - before;
+                    let limit = 1.0_f64.copysign(way);
+                    friction = limit + (friction - limit) * (-rate * way.abs()).exp();
+                }
+            }
+            friction
+        })
+        .collect()
+}
+
+fn stands<'a>(data: &Data, rests: &[&'a Rest], noise: Noise) -> Vec<Stand<'a>> {
+    let mut stands: Vec<Stand<'a>> = vec![];
+    for &rest in rests {
+        let mut way = vec![];
+        if let Some(before) = stands.last() {
+            let from = before.rest;
+            let rows = from.rows.end..rest.rows.start;
+            let (low, high) = (from.position.min(rest.position), from.position.max(rest.position));
+            let extreme = |sign: f64| {
+                rows.clone().max_by(|&a, &b| (sign * data.position[a]).total_cmp(&(sign * data.position[b])))
+            };
+            let mut turns: Vec<_> = [extreme(1.0), extreme(-1.0)].into_iter().flatten().collect();
+            turns.retain(|&row| {
+                let position = data.position[row];
+                position > high + TURN * noise.position || position < low - TURN * noise.position
+            });
+            turns.sort_unstable();
+            way.extend(turns.into_iter().map(|row| data.position[row]));
+        }
+        way.push(rest.position);
+        stands.push(Stand { rest, way });
+    }
+    stands
+}
+
+/// Spring and friction, and what the fit of the motion needs of them.
+pub fn identify(data: &Data, rests: &[&Rest], known: &Known, noise: Option<Noise>) -> (Prior, Outcome) {
+    let [preload, stiffness, hardening, coulomb, friction_stiffness] = NAMES.map(|name| known.value(name));
+    let start = [
+        preload / SCALES[0],
+        stiffness / SCALES[1],
+        hardening / SCALES[2],
+        coulomb.ln(),
+        (friction_stiffness / coulomb).ln(),
+    ];
+    match fit(data, rests, known, noise, &start) {
+        Ok((fit, unidentified, prior)) => (prior, Ok((fit, unidentified))),
+        Err(error) => (Prior { free: vec![], parameters: start.to_vec(), solution: None }, Err(error)),
+    }
+}
+
+/// The balance of forces at the stands between the stops.
+struct Balance<'a> {
+    known: &'a Known,
+    stands: &'a [Stand<'a>],
+    /// The stands that count: between the stops, their friction told by the way.
+    used: Vec<usize>,
+}
+
+impl<'a> Balance<'a> {
+    /// `rate` is what is known of `σ/F_c` (1/m) before.
+    fn new(known: &'a Known, stands: &'a [Stand<'a>], rate: f64) -> Self {
+        let mut travelled = 0.0;
+        let mut used = vec![];
+        for (index, stand) in stands.iter().enumerate() {
+            if let Some(before) = index.checked_sub(1) {
+                travelled += (stand.rest.position - stands[before].rest.position).abs();
+            }
+            let between = STOPS * known.stroke..(1.0 - STOPS) * known.stroke;
+            if between.contains(&stand.rest.position) && travelled * rate > FORGOTTEN {
+                used.push(index);
+            }
+        }
+        Self { known, stands, used }
+    }
+
+    fn tuning(&self) -> Vec<usize> {
+        self.used.iter().copied().filter(|&index| !self.stands[index].rest.validates).collect()
+    }
+
+    /// The force that opens at a stand (N).
+    fn force(&self, index: usize) -> f64 {
+        self.known.membrane_area * (self.known.ambient_pressure - self.stands[index].rest.chamber)
+    }
+
+    /// The forces of spring and friction at all stands (N).
+    fn held(&self, rod: &Rod) -> Vec<f64> {
+        let friction = friction(self.stands, rod.rate);
+        let held =
+            |(stand, friction): (&Stand<'_>, f64)| rod.spring(stand.rest.position) + rod.coulomb * friction;
+        self.stands.iter().zip(friction).map(held).collect()
+    }
+
+    /// Fits what the data tell; the rest stays as it is known.
+    fn solve(&self, start: &[f64]) -> Result<(Prior, Vec<Unidentified>)> {
+        let tuning = self.tuning();
+        let (free, mut unidentified) = self.free(start);
+        let with = |free: &[usize], values: &[f64]| {
+            let mut parameters = start.to_vec();
+            for (&index, value) in free.iter().zip(values) {
+                parameters[index] = *value;
+            }
+            parameters
+        };
+        let fit = |free: &[usize]| {
+            let begin: Vec<_> = free.iter().map(|&index| start[index]).collect();
+            nonlinear(&begin, &vec![1; tuning.len()], |values| {
+                let held = self.held(&Prior::rod(&with(free, values)));
+                tuning.iter().map(|&index| self.force(index) - held[index]).collect()
+            })
+        };
+        let Reliable { free, solution, left_out } =
+            Reliable::fit(free, fit, |solution, place, index| match index {
+                // Without preload and stiffness the others mean nothing.
+                0 | 1 => 0.0,
+                2 => solution.standard_error(place) / solution.parameters[place].abs(),
+                // Of a logarithm the error itself is the relative one.
+                _ => solution.standard_error(place),
+            })?;
+        unidentified
+            .extend(left_out.iter().map(|&(index, error)| Unidentified::uncertain(NAMES[index], error)));
+        let parameters = with(&free, solution.parameters.as_slice());
+        Ok((Prior { free, parameters, solution: Some(solution) }, unidentified))
+    }
+
+    /// What can be told at all: friction where the rod came from either side.
+    fn free(&self, start: &[f64]) -> (Vec<usize>, Vec<Unidentified>) {
+        const LEAST_EACH_WAY: usize = 3;
+        let tuning = self.tuning();
+        let friction = friction(self.stands, Prior::rod(start).rate);
+        let opening = tuning.iter().filter(|&&index| friction[index] > 0.0).count();
+        if opening.min(tuning.len() - opening) >= LEAST_EACH_WAY {
+            return ((0..NAMES.len()).collect(), vec![]);
+        }
+        let reason = format!(
+            "friction needs {LEAST_EACH_WAY} phases at rest after motions in either direction; of {} there are \
+             {opening} after opening ones",
+            tuning.len()
+        );
+        (vec![0, 1, 2], NAMES[3..].iter().map(|name| Unidentified::new(name, &reason)).collect())
+    }
+
+    fn drawing(&self, rod: &Rod) -> (Figure, Residuals) {
+        let friction = friction(self.stands, rod.rate);
+        let held = self.held(rod);
+        let point = |&index: &usize| Point {
+            place: 1e3 * self.stands[index].rest.position,
+            measured: self.force(index) - rod.coulomb * friction[index],
+            residual: self.force(index) - held[index],
+            validates: self.stands[index].rest.validates,
+        };
+        let points: Vec<_> = self.used.iter().map(point).collect();
+        let (x, y) = curve(&points, |place| rod.spring(1e-3 * place));
+        let labels = ["position (mm)", "force without friction (N)", "residual (N)"];
+        (drawing(labels, &points, (&x, &y)), residuals("force", "N", &points))
+    }
+}
+
+fn fit(
+    data: &Data,
+    rests: &[&Rest],
+    known: &Known,
+    noise: Option<Noise>,
+    start: &[f64],
+) -> Result<(Fit, Vec<Unidentified>, Prior)> {
+    const LEAST_POSITIONS: usize = 8;
+    let noise = noise.context("the rod is nowhere at rest")?;
+    let stands = stands(data, rests, noise);
+    let balance = Balance::new(known, &stands, Prior::rod(start).rate);
+    let count = balance.tuning().len();
+    if count < LEAST_POSITIONS {
+        bail!(
+            "the spring needs {LEAST_POSITIONS} phases at rest with the rod between its stops; there are {count} \
+             among the tuning data"
+        );
+    }
+    let (prior, mut unidentified) = balance.solve(start)?;
+    let (drawing, residuals) = balance.drawing(&Prior::rod(&prior.parameters));
+    let parameters = estimates(&prior, known);
+    unidentified.retain(|missing| parameters.iter().all(|estimate| estimate.name != missing.name));
+    let fit = Fit {
+        title: "Spring and friction, eqs. (4) and (5) at rest".to_owned(),
+        method: format!(
+            "Nonlinear least squares of the balance of forces in {count} phases at rest with the rod between its \
+             stops. The friction is Dahl's over the way that the rod went from phase to phase. Forces are pressures \
+             times the membrane's area, which is taken as {} m\u{b2}.",
+            known.membrane_area
+        ),
+        residuals: vec![residuals],
+        drawing,
+        parameters,
+    };
+    Ok((fit, unidentified, prior))
+}
+
+fn estimates(prior: &Prior, known: &Known) -> Vec<Estimate> {
+    let Some(solution) = &prior.solution else { return vec![] };
+    let rod = Prior::rod(&prior.parameters);
+    let mut estimates = vec![];
+    // The variance of the logarithm of σ, which is F_c times its rate.
+    let mut variance = 0.0;
+    for (position, &index) in prior.free.iter().enumerate() {
+        let error = solution.standard_error(position);
+        if index < 3 {
+            let value = prior.parameters[index] * SCALES[index];
+            estimates.push(known.estimate(NAMES[index], value, error * SCALES[index]));
+            continue;
+        }
+        if NAMES[index] == COULOMB {
+            estimates.push(known.estimate(COULOMB, rod.coulomb, rod.coulomb * error));
+        }
+        let others = prior.free.iter().enumerate().filter(|&(_, &other)| other >= 3);
+        variance += others.map(|(other, _)| solution.covariance[(position, other)]).sum::<f64>();
+    }
+    // It goes with F_c, since the plant refuses one that is too stiff for it.
+    if prior.free.iter().any(|&index| index >= 3) {
+        let stiffness = rod.coulomb * rod.rate.min(STIFFEST);
+        estimates.push(known.estimate(NAMES[4], stiffness, stiffness * variance.max(0.0).sqrt()));
+    }
+    estimates
+}

@@ -1,0 +1,300 @@
+//! Least squares, and how far its results can be trusted.
+//!
+//! Standard errors come from the Jacobian and the residuals. Residuals of measurements in the same phase hang
+//! together: a filter, a drift or what the model leaves out moves many of them the same way, and a formula that
+//! takes each for independent promises too much. So the errors are computed twice: from the residuals' variance,
+//! and from what each phase by itself moves the result by, which allows any correlation within a phase: the bias
+//! reduced linearization (CR2) of R. M. Bell and D. F. `McCaffrey`, Survey Methodology 28, 2002. The larger one
+//! counts.
+
+use anyhow::{Result, bail};
+use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
+use nalgebra::storage::Owned;
+use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
+
+/// A column that is this much shorter than the longest, once what the others explain is taken from it, tells
+/// nothing of its parameter.
+const DEPENDENT: f64 = 1e-9;
+
+/// A phase that gives more than this part of what is known of a parameter tells it alone: its residuals would be
+/// zero whatever the errors were, and show nothing.
+const ALONE: f64 = 1.0 - 1e-6;
+
+/// A parameter whose standard error is a larger part of it than this is not told by the data.
+const MOST_RELATIVE_ERROR: f64 = 0.5;
+
+/// How far a solution is sought, relative to the sum of squares and to the parameters: far below any standard
+/// error, and above what differences in place of derivatives can do.
+const TOLERANCE: f64 = 1e-9;
+
+/// How many times a solution is looked for, for each parameter and one more: where there is one, it takes two or
+/// three.
+const PATIENCE: usize = 10;
+
+/// What least squares gave.
+#[derive(Clone, Debug)]
+pub struct Solution {
+    pub parameters: DVector<f64>,
+    pub covariance: DMatrix<f64>,
+}
+
+impl Solution {
+    pub fn standard_error(&self, index: usize) -> f64 {
+        self.covariance[(index, index)].max(0.0).sqrt()
+    }
+}
+
+/// Solves a linear problem. `phases` are the numbers of consecutive rows that belong together.
+pub fn linear(design: &DMatrix<f64>, observed: &DVector<f64>, phases: &[usize]) -> Result<Solution> {
+    let root = inverse_root(design)?;
+    // Scaled columns, since powers of a duty in percent differ by orders of magnitude.
+    let scales = scales(design);
+    let scaled = design * DMatrix::from_diagonal(&scales.map(f64::recip));
+    let Ok(parameters) = scaled.svd(true, true).solve(observed, f64::EPSILON) else {
+        bail!("the singular values were not found")
+    };
+    let parameters = parameters.component_div(&scales);
+    let residuals = observed - design * &parameters;
+    let covariance = covariance(design, &residuals, phases, &root);
+    Ok(Solution { parameters, covariance })
+}
+
+/// Solves a nonlinear problem by Levenberg and Marquardt's method, from a start. `residuals` is measured less
+/// computed; the parameters are of the order of 1.
+pub fn nonlinear(
+    start: &[f64],
+    phases: &[usize],
+    residuals: impl Fn(&[f64]) -> Vec<f64>,
+) -> Result<Solution> {
+    let problem = Problem { parameters: DVector::from_row_slice(start), residuals };
+    let (problem, report) =
+        LevenbergMarquardt::new().with_tol(TOLERANCE).with_patience(PATIENCE).minimize(problem);
+    if !report.termination.was_successful() {
+        bail!("Levenberg and Marquardt's method ended without a solution: {:?}", report.termination);
+    }
+    let jacobian = problem.derivatives();
+    let root = inverse_root(&jacobian)?;
+    let residuals = problem.values(&problem.parameters);
+    let covariance = covariance(&jacobian, &residuals, phases, &root);
+    Ok(Solution { parameters: problem.parameters, covariance })
+}
+
+/// A solution for those of many parameters that the data tell.
+pub struct Reliable {
+    /// The parameters, in the solution's order.
+    pub free: Vec<usize>,
+    pub solution: Solution,
+    /// Those that were left out, with their relative standard errors.
+    pub left_out: Vec<(usize, f64)>,
+}
+
+impl Reliable {
+    /// Fits parameters, and then without the worst of them until no relative standard error is more than
+    /// [`MOST_RELATIVE_ERROR`]. `relative` gives this error for a place in the solution and the parameter there.
+    pub fn fit(
+        mut free: Vec<usize>,
+        fit: impl Fn(&[usize]) -> Result<Solution>,
+        relative: impl Fn(&Solution, usize, usize) -> f64,
+    ) -> Result<Self> {
+        let mut left_out = vec![];
+        loop {
+            if free.is_empty() {
+                bail!("no standard error would be less than {:.0} %", 100.0 * MOST_RELATIVE_ERROR);
+            }
+            let solution = fit(&free)?;
+            let errors =
+                free.iter().enumerate().map(|(place, &index)| (place, relative(&solution, place, index)));
+            match errors.max_by(|(_, one), (_, other)| one.total_cmp(other)) {
+                Some((place, error)) if error > MOST_RELATIVE_ERROR => {
+                    left_out.push((free.remove(place), error));
+                }
+                _ => return Ok(Self { free, solution, left_out }),
+            }
+        }
+    }
+}
+
+struct Problem<F> {
+    parameters: DVector<f64>,
+    residuals: F,
+}
+
+impl<F: Fn(&[f64]) -> Vec<f64>> Problem<F> {
+    fn values(&self, parameters: &DVector<f64>) -> DVector<f64> {
+        DVector::from_vec((self.residuals)(parameters.as_slice()))
+    }
+
+    /// By central differences.
+    fn derivatives(&self) -> DMatrix<f64> {
+        const STEP: f64 = 1e-5;
+        let column = |index: usize| {
+            let at = |step: f64| {
+                let mut parameters = self.parameters.clone();
+                parameters[index] += step;
+                self.values(&parameters)
+            };
+            (at(STEP) - at(-STEP)) / (2.0 * STEP)
+        };
+        let columns: Vec<_> = (0..self.parameters.len()).map(column).collect();
+        DMatrix::from_columns(&columns)
+    }
+}
+
+impl<F: Fn(&[f64]) -> Vec<f64>> LeastSquaresProblem<f64, Dyn, Dyn> for Problem<F> {
+    type ResidualStorage = Owned<f64, Dyn>;
+    type JacobianStorage = Owned<f64, Dyn, Dyn>;
+    type ParameterStorage = Owned<f64, Dyn>;
+
+    fn set_params(&mut self, parameters: &DVector<f64>) {
+        self.parameters.copy_from(parameters);
+    }
+
+    fn params(&self) -> DVector<f64> {
+        self.parameters.clone()
+    }
+
+    fn residuals(&self) -> Option<DVector<f64>> {
+        Some(self.values(&self.parameters))
+    }
+
+    fn jacobian(&self) -> Option<DMatrix<f64>> {
+        Some(self.derivatives())
+    }
+}
+
+fn scales(matrix: &DMatrix<f64>) -> DVector<f64> {
+    let lengths: Vec<_> = matrix.column_iter().map(|column| column.norm()).collect();
+    DVector::from_vec(lengths).map(|length| if length > 0.0 { length } else { 1.0 })
+}
+
+/// A matrix B with B·Bᵀ = (JᵀJ)⁻¹; none where a parameter changes nothing that others do not.
+fn inverse_root(jacobian: &DMatrix<f64>) -> Result<DMatrix<f64>> {
+    if jacobian.nrows() <= jacobian.ncols() {
+        bail!("{} measurements are too few for {} parameters", jacobian.nrows(), jacobian.ncols());
+    }
+    let unscaled = DMatrix::from_diagonal(&scales(jacobian).map(f64::recip));
+    let triangle = (jacobian * &unscaled).qr().r();
+    let least = triangle.diagonal().iter().fold(f64::INFINITY, |least, value| least.min(value.abs()));
+    let inverse = triangle.try_inverse().filter(|_| least > DEPENDENT);
+    let Some(inverse) = inverse else { bail!("the data do not tell the parameters from each other") };
+    Ok(unscaled * inverse)
+}
+
+/// See the head of the module.
+fn covariance(
+    jacobian: &DMatrix<f64>,
+    residuals: &DVector<f64>,
+    phases: &[usize],
+    root: &DMatrix<f64>,
+) -> DMatrix<f64> {
+    let (rows, columns) = jacobian.shape();
+    let independent = root * root.transpose() * (residuals.norm_squared() / (rows - columns) as f64);
+    let mut by_phases = DMatrix::zeros(columns, columns);
+    let mut first = 0;
+    for &rows in phases {
+        let phase = jacobian.rows(first, rows) * root;
+        let gradient = phase.transpose() * residuals.rows(first, rows);
+        // A fit follows the phases that tell much, so their residuals are less than the errors were.
+        let SymmetricEigen { eigenvectors, eigenvalues } = (phase.transpose() * &phase).symmetric_eigen();
+        let grown = eigenvalues.map(|told| if told < ALONE { (1.0 - told).sqrt().recip() } else { 0.0 });
+        let change = root * (&eigenvectors * grown.component_mul(&eigenvectors.tr_mul(&gradient)));
+        by_phases += &change * change.transpose();
+        first += rows;
+    }
+    let factors = DVector::from_fn(columns, |index, _| {
+        (by_phases[(index, index)] / independent[(index, index)]).sqrt().max(1.0)
+    });
+    let factors = DMatrix::from_diagonal(&factors);
+    &factors * independent * factors
+}
+
+/// The root of the mean square.
+pub fn root_mean_square(values: impl IntoIterator<Item = f64>) -> Option<f64> {
+    let (count, sum) =
+        values.into_iter().fold((0_u32, 0.0), |(count, sum), value| (count + 1, sum + value * value));
+    (count > 0).then(|| (sum / f64::from(count)).sqrt())
+}
+
+/// The mean.
+pub fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+    use rand_pcg::Pcg64;
+
+    use super::*;
+
+    /// Many lines through noise: the estimates scatter as their standard errors say.
+    fn scatter(correlation: f64) -> (f64, f64) {
+        const ROWS: usize = 600;
+        const PHASE: usize = 20;
+        const TRIALS: u32 = 400;
+        let mut generator = Pcg64::seed_from_u64(5);
+        let mut normal = move || -> f64 { StandardNormal.sample(&mut generator) };
+        let design = DMatrix::from_fn(
+            ROWS,
+            2,
+            |row, column| {
+                if column == 0 { 1.0 } else { (row / PHASE) as f64 / 30.0 }
+            },
+        );
+        let (mut squares, mut errors) = (0.0, 0.0);
+        for _ in 0..TRIALS {
+            let mut common = 0.0;
+            let observed = DVector::from_fn(ROWS, |row, _| {
+                if row % PHASE == 0 {
+                    common = normal();
+                }
+                2.0 + 3.0 * design[(row, 1)] + normal() + correlation * common
+            });
+            let Ok(solution) = linear(&design, &observed, &[PHASE; ROWS / PHASE]) else { return (0.0, 0.0) };
+            squares += (solution.parameters[1] - 3.0).powi(2);
+            errors += solution.standard_error(1);
+        }
+        ((squares / f64::from(TRIALS)).sqrt(), errors / f64::from(TRIALS))
+    }
+
+    #[test]
+    fn standard_errors_are_the_scatter_of_estimates() {
+        // The scatter of 400 trials is known to 1/√800, 3.5 %. The larger of two estimates is too large by what
+        // the one from 30 phases scatters, 1/√60 or 13 %, at most.
+        for correlation in [0.0, 1.0] {
+            let (scatter, error) = scatter(correlation);
+            assert!((0.9..1.2).contains(&(error / scatter)), "{correlation}: {error} for {scatter}");
+        }
+    }
+
+    #[test]
+    fn parameters_that_the_data_do_not_tell_apart_are_refused() {
+        let design = DMatrix::from_fn(10, 2, |row, column| row as f64 * (column + 1) as f64);
+        let observed = DVector::from_element(10, 1.0);
+        assert!(linear(&design, &observed, &[10]).is_err());
+        assert!(linear(&design.rows(0, 2).into_owned(), &observed.rows(0, 2).into_owned(), &[2]).is_err());
+    }
+
+    #[test]
+    fn a_nonlinear_problem_is_solved_with_its_errors() -> Result<()> {
+        let mut generator = Pcg64::seed_from_u64(1);
+        let times: Vec<_> = (0..200).map(|index| 0.02 * f64::from(index)).collect();
+        let noise: Vec<f64> = times
+            .iter()
+            .map(|_| 0.01 * Distribution::<f64>::sample(&StandardNormal, &mut generator))
+            .collect();
+        let observed: Vec<_> =
+            times.iter().zip(&noise).map(|(time, noise)| 2.0 * (-time / 0.7).exp() + noise).collect();
+        let solution = nonlinear(&[1.0, 1.0], &[1; 200], |parameters| {
+            let model = times.iter().map(|time| parameters[0] * (-time / parameters[1]).exp());
+            observed.iter().zip(model).map(|(observed, model)| observed - model).collect()
+        })?;
+        for (index, truth) in [2.0, 0.7].into_iter().enumerate() {
+            let error = solution.standard_error(index);
+            assert!((solution.parameters[index] - truth).abs() < 3.0 * error);
+            assert!(error < 0.01);
+        }
+        Ok(())
+    }
+}
