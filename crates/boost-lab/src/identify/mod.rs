@@ -1,9 +1,9 @@
 //! Identifies the wastegate's actuation from measured data, as section 4.2 of the paper does: the valve's
 //! pressure and leakage over the duty, the spring with its friction, and what moves between.
 //!
-//! Four fits follow each other: eq. (7) from the chamber's pressure at rest ([`valve`]), eq. (6) from the
-//! tank's pressure ([`valve`]), spring and friction from the positions at rest ([`rod`]), and the valve's
-//! areas, its delays, mass and damping from the transients after steps ([`motion`]). What the data do not tell
+//! Four fits follow each other: eq. (7) from the chamber's pressure at rest (`valve`), eq. (6) from the
+//! tank's pressure (`valve`), spring and friction from the positions at rest (`rod`), and the valve's
+//! areas, its delays, mass and damping from the transients after steps (`motion`). What the data do not tell
 //! is told by name, and stays as the plant has it.
 
 mod data;
