@@ -19,14 +19,6 @@ pub fn run(path: &Path, out: Option<&Path>) -> Result<()> {
     Ok(())
 }
 
-/// Reads a parameter set.
-pub fn read(path: &Path) -> Result<ParameterSet> {
-    let shown = path.display();
-    let text =
-        std::fs::read_to_string(path).with_context(|| format!("cannot read the parameter set {shown}"))?;
-    ParameterSet::parse(&text).with_context(|| format!("the parameter set {shown} is not as it should be"))
-}
-
 /// The start values of an FMU's parameters.
 fn defaults(description: &ModelDescription) -> Result<ParameterSet> {
     let parameters = description.of_causality("parameter").filter(|variable| variable.is_settable());

@@ -10,7 +10,7 @@ use boost_interface::{Fit, Map, Role};
 use fmi2_export::package::{ModelDescription, ParameterSet, SystemPackage};
 
 use super::coupling::{Member, couple};
-use super::{parameters, write_whole};
+use super::write_whole;
 
 /// The system's name.
 const SYSTEM: &str = "Boost";
@@ -63,7 +63,7 @@ fn package(fits: &[Fit<'_>; 2], fmus: [Vec<u8>; 2], parameter_files: &[PathBuf])
     let mut plant = Member { fit: &fits[0], fmu: plant, parameter_sets: vec![] };
     let mut controller = Member { fit: &fits[1], fmu: controller, parameter_sets: vec![] };
     for path in parameter_files {
-        let set = parameters::read(path)?;
+        let set = ParameterSet::read(path)?;
         let place = place(&set, plant.fit.fmu, controller.fit.fmu)
             .with_context(|| format!("the parameter set {} cannot be bound", path.display()))?;
         let member = match place {

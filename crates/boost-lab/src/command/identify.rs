@@ -7,6 +7,7 @@ use anyhow::{Context, Result};
 use boost_lab::identify::{Naming, html, identify, json};
 use boost_lab::importer::Fmu;
 use clap::Args;
+use fmi2_export::package::ParameterSet;
 
 /// What `identify actuator` takes.
 #[derive(Args)]
@@ -46,7 +47,7 @@ fn share(text: &str) -> Result<f64, String> {
 pub fn run(arguments: Arguments) -> Result<()> {
     let Arguments { data, plant, parameters, column, unit, validation_share, out } = arguments;
     let plant = Fmu::open(&plant)?;
-    let sets: Vec<_> = parameters.iter().map(|path| super::parameter_set(path)).collect::<Result<_>>()?;
+    let sets: Vec<_> = parameters.iter().map(|path| ParameterSet::read(path)).collect::<Result<_, _>>()?;
     let naming = Naming { columns: column, units: unit };
     let identification = identify(&data, &naming, &plant, &sets, validation_share)?;
     fs::create_dir_all(&out).with_context(|| format!("cannot make the folder {}", out.display()))?;

@@ -6,13 +6,11 @@ mod simulate;
 mod sweep;
 mod tune;
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use boost_lab::scenario::Scenario;
 use clap::{Parser, Subcommand};
-use fmi2_export::package::ParameterSet;
 
 /// The laboratory: drives FMUs through experiments of boost control.
 #[derive(Parser)]
@@ -126,14 +124,5 @@ fn name_and_path(text: &str) -> Result<(String, PathBuf)> {
     match text.split_once('=') {
         Some((name, path)) if !name.is_empty() && !path.is_empty() => Ok((name.to_owned(), path.into())),
         _ => bail!("expected NAME=FILE.fmu"),
-    }
-}
-
-/// Reads a parameter set.
-fn parameter_set(path: &Path) -> Result<ParameterSet> {
-    let text = fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-    match ParameterSet::parse(&text) {
-        Ok(set) => Ok(set),
-        Err(error) => bail!("{} is no parameter set: {error}", path.display()),
     }
 }

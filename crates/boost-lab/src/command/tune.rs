@@ -9,6 +9,7 @@ use boost_lab::journal::digest;
 use boost_lab::mapping::{self, Map};
 use boost_lab::tune::{Basis, Journal, Procedure, Schedule, Task, html, json};
 use clap::Args;
+use fmi2_export::package::ParameterSet;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// The name of the parameter set.
@@ -57,8 +58,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         plant_parameters: arguments
             .parameters
             .iter()
-            .map(|path| super::parameter_set(path))
-            .collect::<Result<_>>()?,
+            .map(|path| ParameterSet::read(path))
+            .collect::<Result<_, _>>()?,
         lambda: arguments.lambda.unwrap_or(schedule.lambda),
         schedule: schedule.with_grid(arguments.engine_speeds.clone(), arguments.boost_references.clone())?,
         procedure: Procedure::default(),

@@ -261,8 +261,7 @@ fn read_map(node: &Node<'_>, folder: &Path) -> Result<Map> {
 
 fn read_parameters(node: &Node<'_>, folder: &Path, expected: &str) -> Result<(ParameterSet, Place)> {
     let path = folder.join(node.string(expected)?);
-    let set = fs::read_to_string(&path).and_then(|text| ParameterSet::parse(&text));
-    let set = set.with_context(|| format!("cannot read {}", path.display()));
+    let set = ParameterSet::read(&path).map_err(anyhow::Error::from);
     Ok((node.place().locate(set)?, node.place().clone()))
 }
 

@@ -1,7 +1,8 @@
 //! Parameter sets: the .ssv files of System Structure and Parameterization 1.0 (SSP, section 6).
 
 use std::fmt::{self, Display, Formatter};
-use std::io;
+use std::path::Path;
+use std::{fs, io};
 
 use super::archive::broken;
 use super::model_description::{Attributes, read_elements};
@@ -53,6 +54,17 @@ pub enum Value {
 }
 
 impl ParameterSet {
+    /// Reads an .ssv file.
+    ///
+    /// # Errors
+    /// When there is no such file, or it is no parameter set; the message names the file.
+    pub fn read(file: &Path) -> io::Result<Self> {
+        let shown = file.display();
+        let xml = fs::read_to_string(file)
+            .map_err(|error| io::Error::new(error.kind(), format!("cannot read {shown}: {error}")))?;
+        Self::parse(&xml).map_err(|error| broken(format!("{shown} is no parameter set: {error}")))
+    }
+
     /// Reads the text of an .ssv file.
     ///
     /// # Errors
