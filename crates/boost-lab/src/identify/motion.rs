@@ -36,6 +36,8 @@ const LEAST_CHANGE: f64 = 3000.0;
 const LONGEST_STEP: f64 = 0.6e-3;
 /// How long a step is at most over the fastest eigenvalue: the method of Runge and Kutta bears 2.7.
 const STABLE: f64 = 2.5;
+/// How often a step is halved at most: a fit that wants a rod of a few grams has gone astray.
+const MOST_HALVINGS: f64 = 3.0;
 /// No measurement is better than that, whatever it shows at rest: a converter's steps may hide the noise.
 const LEAST_NOISE: Noise = Noise { chamber: 10.0, position: 1e-6 };
 /// The horizontal axis of the drawing.
@@ -110,7 +112,7 @@ impl Model<'_> {
         // No eigenvalue of a damped spring is faster.
         let fastest =
             ((damping + self.known.stop_damping) / mass).max((self.known.stop_stiffness / mass).sqrt());
-        LONGEST_STEP * (STABLE / (fastest * LONGEST_STEP)).log2().floor().min(0.0).exp2()
+        LONGEST_STEP * (STABLE / (fastest * LONGEST_STEP)).log2().floor().clamp(-MOST_HALVINGS, 0.0).exp2()
     }
 
     /// Chamber pressure and position at the rows after a transient's first.
