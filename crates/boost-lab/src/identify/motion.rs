@@ -38,7 +38,8 @@ const LONGEST_STEP: f64 = 0.6e-3;
 const STABLE: f64 = 2.5;
 /// How often a step is halved at most: a fit that wants a rod of a few grams has gone astray.
 const MOST_HALVINGS: f64 = 3.0;
-/// No measurement is better than that, whatever it shows at rest: a converter's steps may hide the noise.
+/// No measurement is better than that, whatever it shows at rest: a converter's steps may hide the noise, and
+/// the model itself errs.
 const LEAST_NOISE: Noise = Noise { chamber: 10.0, position: 1e-6 };
 /// The horizontal axis of the drawing.
 const TIME: &str = "time after the step (s)";
@@ -309,12 +310,14 @@ impl<'a> Problem<'a> {
             // What does not converge leaves the start to the next.
             if count > 0
                 && let Ok(solution) =
-                    nonlinear(&begin[..count], &lengths, |values| self.residuals(free, &with(values)))
+                    nonlinear(&begin[..count], &lengths, 1.0, |values| self.residuals(free, &with(values)))
             {
                 begin = with(solution.parameters.as_slice());
             }
         }
-        nonlinear(&begin, &lengths, |values| self.residuals(free, values))
+        // The residuals are in terms of the noise. What is less tells how well the model fits, not how exact
+        // it is.
+        nonlinear(&begin, &lengths, 1.0, |values| self.residuals(free, values))
     }
 }
 

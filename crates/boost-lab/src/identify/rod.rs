@@ -192,7 +192,7 @@ impl<'a> Balance<'a> {
         };
         let fit = |free: &[usize]| {
             let begin: Vec<_> = free.iter().map(|&index| start[index]).collect();
-            nonlinear(&begin, &vec![1; tuning.len()], |values| {
+            nonlinear(&begin, &vec![1; tuning.len()], 0.0, |values| {
                 let held = self.held(&Prior::rod(&with(free, values)));
                 tuning.iter().map(|&index| self.force(index) - held[index]).collect()
             })

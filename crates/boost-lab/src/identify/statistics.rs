@@ -55,15 +55,17 @@ pub fn linear(design: &DMatrix<f64>, observed: &DVector<f64>, phases: &[usize]) 
     };
     let parameters = parameters.component_div(&scales);
     let residuals = observed - design * &parameters;
-    let covariance = covariance(design, &residuals, phases, &root);
+    let covariance = covariance(design, &residuals, phases, &root, 0.0);
     Ok(Solution { parameters, covariance })
 }
 
 /// Solves a nonlinear problem by Levenberg and Marquardt's method, from a start. `residuals` is measured less
-/// computed; the parameters are of the order of 1.
+/// computed; the parameters are of the order of 1. `least_variance` is the one of the measurements that errors are
+/// at least computed from.
 pub fn nonlinear(
     start: &[f64],
     phases: &[usize],
+    least_variance: f64,
     residuals: impl Fn(&[f64]) -> Vec<f64>,
 ) -> Result<Solution> {
     let problem = Problem { parameters: DVector::from_row_slice(start), residuals };
@@ -75,7 +77,7 @@ pub fn nonlinear(
     let jacobian = problem.derivatives();
     let root = inverse_root(&jacobian)?;
     let residuals = problem.values(&problem.parameters);
-    let covariance = covariance(&jacobian, &residuals, phases, &root);
+    let covariance = covariance(&jacobian, &residuals, phases, &root, least_variance);
     Ok(Solution { parameters: problem.parameters, covariance })
 }
 
@@ -186,9 +188,11 @@ fn covariance(
     residuals: &DVector<f64>,
     phases: &[usize],
     root: &DMatrix<f64>,
+    least_variance: f64,
 ) -> DMatrix<f64> {
     let (rows, columns) = jacobian.shape();
-    let independent = root * root.transpose() * (residuals.norm_squared() / (rows - columns) as f64);
+    let variance = residuals.norm_squared() / (rows - columns) as f64;
+    let independent = root * root.transpose() * variance.max(least_variance);
     let mut by_phases = DMatrix::zeros(columns, columns);
     let mut first = 0;
     for &rows in phases {
@@ -286,7 +290,7 @@ mod tests {
             .collect();
         let observed: Vec<_> =
             times.iter().zip(&noise).map(|(time, noise)| 2.0 * (-time / 0.7).exp() + noise).collect();
-        let solution = nonlinear(&[1.0, 1.0], &[1; 200], |parameters| {
+        let solution = nonlinear(&[1.0, 1.0], &[1; 200], 0.0, |parameters| {
             let model = times.iter().map(|time| parameters[0] * (-time / parameters[1]).exp());
             observed.iter().zip(model).map(|(observed, model)| observed - model).collect()
         })?;
