@@ -4,7 +4,7 @@
 //! of the step, so that the third root of the error says by how much the step was too long or too short; after
 //! a step that was taken the next one follows this with the fourth root, which calms it.
 
-use crate::elementary::power;
+use crate::elementary::{larger, power, smaller};
 
 /// How far below the length that would just meet the tolerance the next step stays.
 const SAFETY: f64 = 0.9;
@@ -50,8 +50,8 @@ impl StepSize {
             let most = if self.rejected { 1.0 } else { LARGEST_CHANGE };
             let allowed = length * (SAFETY * ratio).clamp(LARGEST_CHANGE.recip(), most);
             let cut_short = length < self.next;
-            let next = if cut_short && !self.rejected { self.next.max(allowed) } else { allowed };
-            self.next = next.min(self.longest);
+            let next = if cut_short && !self.rejected { larger(self.next, allowed) } else { allowed };
+            self.next = smaller(next, self.longest);
             self.rejected = false;
             true
         } else {
@@ -71,7 +71,7 @@ pub fn relative_error<const N: usize>(states: &[f64; N], error: &[f64; N], weigh
     let mut sum = 0.0;
     for ((state, error), weight) in states.iter().zip(error).zip(weights) {
         let relative = (error * weight).abs();
-        largest = largest.max(relative);
+        largest = larger(largest, relative);
         sum += relative + 0.0 * state;
     }
     // The maximum passes over what is no number; the sum does not.
