@@ -221,7 +221,7 @@ impl<M: Model> Instance<M> {
     pub(crate) fn do_step(&mut self, start: f64, size: f64) -> Answer {
         let end = start + size;
         if !self.can_step(start, size, end) {
-            return Err(self.why_no_step(start, size));
+            return Err(self.why_no_step(start, size, end));
         }
         let memory = &mut self.memory;
         let experiment = memory.experiment.unwrap_or_default();
@@ -253,22 +253,33 @@ impl<M: Model> Instance<M> {
 
     /// Whether the next step can be the one from a time on, of a size, to an end (s). Not for any NaN.
     fn can_step(&self, start: f64, size: f64, end: f64) -> bool {
-        let memory = &self.memory;
-        let tolerance = TIME_TOLERANCE * size;
-        let stop_time = memory.experiment.and_then(|experiment| experiment.stop_time);
         size > 0.0
             && size <= M::LONGEST_STEP
-            && (start - memory.time).abs() <= tolerance + time_rounding(memory.time)
+            && self.goes_on(start, size)
             && end > start
-            && stop_time.is_none_or(|stop_time| end <= stop_time + tolerance + time_rounding(stop_time))
+            && self.ends_in_time(end, size)
     }
 
-    /// Why it cannot.
-    #[cold]
-    fn why_no_step(&self, start: f64, size: f64) -> Error {
+    /// Whether a step of a size that begins at a time (s) begins where the last one ended.
+    fn goes_on(&self, start: f64, size: f64) -> bool {
         let time = self.memory.time;
-        let end = start + size;
-        let size_shown = Shown(size);
+        (start - time).abs() <= TIME_TOLERANCE * size + time_rounding(time)
+    }
+
+    /// Whether a step of a size that ends at a time (s) does not go past the experiment's end.
+    fn ends_in_time(&self, end: f64, size: f64) -> bool {
+        self.stop_time()
+            .is_none_or(|stop_time| end <= stop_time + TIME_TOLERANCE * size + time_rounding(stop_time))
+    }
+
+    fn stop_time(&self) -> Option<f64> {
+        self.memory.experiment.and_then(|experiment| experiment.stop_time)
+    }
+
+    /// Why the next step cannot be that one.
+    #[cold]
+    fn why_no_step(&self, start: f64, size: f64, end: f64) -> Error {
+        let [start_shown, size_shown] = [Shown(start), Shown(size)];
         Error::new(if !(size.is_finite() && size > 0.0) {
             format!("communicationStepSize is {size_shown}; it must be finite and greater than 0")
         } else if size > M::LONGEST_STEP {
@@ -276,23 +287,20 @@ impl<M: Model> Instance<M> {
                 "communicationStepSize is {size_shown} s; the longest step that this FMU takes is {} s",
                 Shown(M::LONGEST_STEP)
             )
-        } else if start.is_nan() || (start - time).abs() > TIME_TOLERANCE * size + time_rounding(time) {
+        } else if !self.goes_on(start, size) {
             format!(
-                "currentCommunicationPoint is {}, but the last step ended at {}",
-                Shown(start),
-                Shown(time)
+                "currentCommunicationPoint is {start_shown}, but the last step ended at {}",
+                Shown(self.memory.time)
             )
         } else if end <= start {
             format!(
-                "communicationStepSize is {size_shown}, which is lost in the rounding of the time {}",
-                Shown(start)
+                "communicationStepSize is {size_shown}, which is lost in the rounding of the time {start_shown}"
             )
         } else {
             format!(
-                "the step from {} to {} goes past the stopTime {} of fmi2SetupExperiment",
-                Shown(start),
+                "the step from {start_shown} to {} goes past the stopTime {} of fmi2SetupExperiment",
                 Shown(end),
-                Shown(self.memory.experiment.and_then(|experiment| experiment.stop_time).unwrap_or(f64::NAN))
+                Shown(self.stop_time().unwrap_or(f64::INFINITY))
             )
         })
     }
