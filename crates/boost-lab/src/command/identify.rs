@@ -1,9 +1,8 @@
 //! `identify`: parameters of the plant from measured data, to an .ssv file, report.html and report.json.
 
-use std::fs;
 use std::path::PathBuf;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use boost_lab::identify::{Naming, html, identify, json};
 use boost_lab::importer::Fmu;
 use clap::Args;
@@ -50,7 +49,7 @@ pub fn run(arguments: Arguments) -> Result<()> {
     let sets: Vec<_> = parameters.iter().map(|path| ParameterSet::read(path)).collect::<Result<_, _>>()?;
     let naming = Naming { columns: column, units: unit };
     let identification = identify(&data, &naming, &plant, &sets, validation_share)?;
-    fs::create_dir_all(&out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+    super::make_folder(&out)?;
     for note in &identification.notes {
         eprintln!("note: {note}");
     }
@@ -61,16 +60,12 @@ pub fn run(arguments: Arguments) -> Result<()> {
     for parameter in &identification.unidentified {
         println!("{:32} not identified: {}", parameter.name, parameter.reason);
     }
-    for (name, text) in [
+    let texts = [
         ("identified.ssv", identification.parameter_set(&plant).to_xml()),
         ("report.html", html(&identification)),
         ("report.json", json(&identification)?),
-    ] {
-        let path = out.join(name);
-        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-        println!("{}", path.display());
-    }
-    Ok(())
+    ];
+    super::write(&out, texts)
 }
 
 fn name_and_value(text: &str) -> Result<(String, String), String> {

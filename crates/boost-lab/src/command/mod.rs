@@ -6,11 +6,13 @@ mod simulate;
 mod sweep;
 mod tune;
 
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
+use boost_lab::mapping;
 use boost_lab::scenario::Scenario;
-use clap::{Parser, Subcommand};
+use clap::{Args, Parser, Subcommand};
 
 /// The laboratory: drives FMUs through experiments of boost control.
 #[derive(Parser)]
@@ -27,15 +29,8 @@ enum Command {
         /// The scenario, which docs/laboratory.md describes
         #[arg(value_name = "SCENARIO.toml")]
         scenario: PathBuf,
-        /// The folder of the FMUs [default: the scenario's folder]
-        #[arg(long, value_name = "DIR")]
-        fmus: Option<PathBuf>,
-        /// Another file for an FMU of the scenario, by its name there
-        #[arg(long, value_name = "NAME=FILE.fmu", value_parser = name_and_path)]
-        fmu: Vec<(String, PathBuf)>,
-        /// Maps for FMUs with other names and units, as `boost-fmu check --write-map` writes them
-        #[arg(long, value_name = "FILE.json")]
-        map: Vec<PathBuf>,
+        #[command(flatten)]
+        fmus: Fmus,
         /// The file to write, or a folder to write it to [default: <scenario>.csv]
         #[arg(long, value_name = "FILE.csv|DIR")]
         out: Option<PathBuf>,
@@ -64,15 +59,8 @@ enum Command {
         /// The study, which docs/laboratory.md describes
         #[arg(value_name = "STUDY.toml")]
         study: PathBuf,
-        /// The folder of the FMUs [default: the scenario's folder]
-        #[arg(long, value_name = "DIR")]
-        fmus: Option<PathBuf>,
-        /// Another file for an FMU of the scenario, by its name there
-        #[arg(long, value_name = "NAME=FILE.fmu", value_parser = name_and_path)]
-        fmu: Vec<(String, PathBuf)>,
-        /// Maps for FMUs with other names and units, as `boost-fmu check --write-map` writes them
-        #[arg(long, value_name = "FILE.json")]
-        map: Vec<PathBuf>,
+        #[command(flatten)]
+        fmus: Fmus,
         /// The folder for results.csv, results.parquet, the journal and the records
         #[arg(long, value_name = "DIR", default_value = "target/sweep")]
         out: PathBuf,
@@ -87,6 +75,34 @@ enum Command {
     },
 }
 
+/// Which FMUs a scenario runs.
+#[derive(Args)]
+struct Fmus {
+    /// The folder of the FMUs [default: the scenario's folder]
+    #[arg(long = "fmus", value_name = "DIR")]
+    folder: Option<PathBuf>,
+    /// Another file for an FMU of the scenario, by its name there
+    #[arg(long = "fmu", value_name = "NAME=FILE.fmu", value_parser = name_and_path)]
+    files: Vec<(String, PathBuf)>,
+    /// Maps for FMUs with other names and units, as `boost-fmu check --write-map` writes them
+    #[arg(long = "map", value_name = "FILE.json")]
+    maps: Vec<PathBuf>,
+}
+
+impl Fmus {
+    /// Puts the files in the places of a scenario's FMUs, by their names there, and gives it the maps.
+    fn give(&self, scenario: &mut Scenario) -> Result<()> {
+        for (name, file) in &self.files {
+            let Some(member) = scenario.fmus.iter_mut().find(|member| member.name == *name) else {
+                let names: Vec<_> = scenario.fmus.iter().map(|member| member.name.as_str()).collect();
+                bail!("the scenario has no FMU {name}: there are {}", names.join(", "));
+            };
+            member.file.clone_from(file);
+        }
+        mapping::give(scenario, &self.maps)
+    }
+}
+
 #[derive(Subcommand)]
 enum Identify {
     /// The wastegate's actuator with its valve and its tank, as section 4.2 of the paper does
@@ -96,26 +112,29 @@ enum Identify {
 /// Does what the command line asks for. Whether the answer is yes, where it is a question.
 pub fn run() -> Result<bool> {
     match Arguments::parse().command {
-        Command::Simulate { scenario, fmus, fmu, map, out, plot } => {
-            simulate::run(&scenario, fmus.as_deref(), &fmu, &map, out, plot.as_deref()).map(|()| true)
+        Command::Simulate { scenario, fmus, out, plot } => {
+            simulate::run(&scenario, &fmus, out, plot.as_deref()).map(|()| true)
         }
         Command::Reproduce { figures, fmus, out } => reproduce::run(&fmus, &out, &figures),
         Command::Tune(arguments) => tune::run(&arguments).map(|()| true),
         Command::Identify { what: Identify::Actuator(arguments) } => identify::run(arguments).map(|()| true),
-        Command::Sweep { study, fmus, fmu, map, out, threads } => {
-            sweep::run(&study, fmus.as_deref(), &fmu, &map, &out, threads.map(usize::from)).map(|()| true)
+        Command::Sweep { study, fmus, out, threads } => {
+            sweep::run(&study, &fmus, &out, threads.map(usize::from)).map(|()| true)
         }
     }
 }
 
-/// Puts other files in the places of a scenario's FMUs, by their names there.
-fn replace_files(scenario: &mut Scenario, files: &[(String, PathBuf)]) -> Result<()> {
-    for (name, file) in files {
-        let Some(member) = scenario.fmus.iter_mut().find(|member| member.name == *name) else {
-            let names: Vec<_> = scenario.fmus.iter().map(|member| member.name.as_str()).collect();
-            bail!("the scenario has no FMU {name}: there are {}", names.join(", "));
-        };
-        member.file.clone_from(file);
+/// Makes a folder for results.
+fn make_folder(folder: &Path) -> Result<()> {
+    fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))
+}
+
+/// Writes texts into a folder by their names, and says where.
+fn write<'a>(folder: &Path, texts: impl IntoIterator<Item = (&'a str, String)>) -> Result<()> {
+    for (name, text) in texts {
+        let path = folder.join(name);
+        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+        println!("{}", path.display());
     }
     Ok(())
 }

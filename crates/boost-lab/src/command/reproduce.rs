@@ -1,9 +1,8 @@
 //! `reproduce`: the paper's figures, to report.html and report.json.
 
-use std::fs;
 use std::path::Path;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use boost_lab::reproduce::{FIGURES, Laboratory, html, json};
 
 /// Reproduces figures, all where none is named. Whether all statements hold.
@@ -16,7 +15,7 @@ pub fn run(fmus: &Path, out: &Path, numbers: &[u32]) -> Result<bool> {
         let known: Vec<_> = FIGURES.iter().map(|figure| figure.number.to_string()).collect();
         bail!("there is no experiment in Fig. {unknown}: there are {}", known.join(", "));
     }
-    fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+    super::make_folder(out)?;
 
     let mut laboratory = Laboratory::new(fmus);
     let mut reproduced = vec![];
@@ -31,12 +30,7 @@ pub fn run(fmus: &Path, out: &Path, numbers: &[u32]) -> Result<bool> {
         }
         reproduced.push(found);
     }
-    for (name, text) in
-        [("report.html", html(&reproduced, &laboratory.fmus())), ("report.json", json(&reproduced)?)]
-    {
-        let path = out.join(name);
-        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-        println!("{}", path.display());
-    }
+    let html = html(&reproduced, &laboratory.fmus());
+    super::write(out, [("report.html", html), ("report.json", json(&reproduced)?)])?;
     Ok(all_hold)
 }

@@ -5,7 +5,6 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use boost_lab::mapping;
 use boost_lab::master::{Fmus, Master};
 use boost_lab::plot::{Figure, Line, Panel, color};
 use boost_lab::record::Record;
@@ -16,17 +15,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 const STEPS_PER_LOOK: u32 = 256;
 
 /// Runs a scenario.
-pub fn run(
-    path: &Path,
-    folder: Option<&Path>,
-    files: &[(String, PathBuf)],
-    maps: &[PathBuf],
-    out: Option<PathBuf>,
-    plot: Option<&Path>,
-) -> Result<()> {
-    let mut scenario = Scenario::read(path, folder)?;
-    super::replace_files(&mut scenario, files)?;
-    mapping::give(&mut scenario, maps)?;
+pub fn run(path: &Path, fmus: &super::Fmus, out: Option<PathBuf>, plot: Option<&Path>) -> Result<()> {
+    let mut scenario = Scenario::read(path, fmus.folder.as_deref())?;
+    fmus.give(&mut scenario)?;
     let master = Master::new(&scenario, &mut Fmus::default())?;
     // It draws nothing where standard error is no terminal.
     let bar = ProgressBar::new(u64::from(master.steps()?));

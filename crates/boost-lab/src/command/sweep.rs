@@ -2,27 +2,18 @@
 
 use std::fs::File;
 use std::io::BufWriter;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, Result};
-use boost_lab::mapping;
 use boost_lab::sweep::Study;
 use boost_lab::sweep::journal::Journal;
 use boost_lab::sweep::results::Table;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Runs a study, or what is left of it.
-pub fn run(
-    path: &Path,
-    folder: Option<&Path>,
-    files: &[(String, PathBuf)],
-    maps: &[PathBuf],
-    out: &Path,
-    threads: Option<usize>,
-) -> Result<()> {
-    let mut study = Study::read(path, folder)?;
-    super::replace_files(&mut study.scenario, files)?;
-    mapping::give(&mut study.scenario, maps)?;
+pub fn run(path: &Path, fmus: &super::Fmus, out: &Path, threads: Option<usize>) -> Result<()> {
+    let mut study = Study::read(path, fmus.folder.as_deref())?;
+    fmus.give(&mut study.scenario)?;
     let study = study.load()?;
     let journal = Journal::open(out, &study.settings()?)?;
     let taken_up = journal.len();

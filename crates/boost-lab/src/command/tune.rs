@@ -1,6 +1,5 @@
 //! `tune`: the controller's gain schedule for a plant, to a parameter set and a report.
 
-use std::fs;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
@@ -65,7 +64,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         procedure: Procedure::default(),
     };
     let out = &arguments.out;
-    fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+    super::make_folder(out)?;
     let settings = task.settings(digest(&arguments.plant)?)?;
     let journal = Journal::open(&out.join("journal.jsonl"), &settings)?;
     let (sweeps, points) = journal.finished();
@@ -86,15 +85,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
 
     let set = tuning.parameter_set(SET).to_xml();
-    for (name, text) in [
-        (format!("{SET}.ssv"), set),
-        ("report.html".to_owned(), html(&tuning)),
-        ("report.json".to_owned(), json(&tuning)?),
-    ] {
-        let path = out.join(name);
-        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-        println!("{}", path.display());
-    }
+    let set_name = format!("{SET}.ssv");
+    let texts = [(set_name.as_str(), set), ("report.html", html(&tuning)), ("report.json", json(&tuning)?)];
+    super::write(out, texts)?;
     let count = |basis| tuning.cells.iter().filter(|cell| cell.basis == basis).count();
     println!(
         "{} of {} points identified; {} above and {} below what can be reached, {} outside the stepped duties, {} \
