@@ -209,6 +209,7 @@ def test_known_parameters_are_found_again(identify: Identify, benches: dict[str,
     squares = []
     for plant, truth in [("defaults", DEFAULTS), ("changed", CHANGED)]:
         deviations: dict[str, list[float]] = {name: [] for name in truth}
+        errors: dict[str, list[float]] = {name: [] for name in truth}
         for seed in SEEDS[plant]:
             report = identify(benches[plant].measured(seed))
             found = estimates(report)
@@ -216,6 +217,7 @@ def test_known_parameters_are_found_again(identify: Identify, benches: dict[str,
             assert report["unidentified"] == []
             for name, (value, error) in found.items():
                 deviations[name].append((value - truth[name]) / error)
+                errors[name].append(error)
                 assert error < USEFUL.get(name, np.inf) * abs(truth[name]), name
             for sensor, noise in [
                 ("actuator_pressure", "actuator_pressure"),
@@ -224,7 +226,8 @@ def test_known_parameters_are_found_again(identify: Identify, benches: dict[str,
                 # Some 20 000 rows at rest: 0.5 %.
                 assert report["noise"][sensor] == pytest.approx(NOISE[noise], rel=0.02)
         for name, values in deviations.items():
-            print(f"{plant:8} {name:30} " + " ".join(f"{value:+.2f}" for value in values))
+            part = np.mean(errors[name]) / abs(truth[name])
+            print(f"{plant:8} {name:30} {part:8.2%} " + " ".join(f"{value:+.2f}" for value in values))
             assert max(map(abs, values)) < FARTHEST, name
         squares += list(np.mean(np.square(list(deviations.values())), axis=0))
     mean, deviation = np.mean(squares), np.std(squares, ddof=1) / np.sqrt(len(squares))

@@ -164,11 +164,7 @@ impl Model<'_> {
     }
 }
 
-fn transients<'a>(
-    data: &Data,
-    phases: &'a [Phase],
-    validation_share: impl Fn(usize) -> bool,
-) -> Vec<Transient<'a>> {
+fn transients<'a>(data: &Data, phases: &'a [Phase], validates: impl Fn(usize) -> bool) -> Vec<Transient<'a>> {
     let mut transients = vec![];
     for pair in phases.windows(2) {
         let [before, after] = pair else { continue };
@@ -182,7 +178,7 @@ fn transients<'a>(
         let rows = after.rows.start..after.rows.start + count;
         let change = data.chamber[rows.end - 1] - rest.chamber;
         if change.abs() > LEAST_CHANGE && rows.len() > 3 {
-            let validates = validation_share(transients.len());
+            let validates = validates(transients.len());
             transients.push(Transient { before: rest, rows, change, validates });
         }
     }
