@@ -29,6 +29,9 @@ use tempfile::TempDir;
 use self::c_boundary::{Functions, Handle};
 pub use self::messages::{CallFailed, Message, Status};
 
+/// The flag of an FMU that can have one instance in a process.
+pub(crate) const ONLY_ONCE: &str = "canBeInstantiatedOnlyOncePerProcess";
+
 /// An FMU, extracted and loaded.
 pub struct Fmu {
     path: PathBuf,

@@ -21,6 +21,7 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use self::design::Design;
 use self::journal::{Journal, Outcome};
 use self::measures::Measure;
+use crate::importer::ONLY_ONCE;
 use crate::journal::digest;
 use crate::mapping;
 use crate::master::{Fmus, Master};
@@ -136,12 +137,7 @@ impl Study {
             }
             data_types.push(variable.data_type.clone());
         }
-        let is_single = fmus.iter().any(|fmu| {
-            let attributes = fmu.description().interface("CoSimulation").unwrap_or_default();
-            attributes
-                .iter()
-                .any(|(name, value)| name == "canBeInstantiatedOnlyOncePerProcess" && value == "true")
-        });
+        let is_single = fmus.iter().any(|fmu| fmu.description().has_capability(ONLY_ONCE));
         Ok(Loaded { study: self, fmus, data_types, is_single })
     }
 }

@@ -124,9 +124,7 @@ impl<'a> Bench<'a> {
             let enumeration = plant.description().enumeration(&variable.declared_type);
             enumeration.is_some_and(|known| known.items.iter().any(|(item, _)| item == RUNNING))
         });
-        let interface = plant.description().interface("CoSimulation").unwrap_or_default();
-        let saves_states =
-            interface.iter().any(|(name, value)| name == "canGetAndSetFMUstate" && value == "true");
+        let saves_states = plant.description().has_capability("canGetAndSetFMUstate");
 
         let mut notes = vec![];
         if !missing.is_empty() {

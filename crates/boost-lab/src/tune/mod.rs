@@ -22,7 +22,7 @@ use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::importer::Fmu;
+use crate::importer::{Fmu, ONLY_ONCE};
 use crate::journal::Settings;
 use crate::mapping;
 
@@ -186,10 +186,7 @@ impl Task {
         }
         let bench = Bench::new(&self.plant, &self.plant_parameters, &self.schedule, &self.procedure)
             .context("the plant cannot be tuned to")?;
-        let interface = self.plant.description().interface("CoSimulation").unwrap_or_default();
-        let is_single = interface
-            .iter()
-            .any(|(name, value)| name == "canBeInstantiatedOnlyOncePerProcess" && value == "true");
+        let is_single = self.plant.description().has_capability(ONLY_ONCE);
         // 0: as many as there are cores, or as RAYON_NUM_THREADS says.
         let threads = ThreadPoolBuilder::new().num_threads(usize::from(is_single)).build()?;
 

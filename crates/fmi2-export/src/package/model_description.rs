@@ -186,6 +186,14 @@ impl ModelDescription {
         self.interface("CoSimulation").map(|attributes| text_of(attributes, "modelIdentifier"))
     }
 
+    /// Whether the FMU declares a capability flag for co-simulation, as `canGetAndSetFMUstate`. An XML boolean is
+    /// a word or a digit.
+    #[must_use]
+    pub fn has_capability(&self, flag: &str) -> bool {
+        self.interface("CoSimulation")
+            .is_some_and(|attributes| matches!(text_of(attributes, flag), "true" | "1"))
+    }
+
     /// A variable by its name.
     #[must_use]
     pub fn variable(&self, name: &str) -> Option<&Variable> {
@@ -378,4 +386,19 @@ pub(super) fn read_elements(
         return Err(broken(format!("it ends within the element {open}")));
     }
     root.ok_or_else(|| broken("it has no root element"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_capability_is_declared_by_word_or_digit() {
+        let has = |attributes: &str| {
+            let xml = format!("<fmiModelDescription><CoSimulation {attributes}/></fmiModelDescription>");
+            ModelDescription::parse(&xml).unwrap().has_capability("canGetAndSetFMUstate")
+        };
+        assert!(has(r#"canGetAndSetFMUstate="true""#) && has(r#"canGetAndSetFMUstate="1""#));
+        assert!(!has(r#"canGetAndSetFMUstate="false""#) && !has(r#"canGetAndSetFMUstate="0""#) && !has(""));
+    }
 }
