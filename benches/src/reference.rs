@@ -188,7 +188,7 @@ impl Reference {
         let leakage = self.vacuum_orifice.flow(leakage_area, ambient, tank);
 
         // Vacuum tank and actuator.
-        let pumped = p.pump.mass_flow * inputs.vacuum_pump * (p_tank / 1000.0).min(1.0);
+        let pumped = p.pump.mass_flow * inputs.vacuum_pump * ((p_tank - 10.0) / 990.0).clamp(0.0, 1.0);
         rates.tank.pressure = if p.tank.frozen {
             0.0
         } else {
@@ -245,8 +245,8 @@ impl Reference {
         // Cylinders.
         let c = &p.cylinders;
         let residual = (p_em / p_im).powf(1.0 / self.exhaust_gas.ratio);
-        let filling =
-            c.volumetric_efficiency_factor * (c.compression_ratio - residual) / (c.compression_ratio - 1.0);
+        let filling = c.volumetric_efficiency_factor * (c.compression_ratio - residual).max(0.0)
+            / (c.compression_ratio - 1.0);
         let density = p_im / (self.air.constant * t_ic);
         let air = filling * c.displacement * inputs.engine_speed / 120.0 * density;
         let burnt = air + air / c.stoichiometric_air_fuel_ratio;

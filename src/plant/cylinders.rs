@@ -77,11 +77,12 @@ impl<D: Scalar> Cylinders<D> {
     /// The flows at an engine speed (rpm) from the intake (pressure in Pa, temperature in K).
     ///
     /// The volumetric efficiency is that of residual gas expanding to intake pressure, by the ratio `residual`
-    /// of volumes.
+    /// of volumes. Where the residual gas fills the cylinders wholly (the throttle is shut), no air comes in.
     #[must_use]
     pub fn flows(&self, engine_speed: D, intake: (D, D), residual: D) -> CylinderFlows<D> {
         let (pressure, temperature) = intake;
-        let volumetric_efficiency = self.volumetric_efficiency_factor * (self.compression_ratio - residual)
+        let volumetric_efficiency = self.volumetric_efficiency_factor
+            * (self.compression_ratio - residual).at_least(0.0)
             / (self.compression_ratio - 1.0);
         let density = pressure / (self.air.gas_constant * temperature);
         // One filling in two revolutions: rpm / 120 cycles a second.
@@ -106,7 +107,8 @@ impl<D: Scalar> Cylinders<D> {
         // The floor of 1 rpm is for standstill, where no fuel flows either.
         let cycles_per_second = engine_speed.at_least(1.0) / 120.0;
         let boost = (intake_pressure / 1e5 - 1.0).at_least(0.0);
-        let efficiency = self.indicated_efficiency * (-self.ignition_retard_loss * boost * boost + 1.0);
+        let retarded = (-self.ignition_retard_loss * boost * boost + 1.0).at_least(0.0);
+        let efficiency = self.indicated_efficiency * retarded;
         let indicated = fuel / cycles_per_second * self.lower_heating_value * efficiency;
         let piston_speed = self.stroke * 2.0 * engine_speed / 60.0;
         let load = self.mean_effective_pressure_offset + self.mean_effective_pressure_slope * intake_pressure;

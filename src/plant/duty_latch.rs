@@ -29,15 +29,20 @@ impl DutyLatch {
     /// (s from there too).
     #[must_use]
     pub fn next_before(&self, end: f64, frequency: f64) -> Option<f64> {
-        #[allow(clippy::cast_precision_loss)] // Exact up to 2^53 periods.
         let instant = self.started as f64 / frequency;
         (instant < end - ROUNDING / frequency).then_some(instant)
     }
 
-    /// Starts a period with a duty in percent.
-    pub fn take(&mut self, duty: f64) {
+    /// Starts all periods before `end` (s from the experiment's start) with a duty in percent.
+    pub fn take_until(&mut self, end: f64, frequency: f64, duty: f64) {
         self.held = duty;
-        self.started += 1;
+        // The product may miss the next instant by its rounding; the comparison with it does not.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times after the start")]
+        let nearly = (end * frequency) as u64;
+        self.started = self.started.max(nearly.saturating_sub(1));
+        while self.next_before(end, frequency).is_some() {
+            self.started += 1;
+        }
     }
 }
 
@@ -51,11 +56,11 @@ mod tests {
         let mut instants = 0;
         // An hour in controller samples: the ends carry rounding, the count must not.
         for sample in 1..=288_000 {
-            while let Some(instant) = latch.next_before(f64::from(sample) * 0.0125, 300.0) {
-                assert!((instant - f64::from(instants) / 300.0).abs() < 1e-9);
-                latch.take(50.0);
-                instants += 1;
-            }
+            let end = f64::from(sample) * 0.0125;
+            let Some(instant) = latch.next_before(end, 300.0) else { continue };
+            assert!((instant - f64::from(instants) / 300.0).abs() < 1e-9);
+            latch.take_until(end, 300.0, 50.0);
+            instants = sample * 300 / 80 + i32::from(sample * 300 % 80 != 0);
         }
         assert_eq!(instants, 1_080_000);
     }

@@ -7,7 +7,7 @@
 
 use num_dual::Dual64;
 
-use super::integration::{Interval, Pace, Signal};
+use super::integration::{Budget, Interval, Pace, Signal};
 use super::scalar::Scalar;
 use super::system::{ACTUATION, GAS_PATH, GAS_PATH_SCALES, System, halves};
 use super::variables::{Inputs, Parameters, States};
@@ -57,7 +57,7 @@ pub struct Settled {
 pub struct Shortcoming {
     /// What the solver found.
     pub failure: Failure,
-    /// For how many seconds the transient of [`running`] was followed instead; 0 where that fails.
+    /// For how many seconds the transient of [`running`] was followed instead.
     pub followed: f64,
 }
 
@@ -192,8 +192,8 @@ fn settle_gas_path<D: Scalar>(
     states
 }
 
-/// Integrates until everything is at rest, for [`LONGEST_TRANSIENT`] at most. Returns the states and the
-/// time in s; where the integration fails the states it began with, and 0.
+/// Integrates until everything is at rest, for [`LONGEST_TRANSIENT`] at most and within the budget of a short
+/// step. Returns the states and the time in s; where the integration fails those of the last whole second.
 fn follow_transient(system: &System, inputs: &Inputs, start: States) -> (States, f64) {
     // The parameter's default, not its value: a start does not depend on how the steps are integrated.
     let tolerance = Parameters::default().solver.relative_tolerance;
@@ -201,14 +201,16 @@ fn follow_transient(system: &System, inputs: &Inputs, start: States) -> (States,
     let scales = start.to_array().map(|x| x.abs().max(1.0));
     let mut pace = Pace::default();
     let mut states = start.to_array();
+    let budget = Budget::new(0.0);
     for second in 0..LONGEST_TRANSIENT {
         let slopes = system.evaluate(inputs, &States::from_array(states)).derivatives().to_array();
         if (0..States::COUNT).all(|i| slopes[i].abs() < AT_REST * scales[i]) {
             return (States::from_array(states), f64::from(second));
         }
-        let interval = Interval { from: 0.0, to: 1.0, tolerance };
+        let before = states;
+        let interval = Interval { from: 0.0, to: 1.0, tolerance, budget: &budget };
         if pace.advance(system, &signal, &mut states, interval).is_err() {
-            return (start, 0.0);
+            return (States::from_array(before), f64::from(second));
         }
     }
     (States::from_array(states), f64::from(LONGEST_TRANSIENT))

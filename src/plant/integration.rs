@@ -34,20 +34,29 @@
 //! linearizations and the last derivatives; it only saves work, but it belongs to the plant's state, so that
 //! a restored plant goes on bit for bit.
 
+use std::cell::Cell;
+
 use fmi2_export::Error;
 use fmi2_export::persistence::{Archive, Persistent};
 
 use super::system::{ACTUATION, Actuation, Evaluation, GAS_PATH, GAS_PATH_SCALES, GasPath, System, halves};
 use super::variables::{Inputs, States};
+use crate::elementary::power;
 use crate::solver::Trial;
 use crate::solver::cubic::Cubic;
-use crate::solver::rosenbrock::{Begin, Blocks, Linearization, second_order, third_order};
+use crate::solver::rosenbrock::{Begin, Blocks, Linearization, step};
 use crate::solver::step_size::{StepSize, largest_error, relative_error};
 
-/// What counts as 100 % of the actuation's states, in their order and units: for the rod's speed and the
-/// friction force, which are fast and tiny, ten times what they reach; for the tank's pressure, which forgets
-/// no error, a thirtieth of it.
-const ACTUATION_SCALES: [f64; ACTUATION] = [20.0, 100.0, 1e3, 1e5, 1e-2, 1.0, 2.0];
+/// What counts as 100 % of the actuation's states, in their order and units: for the rod's speed ten times
+/// and for the friction force three times what they reach, since both are fast and tiny; for the tank's
+/// pressure, which forgets no error, a thirtieth of it.
+const ACTUATION_SCALES: [f64; ACTUATION] = [20.0, 100.0, 1e3, 1e5, 1e-2, 1.0, 0.7];
+
+/// The least that each state of the actuation can be: no pressure is negative.
+const ACTUATION_LEAST: [f64; ACTUATION] = [UNBOUNDED, UNBOUNDED, 0.0, 0.0, UNBOUNDED, UNBOUNDED, UNBOUNDED];
+/// The same of the gas path: no pressure is negative, and no shaft turns backwards.
+const GAS_PATH_LEAST: [f64; GAS_PATH] = [0.0; GAS_PATH];
+const UNBOUNDED: f64 = f64::NEG_INFINITY;
 
 /// The same of the friction force where the exhaust pushes the wastegate: the rod creeps with its pressure then,
 /// and the errors of many steps add up.
@@ -55,17 +64,18 @@ const PUSHED_FRICTION_SCALE: f64 = 0.2;
 /// The share of the tolerance for the error of a single step of the actuation: the errors of several steps
 /// and of the kinks add up, and what the gas path makes of the rod's position is up to three times as much.
 /// Found by experiment, like that of the gas path.
-const ACTUATION_SHARE: f64 = 0.25;
+const ACTUATION_SHARE: f64 = 0.1;
 /// The same for the gas path.
-const GAS_PATH_SHARE: f64 = 0.2;
-/// For how many steps at most a linearization of the actuation serves.
-const ACTUATION_SERVES: u32 = 25;
-/// The same for the gas path, where each step corrects it.
-const GAS_PATH_SERVES: u32 = 100;
+const GAS_PATH_SHARE: f64 = 0.3;
+/// For how many steps at most a linearization serves.
+const LINEARIZATION_SERVES: u32 = 25;
 
-/// From which error on that a linearization makes within a step, relative to that of a single step, it is
-/// corrected.
-const WORTH_LEARNING: f64 = 0.1;
+/// A jump of the inputs changes the slopes at once. Over the step that was proposed before it, they would
+/// change the states by so many times the tolerance: from here on the linearization belongs to another place
+/// and is renewed, …
+const JUMP_RENEWS: f64 = 100.0;
+/// … and from here on the first step after the jump is shortened, by the third root of the ratio.
+const JUMP_SHORTENS: f64 = 30.0;
 
 /// The length of the first steps in s.
 const FIRST_STEP: f64 = 1e-3;
@@ -73,10 +83,10 @@ const FIRST_STEP: f64 = 1e-3;
 const LONGEST_STEP: f64 = 0.025;
 /// The length in s below which a step that does not meet its tolerance is given up.
 const SMALLEST_STEP: f64 = 1e-9;
-/// How many steps may be tried in an interval: so many, …
-const MOST_TRIALS: f64 = 100_000.0;
-/// … and so many for each second. Where more are needed, who waits would take it for the end of all things.
-const MOST_TRIALS_PER_SECOND: f64 = 100_000.0;
+/// How many steps a call may try whatever its length …
+const MOST_TRIALS: f64 = 50_000.0;
+/// … and for each second of it: 20 times as many as where nothing happens.
+const MOST_TRIALS_PER_SECOND: f64 = 2_000.0;
 /// The difference of times, relative to a step, for derivatives with respect to time.
 const TIME_DIFFERENCE: f64 = 1e-3;
 /// The difference of shares of the wastegate's area for derivatives with respect to it.
@@ -151,8 +161,24 @@ impl<const STATES: usize, const INPUTS: usize> Memory<STATES, INPUTS> {
         self.inputs.iter().zip(inputs).all(is_same).then_some(self.slopes)
     }
 
+    /// Adapts to slopes that have jumped since the last communication step.
+    fn adapt_to_jump(&mut self, course: &mut Course<'_, STATES>) {
+        if self.inputs[0].is_nan() {
+            return;
+        }
+        let (length, _) = course.next();
+        let jump = std::array::from_fn(|i| length * (course.slopes[i] - self.slopes[i]));
+        let jump = relative_error(&course.states, &jump, &course.weights);
+        if jump > JUMP_RENEWS {
+            self.linearization.discard();
+        }
+        if jump > JUMP_SHORTENS {
+            course.steps.next = length * power(JUMP_SHORTENS / jump, 1.0 / 3.0);
+        }
+    }
+
     /// Remembers where a communication step ends.
-    fn end(&mut self, course: &Course<STATES>, inputs: [f64; INPUTS]) {
+    fn end(&mut self, course: &Course<'_, STATES>, inputs: [f64; INPUTS]) {
         (self.step, self.slopes, self.inputs) = (course.steps.next, course.slopes, inputs);
     }
 }
@@ -195,22 +221,41 @@ pub struct Failure {
     pub state: usize,
 }
 
+/// The steps that a call may still try, so that it ends in bounded time.
+#[derive(Debug)]
+pub struct Budget(Cell<f64>);
+
+impl Budget {
+    /// The budget of a call that advances the plant by a duration in s.
+    #[must_use]
+    pub fn new(duration: f64) -> Self {
+        Self(Cell::new(MOST_TRIALS + MOST_TRIALS_PER_SECOND * duration))
+    }
+
+    /// Counts a trial. Whether another one is allowed.
+    fn spend(&self) -> bool {
+        self.0.set(self.0.get() - 1.0);
+        self.0.get() > 0.0
+    }
+}
+
 /// An interval of time to go through.
 #[derive(Clone, Copy, Debug)]
-pub struct Interval {
+pub struct Interval<'a> {
     /// Its begin in s.
     pub from: f64,
     /// Its end in s.
     pub to: f64,
     /// The error that the states may have, relative to their full scales.
     pub tolerance: f64,
+    /// What the call may spend on this interval and those after it.
+    pub budget: &'a Budget,
 }
 
-impl Interval {
+impl Interval<'_> {
     /// Whether no more steps are tried after one that was taken or not.
     fn is_given_up(&self, steps: &StepSize, taken: bool) -> bool {
-        let most = MOST_TRIALS + MOST_TRIALS_PER_SECOND * (self.to - self.from);
-        steps.tried as f64 > most || !taken && steps.next < SMALLEST_STEP
+        !self.budget.spend() || !taken && steps.next < SMALLEST_STEP
     }
 }
 
@@ -234,7 +279,7 @@ impl Pace {
         system: &System,
         signal: &Signal<impl Fn(f64) -> Inputs>,
         states: &mut [f64; States::COUNT],
-        interval: Interval,
+        interval: Interval<'_>,
     ) -> Result<Evaluation, Failure> {
         if self.tank_is_frozen != system.is_tank_frozen() {
             self.tank_is_frozen = system.is_tank_frozen();
@@ -253,7 +298,7 @@ impl Pace {
         system: &System,
         signal: &Signal<impl Fn(f64) -> Inputs>,
         states: &mut [f64; States::COUNT],
-        interval: Interval,
+        interval: Interval<'_>,
     ) -> Result<Evaluation, Failure> {
         let (actuation, gas_path) = halves(&States::from_array(*states));
         let mut ahead = Ahead::new(&mut self.actuation, system, signal, actuation, interval);
@@ -272,7 +317,7 @@ impl Pace {
         system: &System,
         signal: &Signal<impl Fn(f64) -> Inputs>,
         states: &mut [f64; States::COUNT],
-        interval: Interval,
+        interval: Interval<'_>,
     ) -> Result<Evaluation, Failure> {
         let inputs = &signal.at;
         let evaluate =
@@ -283,18 +328,22 @@ impl Pace {
             _ if i < ACTUATION => ACTUATION_SCALES[i],
             _ => GAS_PATH_SCALES[i - ACTUATION],
         });
+        let least = std::array::from_fn(|i| match i {
+            _ if i < ACTUATION => ACTUATION_LEAST[i],
+            _ => GAS_PATH_LEAST[i - ACTUATION],
+        });
         let slopes = derivatives(interval.from, states);
         let mut course =
-            Course::new(interval, self.actuation.step, (&scales, ACTUATION_SHARE), *states, slopes);
+            Course::new(interval, self.actuation.step, (&scales, ACTUATION_SHARE), least, (*states, slopes));
         loop {
             let (length, end) = course.next();
             self.linearize(system, &inputs(course.time), &course);
             let (actuation, gas_path) = (&mut self.actuation.linearization, &mut self.gas_path.linearization);
-            let is_ready = actuation.prepare_third_order(length) && gas_path.prepare_third_order(length);
+            let is_ready = actuation.prepare(length) && gas_path.prepare(length);
             let trial = is_ready.then(|| {
                 let drift = course.drift(derivatives, length, signal.is_constant);
                 let at_end = |x: &[f64; States::COUNT]| derivatives(end, x);
-                third_order(&Blocks(actuation, gas_path), derivatives, at_end, &course.begin(&drift), length)
+                step(&Blocks(actuation, gas_path), derivatives, at_end, &course.begin(&drift), length)
             });
             if course.settle(trial, length, end)? {
                 actuation.count();
@@ -312,7 +361,7 @@ impl Pace {
     }
 
     /// Linearizes the halves of everything anew where they are used up.
-    fn linearize(&mut self, system: &System, inputs: &Inputs, course: &Course<{ States::COUNT }>) {
+    fn linearize(&mut self, system: &System, inputs: &Inputs, course: &Course<'_, { States::COUNT }>) {
         let (actuation, gas_path) = halves(&States::from_array(course.states));
         let (actuation_slopes, gas_path_slopes) = halves(&States::from_array(course.slopes));
         let (difference, opening) =
@@ -323,7 +372,7 @@ impl Pace {
                 &actuation,
                 &actuation_slopes,
                 &ACTUATION_SCALES,
-                ACTUATION_SERVES,
+                LINEARIZATION_SERVES,
             );
         }
         if self.gas_path.linearization.is_used_up() {
@@ -332,17 +381,19 @@ impl Pace {
                 &gas_path,
                 &gas_path_slopes,
                 &GAS_PATH_SCALES,
-                ACTUATION_SERVES,
+                LINEARIZATION_SERVES,
             );
         }
     }
 }
 
 /// The states of a system on their way through an interval.
-struct Course<const N: usize> {
-    interval: Interval,
+struct Course<'a, const N: usize> {
+    interval: Interval<'a>,
     /// The reciprocals of the errors that a step may have.
     weights: [f64; N],
+    /// The least that each state can be. A step that leads below it was too long.
+    least: [f64; N],
     steps: StepSize,
     /// How far it is.
     time: f64,
@@ -350,19 +401,20 @@ struct Course<const N: usize> {
     slopes: [f64; N],
 }
 
-impl<const N: usize> Course<N> {
+impl<'a, const N: usize> Course<'a, N> {
     /// A course from states with their derivatives; a step's error may be a share of the tolerance, relative to
-    /// the scales.
+    /// the scales, and no state falls below its least value.
     fn new(
-        interval: Interval,
+        interval: Interval<'a>,
         first_step: f64,
         (scales, share): (&[f64; N], f64),
-        states: [f64; N],
-        slopes: [f64; N],
+        least: [f64; N],
+        (states, slopes): ([f64; N], [f64; N]),
     ) -> Self {
         Self {
             interval,
             weights: scales.map(|scale| (scale * interval.tolerance * share).recip()),
+            least,
             steps: StepSize::new(first_step, LONGEST_STEP),
             time: interval.from,
             states,
@@ -378,7 +430,7 @@ impl<const N: usize> Course<N> {
     }
 
     /// Where the next step begins.
-    fn begin<'a>(&'a self, drift: &'a [f64; N]) -> Begin<'a, N> {
+    fn begin<'b>(&'b self, drift: &'b [f64; N]) -> Begin<'b, N> {
         Begin { time: self.time, states: &self.states, slopes: &self.slopes, drift }
     }
 
@@ -399,8 +451,13 @@ impl<const N: usize> Course<N> {
 
     /// Takes a step, or has it tried again with another length. Without a trial there was no way to compute it.
     fn settle(&mut self, trial: Option<Trial<N>>, length: f64, end: f64) -> Result<bool, Failure> {
-        let (states, errors) =
+        let (states, mut errors) =
             trial.map_or((self.states, [f64::INFINITY; N]), |trial| (trial.states, trial.error));
+        for ((error, state), least) in errors.iter_mut().zip(&states).zip(&self.least) {
+            if state < least {
+                *error = f64::INFINITY;
+            }
+        }
         let error = relative_error(&states, &errors, &self.weights);
         let taken = self.steps.judge(length, error);
         if self.interval.is_given_up(&self.steps, taken) {
@@ -420,7 +477,7 @@ struct Ahead<'a, F> {
     system: &'a System,
     signal: &'a Signal<F>,
     memory: &'a mut Memory<ACTUATION, ACTUATION_INPUTS>,
-    course: Course<ACTUATION>,
+    course: Course<'a, ACTUATION>,
     /// What it does at the end of the interval, once a step was tried that leads there.
     actuation: Option<Actuation>,
     /// The rod's position over the steps that the gas path has not left behind.
@@ -434,7 +491,7 @@ impl<'a, F: Fn(f64) -> Inputs> Ahead<'a, F> {
         system: &'a System,
         signal: &'a Signal<F>,
         states: [f64; ACTUATION],
-        interval: Interval,
+        interval: Interval<'a>,
     ) -> Self {
         let inputs = (signal.at)(interval.from);
         let slopes = memory
@@ -442,7 +499,7 @@ impl<'a, F: Fn(f64) -> Inputs> Ahead<'a, F> {
             .unwrap_or_else(|| system.actuate(&inputs, &states, 0.0).derivatives);
         let scales = (&ACTUATION_SCALES, ACTUATION_SHARE);
         Self {
-            course: Course::new(interval, memory.step, scales, states, slopes),
+            course: Course::new(interval, memory.step, scales, ACTUATION_LEAST, (states, slopes)),
             system,
             signal,
             memory,
@@ -473,7 +530,7 @@ impl<'a, F: Fn(f64) -> Inputs> Ahead<'a, F> {
                 &course.states,
                 &course.slopes,
                 &ACTUATION_SCALES,
-                ACTUATION_SERVES,
+                LINEARIZATION_SERVES,
             );
         }
         let (length, end) = course.next();
@@ -485,9 +542,9 @@ impl<'a, F: Fn(f64) -> Inputs> Ahead<'a, F> {
             }
             actuation.derivatives
         };
-        let trial = linearization.prepare_third_order(length).then(|| {
+        let trial = linearization.prepare(length).then(|| {
             let drift = course.drift(derivatives, length, self.signal.is_constant);
-            third_order(linearization, derivatives, at_end, &course.begin(&drift), length)
+            step(linearization, derivatives, at_end, &course.begin(&drift), length)
         });
         if course.settle(trial, length, end)? {
             let (positions, speeds) = ([position, course.states[POSITION]], [speed, course.slopes[POSITION]]);
@@ -529,7 +586,7 @@ struct Behind<'a, F> {
     memory: &'a mut Memory<GAS_PATH, GAS_PATH_INPUTS>,
     /// See [`Pace::by_area`].
     by_area: &'a mut [f64; GAS_PATH],
-    course: Course<GAS_PATH>,
+    course: Course<'a, GAS_PATH>,
     /// What it does at the end of the interval, once a step was tried that leads there.
     gas_path: Option<GasPath>,
 }
@@ -539,7 +596,7 @@ impl<'a, F: Fn(f64) -> Inputs> Behind<'a, F> {
         (memory, by_area): (&'a mut Memory<GAS_PATH, GAS_PATH_INPUTS>, &'a mut [f64; GAS_PATH]),
         ahead: &Ahead<'a, F>,
         states: [f64; GAS_PATH],
-        interval: Interval,
+        interval: Interval<'a>,
     ) -> Self {
         let (system, signal) = (ahead.system, ahead.signal);
         let inputs = (signal.at)(interval.from);
@@ -547,7 +604,8 @@ impl<'a, F: Fn(f64) -> Inputs> Behind<'a, F> {
             .slopes(&gas_path_inputs(&inputs))
             .unwrap_or_else(|| system.breathe(&inputs, &states, ahead.opening(interval.from)).derivatives);
         let scales = (&GAS_PATH_SCALES, GAS_PATH_SHARE);
-        let course = Course::new(interval, memory.step, scales, states, slopes);
+        let mut course = Course::new(interval, memory.step, scales, GAS_PATH_LEAST, (states, slopes));
+        memory.adapt_to_jump(&mut course);
         Self { system, signal, memory, by_area, course, gas_path: None }
     }
 
@@ -563,45 +621,27 @@ impl<'a, F: Fn(f64) -> Inputs> Behind<'a, F> {
             end = ahead.course.time;
             length = end - begin;
         }
-        let times = [begin, begin + 0.5 * length, end];
-        let openings = times.map(|time| ahead.opening(time));
-        let changes = self.changes(times, openings);
+        let drift = self.drift(ahead, length);
         let (linearization, course) = (&mut self.memory.linearization, &mut self.course);
-        let evaluate = |x: &[f64; GAS_PATH]| system.breathe(&inputs(end), x, openings[2]);
+        let evaluate = |time: f64, x: &[f64; GAS_PATH]| system.breathe(&inputs(time), x, ahead.opening(time));
         let at_end = |x: &[f64; GAS_PATH]| {
-            let gas_path = evaluate(x);
+            let gas_path = evaluate(end, x);
             if end >= course.interval.to {
                 self.gas_path = Some(gas_path);
             }
             gas_path.derivatives
         };
-        let trial = linearization.prepare_second_order(length).then(|| {
-            let drift = std::array::from_fn(|i| (4.0 * changes[0][i] - changes[1][i]) / length);
-            let bend = std::array::from_fn(|i| changes[1][i] - 2.0 * changes[0][i]);
-            // All evaluations are at the step's end.
-            second_order(
-                linearization,
-                |_, x| evaluate(x).derivatives,
-                at_end,
-                &course.begin(&drift),
-                &bend,
-                length,
-            )
+        let trial = linearization.prepare(length).then(|| {
+            let derivatives = |time: f64, x: &[f64; GAS_PATH]| evaluate(time, x).derivatives;
+            step(linearization, derivatives, at_end, &course.begin(&drift), length)
         });
-        let (states, slopes) = (course.states, course.slopes);
         let failure = |failure: Failure| Failure { state: ACTUATION + failure.state, ..failure };
-        if !course.settle(trial, length, end).map_err(failure)? {
+        if course.settle(trial, length, end).map_err(failure)? {
+            linearization.count();
+            ahead.forget_before(end);
+        } else {
             linearization.discard();
-            return Ok(());
         }
-        let way = std::array::from_fn(|i| course.states[i] - states[i]);
-        let change = std::array::from_fn(|i| course.slopes[i] - slopes[i] - changes[1][i]);
-        let missed = linearization.missed(&way, &change);
-        if relative_error(&way, &missed.map(|slope| slope * length), &course.weights) > WORTH_LEARNING {
-            linearization.correct(&way, &missed, &GAS_PATH_SCALES);
-        }
-        linearization.count();
-        ahead.forget_before(end);
         Ok(())
     }
 
@@ -615,7 +655,7 @@ impl<'a, F: Fn(f64) -> Inputs> Behind<'a, F> {
             &course.states,
             &course.slopes,
             &GAS_PATH_SCALES,
-            GAS_PATH_SERVES,
+            LINEARIZATION_SERVES,
         );
         let area = opening * opening;
         let moved = if area < 0.5 { area + AREA_DIFFERENCE } else { area - AREA_DIFFERENCE };
@@ -623,20 +663,19 @@ impl<'a, F: Fn(f64) -> Inputs> Behind<'a, F> {
         *self.by_area = std::array::from_fn(|i| (slopes[i] - course.slopes[i]) / (moved - area));
     }
 
-    /// How the derivatives change with time alone, from the first of three times to the others, at which the
-    /// wastegate has these openings.
-    fn changes(&self, times: [f64; 3], openings: [f64; 3]) -> [[f64; GAS_PATH]; 2] {
-        let [_, middle, end] = std::array::from_fn(|i| (times[i], openings[i]));
-        [middle, end].map(|(time, opening)| {
-            if self.signal.is_constant {
-                let more_area = opening * opening - openings[0] * openings[0];
-                self.by_area.map(|slope| slope * more_area)
-            } else {
-                let inputs = (self.signal.at)(time);
-                let later = self.system.breathe(&inputs, &self.course.states, opening).derivatives;
-                std::array::from_fn(|i| later[i] - self.course.slopes[i])
-            }
-        })
+    /// How the derivatives change with time alone, at the begin of a step of a length.
+    fn drift(&self, ahead: &Ahead<'_, F>, length: f64) -> [f64; GAS_PATH] {
+        let Course { time, .. } = self.course;
+        if self.signal.is_constant {
+            let difference = TIME_DIFFERENCE * length;
+            let [area, later] = [time, time + difference].map(|time| ahead.opening(time).powi(2));
+            self.by_area.map(|slope| slope * (later - area) / difference)
+        } else {
+            let derivatives = |time: f64, x: &[f64; GAS_PATH]| {
+                self.system.breathe(&(self.signal.at)(time), x, ahead.opening(time)).derivatives
+            };
+            self.course.drift(derivatives, length, false)
+        }
     }
 
     /// Ends the interval. Returns what the gas path does there.
@@ -669,7 +708,13 @@ mod tests {
             };
             let inputs = Inputs { hp_wastegate_pwm: duty, engine_speed: speed, ..Inputs::default() };
             let signal = Signal { at: |_| inputs, is_constant: true };
-            pace.advance(system, &signal, &mut states, Interval { from, to, tolerance }).unwrap();
+            pace.advance(
+                system,
+                &signal,
+                &mut states,
+                Interval { from, to, tolerance, budget: &Budget::new(1.0) },
+            )
+            .unwrap();
         }
         states
     }
@@ -728,7 +773,8 @@ mod tests {
             let mut states = running(&system, &inputs, 32_500.0).to_array();
             states[state] = f64::NAN;
             let signal = Signal { at: |_| inputs, is_constant: true };
-            let interval = Interval { from: 0.5, to: 1.0, tolerance: 1e-4 };
+            let budget = Budget::new(0.5);
+            let interval = Interval { from: 0.5, to: 1.0, tolerance: 1e-4, budget: &budget };
             let failure = Pace::default().advance(&system, &signal, &mut states, interval).unwrap_err();
             assert!((failure.time - 0.5).abs() < f64::EPSILON, "{failure:?}");
         }

@@ -52,7 +52,7 @@ use num_dual::Dual64;
 
 use self::duty_latch::DutyLatch;
 use self::initialization::{Settled, differentiate_settled, running, settled};
-use self::integration::{Interval, Pace, Signal};
+use self::integration::{Budget, Interval, Pace, Signal};
 use self::quantities::quantities;
 use self::system::{Evaluation, System};
 use self::variables::{InitializationMode, Inputs, Parameters, States, Variables};
@@ -154,19 +154,20 @@ impl Model for BoostPlant {
         self.system.freeze_tank(parameters.tank.frozen);
         let mut states = variables.states.to_array();
         let tolerance = tolerance(parameters, context.experiment);
+        let budget = Budget::new(step.size);
         let mut done = 0.0;
         if parameters.valve.duty_latch {
             let begin = step.start - context.experiment.start_time;
             let frequency = parameters.valve.pwm_frequency;
-            while let Some(instant) = self.latch.next_before(begin + step.size, frequency) {
-                let next = (instant - begin).max(done);
-                let interval = Interval { from: done, to: next, tolerance };
+            // The duty is discrete: within a step the first period takes it over, and those after it the same.
+            if let Some(instant) = self.latch.next_before(begin + step.size, frequency) {
+                done = (instant - begin).max(0.0);
+                let interval = Interval { from: 0.0, to: done, tolerance, budget: &budget };
                 self.integrate(&mut states, variables, step, interval)?;
-                self.latch.take(step.inputs.initial().hp_wastegate_pwm);
-                done = next;
+                self.latch.take_until(begin + step.size, frequency, step.inputs.initial().hp_wastegate_pwm);
             }
         }
-        let interval = Interval { from: done, to: step.size, tolerance };
+        let interval = Interval { from: done, to: step.size, tolerance, budget: &budget };
         let evaluation = self.integrate(&mut states, variables, step, interval)?;
         variables.states = States::from_array(states);
         let inputs = self.as_held(variables, step.inputs.at(step.size));
@@ -253,7 +254,7 @@ impl BoostPlant {
         states: &mut [f64; States::COUNT],
         variables: &Variables,
         step: &Step<'_, Inputs>,
-        interval: Interval,
+        interval: Interval<'_>,
     ) -> Result<Option<Evaluation>, Error> {
         if interval.to <= interval.from {
             return Ok(None);

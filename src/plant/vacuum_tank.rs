@@ -2,14 +2,16 @@
 //!
 //! The running pump draws a constant mass flow: the paper finds that good enough between 30 and 35 kPa,
 //! where the controller keeps the tank. A pump cannot draw from nothing, so below 1 kPa, far outside that
-//! band, its flow fades with the pressure; without this a pump that is left on would drive the tank's
-//! pressure through zero.
+//! band, its flow falls in proportion to the pressure and ends at the pump's ultimate vacuum. A pump that is
+//! left on brings the tank there, and no further.
 
 use super::gas::Volume;
 use super::scalar::Scalar;
 
-/// The pressure in Pa below which the pump's flow fades.
+/// The pressure in Pa below which the pump's flow falls.
 const PUMP_FADES_BELOW: f64 = 1000.0;
+/// The pressure in Pa at which the pump draws nothing any more.
+const ULTIMATE_VACUUM: f64 = 10.0;
 
 /// A vacuum tank with a pump.
 #[derive(Clone, Copy, Debug)]
@@ -26,7 +28,8 @@ impl<D: Scalar> VacuumTank<D> {
     /// The flow in kg/s that the pump (0 … 1) draws at a tank pressure (Pa).
     #[must_use]
     pub fn drawn_mass_flow(&self, pump: D, pressure: D) -> D {
-        self.pump_mass_flow * pump * (pressure / PUMP_FADES_BELOW).at_most(1.0)
+        let share = (pressure - ULTIMATE_VACUUM) / (PUMP_FADES_BELOW - ULTIMATE_VACUUM);
+        self.pump_mass_flow * pump * share.at_least(0.0).at_most(1.0)
     }
 
     /// Rate of change of the pressure in Pa/s; `mass_flow` in kg/s goes in on balance, at a temperature

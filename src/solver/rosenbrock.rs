@@ -1,33 +1,23 @@
-//! Linearly implicit (Rosenbrock) methods for stiff systems, of second and of third order.
+//! A linearly implicit (Rosenbrock) method of third order for stiff systems: ROS34PW2 (Rang and Angermann, New
+//! Rosenbrock W-methods of order 3 for partial differential algebraic equations of index 1, BIT Numerical
+//! Mathematics 45, 2005), four evaluations and four linear solutions a step.
 //!
-//! - [`second_order`]: ROS2 (Verwer, Spee, Blom and Hundsdorfer, A second-order Rosenbrock
-//!   method applied to photochemical dispersion problems, SIAM Journal on Scientific Computing 20(4), 1999),
-//!   two evaluations and two linear solutions a step.
-//! - [`third_order`]: ROS34PW2 (Rang and Angermann, New Rosenbrock W-methods of order 3 for
-//!   partial differential algebraic equations of index 1, BIT Numerical Mathematics 45, 2005), four and four.
-//!
-//! Both are L-stable: modes that are much faster than the step are damped, not followed. And both keep their
-//! order with any matrix A in the place of the Jacobian (W-methods), so that one, made from differences,
-//! serves for many steps, and its inverse for all steps of about the same length. The estimated errors of
-//! both fall with the third power of the step.
+//! It is L-stable: modes that are much faster than the step are damped, not followed. And it keeps its order
+//! with any matrix A in the place of the Jacobian (a W-method), so that one, made from differences, serves for
+//! many steps, and its inverse for all steps of about the same length. The estimated error falls with the third
+//! power of the step.
 
 use fmi2_export::Error;
 use fmi2_export::persistence::{Archive, Persistent};
 
 use super::{Trial, linear};
 
-/// γ of the method of second order, 1 − 1/√2.
-const GAMMA_2: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
-/// γ of the method of third order.
-const GAMMA_3: f64 = 0.435_866_521_508_459;
+/// γ of the method.
+const GAMMA: f64 = 0.435_866_521_508_459;
 /// Size of the differences relative to the scale of a state, about the root of the rounding unit.
 const INCREMENT: f64 = 1e-7;
-/// The square of the scaled way below which nothing is learned from a step: its differences are rounding.
-const SHORTEST_WAY: f64 = 1e-12;
-/// The factor of the determinant from which the inverse is corrected rather than made anew.
-const SINGULAR: f64 = 0.1;
 /// By how much, relatively, a step may be longer or shorter than the one that the inverse was made for.
-const SIMILAR: f64 = 0.1;
+const SIMILAR: f64 = 0.4;
 
 /// What the methods solve linear equations with.
 #[derive(Clone, Copy, Debug)]
@@ -154,60 +144,10 @@ impl<const N: usize> Linearization<N> {
         self.weight = 0.0;
     }
 
-    /// What it missed in a step that changed the states by `way` and their derivatives by `change`.
-    #[inline]
+    /// Makes ready for a step of a length. Whether that can be.
     #[must_use]
-    pub fn missed(&self, way: &[f64; N], change: &[f64; N]) -> [f64; N] {
-        let foreseen = product(&self.jacobian, way);
-        std::array::from_fn(|i| change[i] - foreseen[i])
-    }
-
-    /// Corrects it by what it missed in a step that changed the states by `way`, to what it should have been in
-    /// this direction (Broyden, A class of methods for solving nonlinear simultaneous equations, Mathematics of
-    /// Computation 19, 1965). Its inverse follows (Sherman and Morrison's formula).
-    pub fn correct(&mut self, way: &[f64; N], missing: &[f64; N], scales: &[f64; N]) {
-        let mut direction: [f64; N] = std::array::from_fn(|i| way[i] / (scales[i] * scales[i]));
-        let length_squared: f64 = way.iter().zip(&direction).map(|(x, y)| x * y).sum();
-        if length_squared < SHORTEST_WAY {
-            return;
-        }
-        for element in &mut direction {
-            *element /= length_squared;
-        }
-        for (column, x) in self.jacobian.iter_mut().zip(&direction) {
-            for (element, missing) in column.iter_mut().zip(missing) {
-                *element += missing * x;
-            }
-        }
-        let solved = self.solve(*missing);
-        let share: f64 = direction.iter().zip(&solved).map(|(x, y)| x * y).sum();
-        let determinant = 1.0 - self.weight * share;
-        if determinant.abs() < SINGULAR {
-            self.weight = 0.0;
-            return;
-        }
-        let factor = self.weight / determinant;
-        for column in &mut self.inverse {
-            let along = factor * direction.iter().zip(&*column).map(|(x, y)| x * y).sum::<f64>();
-            for (element, x) in column.iter_mut().zip(&solved) {
-                *element += along * x;
-            }
-        }
-    }
-
-    /// Makes ready for a step of second order and of a length. Whether that can be.
-    #[must_use]
-    pub fn prepare_second_order(&mut self, length: f64) -> bool {
-        self.prepare(GAMMA_2 * length)
-    }
-
-    /// Makes ready for a step of third order and of a length. Whether that can be.
-    #[must_use]
-    pub fn prepare_third_order(&mut self, length: f64) -> bool {
-        self.prepare(GAMMA_3 * length)
-    }
-
-    fn prepare(&mut self, weight: f64) -> bool {
+    pub fn prepare(&mut self, length: f64) -> bool {
+        let weight = GAMMA * length;
         if (self.weight - weight).abs() <= SIMILAR * weight {
             return true;
         }
@@ -221,42 +161,11 @@ impl<const N: usize> Linearization<N> {
     }
 }
 
-/// A step of second order from the states at the begin; `derivatives` computes dx/dt at a time, `at_end` those of
-/// the states to which the step leads.
-///
-/// The error is estimated by comparison with the trapezoidal rule. That errs as much as the method where the
-/// derivatives depend on time alone, hence the `bend`: f(t) − 2·f(t + h/2) + f(t + h), about, with the states
-/// of the begin. And it does not damp what the method damps, so stiff modes are taken out of the difference,
-/// twice.
-#[inline]
-pub fn second_order<const N: usize>(
-    solver: &impl Solver<N>,
-    derivatives: impl Fn(f64, &[f64; N]) -> [f64; N],
-    at_end: impl FnOnce(&[f64; N]) -> [f64; N],
-    begin: &Begin<'_, N>,
-    bend: &[f64; N],
-    length: f64,
-) -> Trial<N> {
-    let Begin { time, states, slopes, drift } = begin;
-    let drifted = drift.map(|drift| GAMMA_2 * length * drift);
-    let k1 = solver.solve(std::array::from_fn(|i| slopes[i] + drifted[i]));
-    let moved = std::array::from_fn(|i| states[i] + length * k1[i]);
-    let f2 = derivatives(time + length, &moved);
-    let k2 = solver.solve(std::array::from_fn(|i| f2[i] - drifted[i] - 2.0 * k1[i]));
-    let end: [f64; N] = std::array::from_fn(|i| states[i] + length * (1.5 * k1[i] + 0.5 * k2[i]));
-    let end_slopes = at_end(&end);
-    let error = solver.solve(solver.solve(std::array::from_fn(|i| {
-        let mean_slope = 0.5 * (slopes[i] + end_slopes[i]) + bend[i] / 3.0;
-        end[i] - states[i] - length * mean_slope
-    })));
-    Trial { states: end, slopes: end_slopes, error }
-}
-
-/// A step of third order from the states at the begin; `derivatives` computes dx/dt at a time, `at_end` those of
+/// A step from the states at the begin; `derivatives` computes dx/dt at a time, `at_end` those of
 /// the states to which the step leads. The estimated error is how far these are from those of a method of second
 /// order that is embedded.
 #[inline]
-pub fn third_order<const N: usize>(
+pub fn step<const N: usize>(
     solver: &impl Solver<N>,
     derivatives: impl Fn(f64, &[f64; N]) -> [f64; N],
     at_end: impl FnOnce(&[f64; N]) -> [f64; N],
@@ -268,13 +177,13 @@ pub fn third_order<const N: usize>(
     let Begin { time, states, slopes, drift } = begin;
     let solve = |slopes: &[f64; N], drift_weight: f64, others: [f64; N]| {
         solver.solve(std::array::from_fn(|i| {
-            GAMMA_3 * length * (slopes[i] + drift_weight * length * drift[i]) + others[i]
+            GAMMA * length * (slopes[i] + drift_weight * length * drift[i]) + others[i]
         }))
     };
-    let u1 = solve(slopes, GAMMA_3, [0.0; N]);
+    let u1 = solve(slopes, GAMMA, [0.0; N]);
     let moved = std::array::from_fn(|i| states[i] + 2.0 * u1[i]);
-    let f2 = derivatives(time + 2.0 * GAMMA_3 * length, &moved);
-    let u2 = solve(&f2, -GAMMA_3, u1.map(|u1| -2.0 * u1));
+    let f2 = derivatives(time + 2.0 * GAMMA * length, &moved);
+    let u2 = solve(&f2, -GAMMA, u1.map(|u1| -2.0 * u1));
     let moved = std::array::from_fn(|i| {
         states[i] + 1.419_217_317_455_764_7 * u1[i] - 0.259_232_211_672_969_7 * u2[i]
     });
@@ -305,7 +214,7 @@ mod tests {
 
     /// Integrates x' = λ·(x − y − cos t) + y·cos t − sin t, y' = y·cos t to 2 with a Jacobian from the begin
     /// that serves to the end. The errors: the solution is y = exp(sin t), x = y + cos t.
-    fn error(third: bool, stiffness: f64, steps: u32) -> [f64; 2] {
+    fn error(stiffness: f64, steps: u32) -> [f64; 2] {
         let exact = |t: f64| [t.sin().exp() + t.cos(), t.sin().exp()];
         let rates = |t: f64, z: &[f64; 2]| {
             [stiffness * (z[0] - z[1] - t.cos()) + z[1] * t.cos() - t.sin(), z[1] * t.cos()]
@@ -320,13 +229,8 @@ mod tests {
             let later = rates(time + 1e-6, &states);
             let drift = std::array::from_fn(|i| (later[i] - slopes[i]) / 1e-6);
             let begin = Begin { time, states: &states, slopes: &slopes, drift: &drift };
-            states = if third {
-                assert!(linearization.prepare_third_order(length));
-                third_order(&linearization, rates, |z| *z, &begin, length).states
-            } else {
-                assert!(linearization.prepare_second_order(length));
-                second_order(&linearization, rates, |z| *z, &begin, &[0.0; 2], length).states
-            };
+            assert!(linearization.prepare(length));
+            states = super::step(&linearization, rates, |z| *z, &begin, length).states;
         }
         let exact = exact(2.0);
         [states[0] - exact[0], states[1] - exact[1]]
@@ -334,20 +238,16 @@ mod tests {
 
     #[test]
     fn the_errors_fall_with_the_order_though_the_jacobian_is_an_old_one() {
-        for (third, expected) in [(false, 4.0), (true, 8.0)] {
-            let ratio = error(third, -1.0, 80)[1] / error(third, -1.0, 160)[1];
-            // The power of 2 but for the next order's term.
-            assert!((ratio / expected - 1.0).abs() < 0.15, "the error falls by {ratio}");
-        }
+        let ratio = error(-1.0, 80)[1] / error(-1.0, 160)[1];
+        // The third power of 2 but for the next order's term.
+        assert!((ratio / 8.0 - 1.0).abs() < 0.15, "the error falls by {ratio}");
     }
 
     #[test]
     fn a_mode_that_is_a_million_times_as_fast_is_damped() {
-        for third in [false, true] {
-            let [fast, slow] = error(third, -1e6, 40);
-            // An explicit method has an error of 1e100 here.
-            assert!(fast.abs() < 5e-3 && slow.abs() < 5e-3, "{fast}, {slow}");
-        }
+        let [fast, slow] = error(-1e6, 40);
+        // An explicit method has an error of 1e100 here.
+        assert!(fast.abs() < 5e-3 && slow.abs() < 5e-3, "{fast}, {slow}");
     }
 
     #[test]
@@ -360,42 +260,16 @@ mod tests {
             linearization.renew(|x| rates(1.0, x), &states, &slopes, &[1.0], 1);
             let begin = Begin { time: 1.0, states: &states, slopes: &slopes, drift: &drift };
             let at_end = |x: &[f64; 1]| rates(1.0 + length, x);
-            let bend = [1.0_f64.cos() - 2.0 * (1.0 + 0.5 * length).cos() + (1.0 + length).cos()];
-            assert!(linearization.prepare_second_order(length));
-            let second = second_order(&linearization, rates, at_end, &begin, &bend, length);
-            assert!(linearization.prepare_third_order(length));
-            let third = third_order(&linearization, rates, at_end, &begin, length);
+            assert!(linearization.prepare(length));
+            let trial = step(&linearization, rates, at_end, &begin, length);
             let exact = ((1.0 + length).sin() - 1.0_f64.sin()).exp();
-            [second, third].map(|trial| (trial.states[0] - exact, trial.error[0]))
+            (trial.states[0] - exact, trial.error[0])
         };
         let (long, short) = (first_step(0.1), first_step(0.05));
-        for (long, short) in long.into_iter().zip(short) {
-            // That of the third order's is of the embedded method, which is less exact.
-            assert!(long.0.abs() <= 3.0 * long.1.abs(), "{long:?}");
-            let ratio = long.1 / short.1;
-            assert!((6.0..10.0).contains(&ratio), "the estimate falls by {ratio}");
-        }
-    }
-
-    #[test]
-    fn what_a_step_teaches_is_in_the_linearization_and_in_its_inverse() {
-        // x' = −x·y, y' = x − 3·y, linearized at (1, 2), corrected along a way to (1.5, 1.8).
-        let rates = |z: &[f64; 2]| [-z[0] * z[1], z[0] - 3.0 * z[1]];
-        let (from, to, scales) = ([1.0, 2.0], [1.5, 1.8], [1.0, 2.0]);
-        let mut linearization = Linearization::default();
-        linearization.renew(rates, &from, &rates(&from), &scales, 5);
-        assert!(linearization.prepare_second_order(0.3));
-        let way: [f64; 2] = std::array::from_fn(|i| to[i] - from[i]);
-        let change: [f64; 2] = std::array::from_fn(|i| rates(&to)[i] - rates(&from)[i]);
-        linearization.correct(&way, &linearization.missed(&way, &change), &scales);
-        let along = product(&linearization.jacobian, &way);
-        let solved = linearization.solve([0.7, -0.4]);
-        let turned = product(&linearization.jacobian, &solved);
-        let back: [f64; 2] = std::array::from_fn(|i| solved[i] - GAMMA_2 * 0.3 * turned[i]);
-        for (found, expected) in along.iter().chain(&back).zip([change[0], change[1], 0.7, -0.4]) {
-            // A handful of operations on numbers of order 1.
-            assert!((found - expected).abs() < 1e-14, "{found} instead of {expected}");
-        }
+        // The estimate is of the embedded method, which is less exact.
+        assert!(long.0.abs() <= 3.0 * long.1.abs(), "{long:?}");
+        let ratio = long.1 / short.1;
+        assert!((6.0..10.0).contains(&ratio), "the estimate falls by {ratio}");
     }
 
     #[test]
@@ -403,20 +277,18 @@ mod tests {
         let linearization = |slope: f64| {
             let mut linearization = Linearization::default();
             linearization.renew(|x: &[f64; 1]| [slope * x[0]], &[0.0], &[0.0], &[1.0], 1);
-            assert!(linearization.prepare_second_order(1.0));
+            assert!(linearization.prepare(1.0));
             linearization
         };
         let (first, last) = (linearization(-1.0), linearization(-5.0));
         let [x, y] = Blocks(&first, &last).solve([1.0, 1.0]);
-        assert!(
-            (x - (1.0 + GAMMA_2).recip()).abs() < 1e-7 && (y - (1.0 + 5.0 * GAMMA_2).recip()).abs() < 1e-7
-        );
+        assert!((x - (1.0 + GAMMA).recip()).abs() < 1e-7 && (y - (1.0 + 5.0 * GAMMA).recip()).abs() < 1e-7);
     }
 
     #[test]
     fn a_matrix_that_has_no_inverse_is_told() {
         let mut linearization = Linearization::default();
         linearization.renew(|_| [f64::NAN], &[0.0], &[0.0], &[1.0], 5);
-        assert!(!linearization.prepare_second_order(1.0));
+        assert!(!linearization.prepare(1.0));
     }
 }

@@ -18,8 +18,6 @@ const ROUNDING: f64 = 1e-6;
 pub struct StepSize {
     /// The length of the next step.
     pub next: f64,
-    /// How many steps were judged.
-    pub tried: u64,
     /// The length of the longest step.
     longest: f64,
     /// Whether the last step was not taken.
@@ -30,7 +28,7 @@ impl StepSize {
     /// A control that begins with steps of a length, and does not go beyond another.
     #[must_use]
     pub fn new(first: f64, longest: f64) -> Self {
-        Self { next: first, tried: 0, longest, rejected: false }
+        Self { next: first, longest, rejected: false }
     }
 
     /// The length of the next step, when `left` is still to go: the longest that leads to the end in equal
@@ -44,7 +42,6 @@ impl StepSize {
     ///
     /// Where it was cut short, what it allows is less than what was proposed before; then that stands.
     pub fn judge(&mut self, length: f64, error: f64) -> bool {
-        self.tried += 1;
         if error <= 1.0 {
             let ratio = error.recip().sqrt().sqrt();
             let most = if self.rejected { 1.0 } else { LARGEST_CHANGE };

@@ -7,6 +7,7 @@ mod derivatives;
 mod golden;
 mod integration;
 mod latch;
+mod physical_bounds;
 #[path = "../support/random.rs"]
 mod random;
 mod refusals;
