@@ -95,8 +95,9 @@ COPYRIGHTS = {
 
 @pytest.mark.parametrize("name", NAMES)
 def test_licenses_are_those_of_what_is_linked(root: Path, exported: Path, name: str) -> None:
-    """Section 2.3: readers begin at license.txt. It lists each package that is linked into the library, by the
-    lock file, and has the texts that come with it. The notices of Rust's standard library lie beside it."""
+    """Section 2.3: readers begin at license.txt. It lists each package that is linked into the library, as
+    the lock file has it, and holds the texts that come with it. The notices of Rust's standard library lie
+    beside it."""
     with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
         folder = "documentation/licenses/"
         names = [path.removeprefix(folder) for path in archive.namelist() if path.startswith(folder)]
@@ -121,7 +122,8 @@ def test_licenses_are_those_of_what_is_linked(root: Path, exported: Path, name: 
 def parts(text: str) -> list[tuple[list[str], str]]:
     """The texts in license.txt, each with whose it is."""
     _, *pieces = text.split(80 * "-" + "\n")
-    return [(owners.splitlines(), text.strip()) for owners, text in zip(pieces[::2], pieces[1::2], strict=True)]
+    pairs = zip(pieces[::2], pieces[1::2], strict=True)
+    return [(owners.splitlines(), section.strip()) for owners, section in pairs]
 
 
 def test_export_is_reproducible(root: Path, tmp_path: Path) -> None:

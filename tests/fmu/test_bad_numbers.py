@@ -725,8 +725,8 @@ def test_derivatives_that_are_none(
 
 @SETTABLE
 def test_derivatives_of_discrete_inputs(live: Live, fmus: dict[str, Fmu], state: str) -> None:
-    """Masters that extrapolate set them for all inputs: one that is discrete holds its value, with one warning.
-    (The controller's inputs are all continuous.)"""
+    """Masters that extrapolate set them for all inputs: one that is discrete holds its value, with one
+    warning. (The controller's inputs are all continuous.)"""
     fmu = fmus["BoostPlant"]
     discrete = [v for v in fmu.variables.values() if (v.causality, v.variability) == ("input", "discrete")]
     assert {v.name for v in discrete} == {"hp_wastegate_pwm", "vacuum_pump"}

@@ -82,13 +82,15 @@ ORDERS: dict[str, tuple[str, Start]] = {
 }
 """What the page calls each script's master, and how this starts and steps both FMUs."""
 
+
 def test_equal_numbers_need_equal_tolerances(plant: Make, controller: Make) -> None:
-    """As the page says: none, 0 and what is not below the plant's parameter are one; 1e-6 shifts boost pressure
-    by up to 2 Pa."""
+    """As the page says: none, 0 and what is not below the plant's parameter are one; 1e-6 shifts boost
+    pressure by up to 2 Pa."""
 
     def boost_pressure(tolerance: float | None) -> np.ndarray:
         instances = [controller().begin(tolerance=tolerance), plant().begin(tolerance=tolerance)]
-        return Master(instances, SAMPLE_TIME, inputs=INPUTS).initialize().run(BOOST_STEPS_END)["boost_pressure"]
+        master = Master(instances, SAMPLE_TIME, inputs=INPUTS).initialize()
+        return master.run(BOOST_STEPS_END)["boost_pressure"]
 
     without = boost_pressure(None)
     for tolerance in (0.0, 1e-2):

@@ -132,8 +132,8 @@ def test_inputs_of_the_system_start_as_the_fmus_do(package: Path, fmus: dict[str
 
 
 def test_omsimulator_is_met(structure: etree._Element) -> None:
-    """What its importers (Model.cpp, System.cpp and ComponentFMUCS.cpp of version 3 for Lua, utils.py for Python)
-    refuse or rely on; it cannot be installed from a registry."""
+    """What its importers refuse or rely on (Model.cpp, System.cpp and ComponentFMUCS.cpp of version 3 for
+    Lua, utils.py for Python); it cannot be installed from a registry."""
     prefixes = {"ssd", "ssc", "ssv", "oms"}
     assert prefixes <= set(structure.nsmap)
 
