@@ -163,11 +163,17 @@ fn libraries_of_several_fmus_are_merged() {
     let (x86, arm) = (elf(ELF_X86_64, "x86"), elf(ELF_AARCH64, "arm"));
     let (intel, apple) = (mach_o(MACH_O_X86_64, "intel"), mach_o(MACH_O_ARM64, "apple"));
     let license = ("documentation/licenses/LICENSE", b"free".as_slice());
-    let linux = [license, ("binaries/linux64/Other.so", &x86), ("binaries/darwin64/Other.dylib", &intel)];
+    let linux = [
+        license,
+        ("documentation/licenses/rust-1.90.0.html", b"notices"),
+        ("binaries/linux64/Other.so", &x86),
+        ("binaries/darwin64/Other.dylib", &intel),
+    ];
     let linux = fmu_of("linux.fmu", &linux);
-    // What is the same in both is no matter, nor is what else lies beside a library.
+    // What is the same in both is no matter, nor is what else lies beside a library or has another license.
     let arm = [
         license,
+        ("documentation/licenses/rust-1.91.0.html", b"later notices"),
         ("binaries/linux64/Other.so", &x86),
         ("binaries/aarch64-linux/Other.so", &arm),
         ("binaries/aarch64-linux/dependency.so", b"other"),
@@ -200,7 +206,9 @@ fn libraries_of_several_fmus_are_merged() {
     for library in [&intel, &apple] {
         assert!(universal.windows(library.len()).any(|window| window == library));
     }
-    assert_eq!(files.len(), 7);
+    assert_eq!(files["documentation/licenses/rust-1.90.0.html"], b"notices");
+    assert_eq!(files["documentation/licenses/rust-1.91.0.html"], b"later notices");
+    assert_eq!(files.len(), 9);
 
     // The order makes no difference, and what was run is remembered.
     let again = scratch("merged_before.fmu");
@@ -243,6 +251,10 @@ fn fmus_that_do_not_belong_together_are_not_merged() {
     refused(&own, &other, &["the library for win64 in", "wrong_folder.fmu", "it is ELF for x86-64"], &[]);
     let other = fmu_of("other_license.fmu", &[("documentation/license.txt", b"")]);
     refused(&own, &other, &["differ in documentation/license.txt"], &[]);
+    let license = "documentation/licenses/license.txt";
+    let [one, other] = [("one_license.fmu", b"one"), ("another_license.fmu", b"two")]
+        .map(|(name, text)| fmu_of(name, &[(license, text)]));
+    refused(&one, &other, &["differ in documentation/licenses/license.txt"], &[]);
 
     refused(&own, &own, &["there is no library for win64 that was run"], &["--ran", "win64=here"]);
     refused(&own, &own, &["twice where linux64 was run"], &["--ran", "linux64=a", "--ran", "linux64=b"]);

@@ -16,7 +16,7 @@ use fmi2_export::package::{Fmu, Library, Platform, PlatformList, library};
 
 use super::compile::{Compiled, compile};
 use super::target::{Build, Target};
-use super::{ssp, write_whole};
+use super::{licenses, ssp, write_whole};
 
 /// Exports the named models, or all, into a folder; the package of both binds the parameter sets.
 pub fn run(
@@ -42,20 +42,20 @@ pub fn run(
     if !parameters.is_empty() && !is_system {
         bail!("parameter sets are bound in the system of {}; export both", members.join(" and "));
     }
-    let mut compiled = vec![];
-    for build in &builds {
-        compiled.push((build.platform, compile(&metadata, models.values().copied(), build)?));
+    let mut built = vec![];
+    for build in builds {
+        let compiled = compile(&metadata, models.values().copied(), &build)?;
+        built.push((build, compiled));
     }
-    let descriptions = descriptions(&models, &compiled)?;
-    let mut libraries = libraries(&descriptions, &compiled, given)?;
+    let descriptions = descriptions(&models, &built)?;
+    let mut libraries = libraries(&descriptions, &built, given)?;
 
     let out = out.unwrap_or_else(|| metadata.target_directory.join("fmu").into());
     fs::create_dir_all(&out).with_context(|| format!("cannot create the folder {}", out.display()))?;
-    let licenses = licenses(metadata.workspace_root.as_std_path())?;
     for (&name, description) in &descriptions {
         let libraries = libraries.remove(name).unwrap_or_default();
-        let mut files = documentation(&compiled[0].1.generated(name)?, &libraries)?;
-        files.extend(licenses.clone());
+        let mut files = documentation(&built[0].1.generated(name)?, &libraries)?;
+        files.extend(licenses::files(name, &models[name].name, &built)?);
         let fmu = Fmu {
             model_identifier: name,
             model_description: description,
@@ -123,14 +123,14 @@ fn builds(targets: &[Target]) -> Result<Vec<Build>> {
 /// The description of each model, which is the same in all builds.
 fn descriptions<'a>(
     models: &BTreeMap<&'a str, &Package>,
-    compiled: &[(Platform, Compiled)],
+    built: &[(Build, Compiled)],
 ) -> Result<BTreeMap<&'a str, String>> {
     let mut descriptions = BTreeMap::new();
     for &name in models.keys() {
-        for (platform, compiled) in compiled {
+        for (build, compiled) in built {
             let description = compiled.description(name)?;
             if *descriptions.entry(name).or_insert_with(|| description.clone()) != description {
-                bail!("the build for {} made another description of {name}", platform.folder());
+                bail!("the build for {} made another description of {name}", build.platform.folder());
             }
         }
     }
@@ -163,13 +163,13 @@ impl<'a> ModelLibrary<'a> {
 /// each knows the description that it was built from.
 fn libraries<'a>(
     descriptions: &BTreeMap<&'a str, String>,
-    compiled: &[(Platform, Compiled)],
+    built: &[(Build, Compiled)],
     given: Vec<ModelLibrary<'_>>,
 ) -> Result<BTreeMap<&'a str, BTreeMap<Platform, Vec<u8>>>> {
     let mut all = vec![];
     for &name in descriptions.keys() {
-        for (platform, compiled) in compiled {
-            all.push(ModelLibrary::read(*platform, compiled.library(name)?)?);
+        for (build, compiled) in built {
+            all.push(ModelLibrary::read(build.platform, compiled.library(name)?)?);
         }
     }
     all.extend(given);
@@ -223,22 +223,6 @@ fn documentation(
     let icon = generated.join("model.png");
     if icon.is_file() {
         files.push(("model.png".to_owned(), read(&icon)?));
-    }
-    Ok(files)
-}
-
-/// The licenses of the workspace, for the FMU's documentation: the files whose names begin with LICENSE.
-fn licenses(root: &Path) -> Result<Vec<(String, Vec<u8>)>> {
-    let failed = || format!("cannot read the folder {}", root.display());
-    let mut files = vec![];
-    for entry in fs::read_dir(root).with_context(failed)? {
-        let path = entry.with_context(failed)?.path();
-        if let Some(name) = path.file_name().and_then(|name| name.to_str())
-            && name.to_uppercase().starts_with("LICENSE")
-            && path.is_file()
-        {
-            files.push((format!("documentation/licenses/{name}"), read(&path)?));
-        }
     }
     Ok(files)
 }

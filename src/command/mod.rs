@@ -5,6 +5,7 @@ mod compile;
 mod coupling;
 mod export;
 mod info;
+mod licenses;
 mod merge;
 mod parameters;
 mod ssp;

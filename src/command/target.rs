@@ -112,6 +112,11 @@ impl Build {
         self.target.as_deref().unwrap_or(self.platform.folder())
     }
 
+    /// Rust's name of the target; none for the host.
+    pub fn triple(&self) -> Option<&str> {
+        self.target.as_deref().map(|target| split(target).0)
+    }
+
     /// The command that builds in release mode; where to, and which packages, is the caller's.
     pub fn command(&self) -> Command {
         let mut command = if self.links_with_zig() {

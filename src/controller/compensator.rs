@@ -9,8 +9,29 @@ use crate::elementary::{larger, smaller};
 /// The least supply voltage (V) that is compensated for: below it the duty does not grow further.
 const LEAST_VOLTAGE: f64 = 6.0;
 
+/// The least supply voltage (V) that is a measurement at first: in the starting profiles of ISO 16750-2 cranking
+/// takes a 12 V supply down to 3 V, and no further. Some masters hand zeros to wired inputs at the start.
+const LEAST_MEASUREMENT: f64 = 3.0;
+
 /// The largest duty there is (%).
 const FULL_DUTY: f64 = 100.0;
+
+/// What is remembered of the supply voltage.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SupplyVoltage {
+    /// Whether there was a measurement. After that a low voltage is one as well: the supply fails.
+    measured: bool,
+}
+
+fmi2_export::persistent!(SupplyVoltage { measured });
+
+impl SupplyVoltage {
+    /// Takes what is handed over for a measurement (V): the measurement, if there was one yet.
+    pub fn sample(&mut self, voltage: f64) -> Option<f64> {
+        self.measured |= voltage >= LEAST_MEASUREMENT;
+        self.measured.then_some(voltage)
+    }
+}
 
 /// The compensation at a supply voltage.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,13 +41,14 @@ pub struct Compensator {
 }
 
 impl Compensator {
-    /// The compensation at a measured supply voltage (V).
+    /// The compensation at a measured supply voltage (V); none without a measurement.
     #[must_use]
-    pub fn new(parameters: &Parameters, supply_voltage: f64) -> Self {
-        let factor = if parameters.compensate_voltage {
-            parameters.nominal_voltage / larger(supply_voltage, LEAST_VOLTAGE)
-        } else {
-            1.0
+    pub fn new(parameters: &Parameters, supply_voltage: Option<f64>) -> Self {
+        let factor = match supply_voltage {
+            Some(voltage) if parameters.compensate_voltage => {
+                parameters.nominal_voltage / larger(voltage, LEAST_VOLTAGE)
+            }
+            _ => 1.0,
         };
         Self { factor }
     }

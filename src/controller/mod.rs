@@ -41,7 +41,7 @@ use fmi2_export::{Context, Error, InputsOf, Model, Step};
 
 use crate::LONGEST_STEP;
 use clock::SampleClock;
-use compensator::{Compensator, Limits};
+use compensator::{Compensator, Limits, SupplyVoltage};
 use feedback::{Pid, Tuning};
 use reference_model::ReferenceModel;
 use schedule::OperatingPoint;
@@ -62,11 +62,12 @@ pub struct BoostController {
     clock: SampleClock,
     relay: TankRelay,
     stage: StageStrategy,
+    supply_voltage: SupplyVoltage,
     /// Of mode boost: none until a sample has seen a measurement.
     boost: Option<BoostLoop>,
 }
 
-fmi2_export::persistent!(BoostController { clock, relay, stage, boost });
+fmi2_export::persistent!(BoostController { clock, relay, stage, supply_voltage, boost });
 
 /// The memory of mode boost.
 #[derive(Clone, Copy, Debug, Default)]
@@ -154,7 +155,8 @@ impl Model for BoostController {
             feedforward::at_rest(parameters, inputs)
         };
         let command = Command::feedforward(duty, feedforward::bounded_reference(parameters, inputs));
-        let compensator = Compensator::new(parameters, inputs.supply_voltage_measured);
+        let supply_voltage = SupplyVoltage::default().sample(inputs.supply_voltage_measured);
+        let compensator = Compensator::new(parameters, supply_voltage);
         publish(locals, outputs, &command, compensator, limits(parameters, compensator), valves);
         locals.sample_count = 0;
         Ok(())
@@ -207,7 +209,8 @@ impl BoostController {
             context.event(format_args!("at {time} s: the high-pressure stage is {is}, {speed} rpm"));
         }
 
-        let compensator = Compensator::new(parameters, inputs.supply_voltage_measured);
+        let supply_voltage = self.supply_voltage.sample(inputs.supply_voltage_measured);
+        let compensator = Compensator::new(parameters, supply_voltage);
         let limits = limits(parameters, compensator);
         let reference = feedforward::bounded_reference(parameters, inputs);
         // The low-pressure wastegate of a high-pressure stage passed by is shut but for mode boost.

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 use boost_fmu::controller::BoostController;
 use boost_fmu::controller::actuator_inverse;
-use boost_fmu::controller::variables::{ControlMode, Inputs, Outputs, Variables};
+use boost_fmu::controller::variables::{ControlMode, Inputs, Outputs, Parameters, Variables};
 use fmi2_export::description::{Causality, DataType};
 use fmi2_export::{Inputs as _, Model as _, Variables as _};
 
@@ -92,6 +92,38 @@ fn until_there_is_a_measurement_the_outputs_stay_those_of_initialization() {
     let before = bench.variables.locals.unsaturated_pwm;
     bench.sample(105, &Inputs { boost_pressure: 0.0, ..inputs });
     assert!(bench.variables.locals.unsaturated_pwm != before);
+}
+
+/// Masters hand zeros to what is wired: to be compensated for, 0 V would double the duty. Starting an engine
+/// takes a supply down to 3 V (ISO 16750-2), not further.
+#[test]
+fn a_supply_that_no_engine_runs_on_is_not_compensated_for_until_there_is_a_measurement() {
+    for mode in [ControlMode::Boost, ControlMode::Position, ControlMode::OpenLoop] {
+        let nominal = Inputs { wastegate_reference: 0.3, pwm_reference: 35.0, ..Inputs::default() };
+        let at = |supply_voltage_measured| Inputs { supply_voltage_measured, ..nominal };
+        for nothing in [0.0, 2.999] {
+            assert_eq!(initial_outputs(&at(nothing), mode), initial_outputs(&nominal, mode));
+            // Nothing is remembered of initialization: some masters hand over start values there, zeros later.
+            for start in [at(nothing), nominal] {
+                let change = |parameters: &mut Parameters| parameters.mode = mode;
+                let (mut bench, mut expected) = (Bench::new(&start, change), Bench::new(&nominal, change));
+                for number in 0..3 {
+                    assert_eq!(bench.sample(number, &at(nothing)), expected.sample(number, &nominal));
+                    assert_eq!(bench.variables.locals.voltage_compensation, 1.0);
+                }
+                // The first measurement counts at once; from then on a supply that fails is one.
+                for (number, voltage, factor) in [(3, 3.0, 2.0), (4, 10.0, 1.2), (5, nothing, 2.0)] {
+                    bench.sample(number, &at(voltage));
+                    assert_eq!(bench.variables.locals.voltage_compensation, factor);
+                }
+            }
+        }
+    }
+    assert_eq!(
+        initial_outputs(&Inputs { supply_voltage_measured: 3.0, ..Inputs::default() }, ControlMode::Boost)
+            .hp_wastegate_pwm,
+        43.9864 * 2.0
+    );
 }
 
 #[test]

@@ -104,7 +104,7 @@ fn the_reference_is_taken_up_to_the_limit() {
     assert_eq!(outputs[0], outputs[1]);
 }
 
-/// Twelve volts over the measured ones, down to six; never more than full duty.
+/// Twelve volts over the measured ones, down to six; never more than full duty. Below three nothing is measured.
 #[test]
 fn the_duty_is_compensated_for_the_supply_voltage() {
     let open_loop = |duty, voltage, compensate| {
@@ -122,7 +122,8 @@ fn the_duty_is_compensated_for_the_supply_voltage() {
     assert_eq!(open_loop(44.0, 16.0, true), (33.0, 0.75, false));
     assert_eq!(open_loop(44.0, 8.0, true), (66.0, 1.5, false));
     assert_eq!(open_loop(44.0, 6.0, true), (88.0, 2.0, false));
-    assert_eq!(open_loop(44.0, 0.0, true), (88.0, 2.0, false));
+    assert_eq!(open_loop(44.0, 3.0, true), (88.0, 2.0, false));
+    assert_eq!(open_loop(44.0, 0.0, true), (44.0, 1.0, false));
     assert_eq!(open_loop(80.0, 6.0, true), (100.0, 2.0, true));
     assert_eq!(open_loop(100.0, 12.0, true), (100.0, 1.0, false));
     assert_eq!(open_loop(0.0, 9.0, true), (0.0, 12.0 / 9.0, false));

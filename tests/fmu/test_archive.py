@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import subprocess
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -79,9 +81,49 @@ def test_archive_is_tidy(exported: Path, name: str) -> None:
         "model.png",
     }
     assert f"binaries/linux64/{name}.so" in names
-    assert "documentation/licenses/LICENSE-MIT" in names
     assert len({entry.date_time for entry in entries}) == 1
     assert {entry.compress_type for entry in entries} <= {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
+
+
+COPYRIGHTS = {
+    "boost-fmu": "Copyright (c) 2026 The boost-fmu developers",
+    "num-dual": "Copyright (c) 2021-present Gernot Bauer, Philipp Rehner",
+    "num-traits": "Copyright (c) 2014 The Rust Project Developers",
+}
+"""What the licenses of packages that are linked into both libraries say, those of other makers among them."""
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_licenses_are_those_of_what_is_linked(root: Path, exported: Path, name: str) -> None:
+    """Section 2.3: readers begin at license.txt. It lists each package that is linked into the library, as
+    the lock file has it, and holds the texts that come with it. The notices of Rust's standard library lie
+    beside it."""
+    with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
+        folder = "documentation/licenses/"
+        names = [path.removeprefix(folder) for path in archive.namelist() if path.startswith(folder)]
+        text = archive.read(f"{folder}license.txt").decode()
+        (notices,) = (path for path in names if path != "license.txt")
+        # A crate of the standard library with code in every library.
+        assert b"hashbrown" in archive.read(f"{folder}{notices}")
+    listed = dict(re.findall(r"^- (\S+) (\d\S*): ", text, re.MULTILINE))
+    package = {"BoostPlant": "plant-fmu", "BoostController": "controller-fmu"}[name]
+    assert listed.keys() == {package, "fmi2-export", *COPYRIGHTS}
+    locked = tomllib.loads((root / "Cargo.lock").read_text())["package"]
+    assert listed.items() <= {(known["name"], known["version"]) for known in locked}
+    sections = {owner: section for owners, section in parts(text) for owner in owners}
+    for crate, version in listed.items():
+        texts = [section for owner, section in sections.items() if owner.startswith(f"{crate} {version}, ")]
+        assert any(COPYRIGHTS.get(crate, COPYRIGHTS["boost-fmu"]) in section for section in texts)
+        assert any("Version 2.0, January 2004" in section for section in texts)
+    own = sections[f"boost-fmu {listed['boost-fmu']}, LICENSE-MIT"]
+    assert own == (root / "LICENSE-MIT").read_text().strip()
+
+
+def parts(text: str) -> list[tuple[list[str], str]]:
+    """The texts in license.txt, each with whose it is."""
+    _, *pieces = text.split(80 * "-" + "\n")
+    pairs = zip(pieces[::2], pieces[1::2], strict=True)
+    return [(owners.splitlines(), section.strip()) for owners, section in pairs]
 
 
 def test_export_is_reproducible(root: Path, tmp_path: Path) -> None:

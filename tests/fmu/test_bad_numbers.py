@@ -20,7 +20,19 @@ import pytest
 from c_interface import FUNCTIONS, Status
 from conftest import PROBED, Check, Live, RecordProperty
 from fmpy.model_description import ScalarVariable
-from life import ARRAYS, COURSES, FAILING, STEP, Life, c_type_of, integers, numbers_in, reals, references
+from life import (
+    ARRAYS,
+    COURSES,
+    FAILING,
+    STEP,
+    Life,
+    c_type_of,
+    differences,
+    integers,
+    numbers_in,
+    reals,
+    references,
+)
 from master import WARNING, Fmu
 
 NAMES = list(COURSES)
@@ -139,7 +151,7 @@ def test_the_rounding_of_communication_points(live: Live, name: str, start_time:
         *(([0, 0.0, 0.0, 1, value], "stopTime", [value]) for value in (math.nan, -math.inf)),
         ([0, 0.0, 5.0, 1, 4.999], "stopTime", [4.999, 5.0]),
         ([0, 0.0, 0.0, 1, -1.0], "stopTime", [-1.0]),
-        *(([1, value, 0.0, 0, 0.0], "tolerance", [value]) for value in (0.0, -1e-4, *NO_NUMBERS)),
+        *(([1, value, 0.0, 0, 0.0], "tolerance", [value]) for value in NO_NUMBERS),
     ],
     ids=str,
 )
@@ -180,6 +192,21 @@ def test_an_experiment_that_is_one(live: Live, name: str, arguments: list[Any]) 
     assert life.caller.call("fmi2EnterInitializationMode") == Status.OK
     assert life.caller.call("fmi2ExitInitializationMode") == Status.OK
     assert life.step() == (Status.ERROR if arguments[3:] == [1, 0.0] else Status.OK)
+
+
+@BOTH
+@pytest.mark.parametrize("tolerance", [0.0, -0.0, -1e-4])
+def test_a_tolerance_that_is_not_above_zero(live: Live, name: str, tolerance: float) -> None:
+    """Masters whose users give none pass 0. With a warning, everything goes on as without."""
+    life, without = live(name), live(name)
+    assert life.caller.call(SET_UP, 1, tolerance, 0.0, 0, 0.0) == Status.WARNING
+    (message,) = life.caller.messages
+    assert message.status == WARNING
+    assert SET_UP in message.text
+    assert tolerance in numbers_in(message.text)
+    life.set_up = True
+    assert without.setup() == Status.OK
+    assert differences(life.go_on(), without.go_on()) == []
 
 
 @BOTH
@@ -674,8 +701,7 @@ def test_a_category_of_the_log_that_there_is_not(live: Live, unharmed: Check, na
 def test_derivatives_that_are_none(
     live: Live, unharmed: Check, fmus: dict[str, Fmu], record_property: RecordProperty, name: str, state: str
 ) -> None:
-    """Section 4.2.1: orders from 1 on, of Real inputs. Orders above 8 are not taken, and inputs that are
-    discrete hold their values."""
+    """Section 4.2.1: orders from 1 on, of Real inputs. Orders above 8 are not taken."""
     life = live(name, state)
     (slope,) = life.course.slopes
     good = life.reference(slope)
@@ -684,12 +710,6 @@ def test_derivatives_that_are_none(
     for variable in fmus[name].variables.values():
         if variable.causality != "input":
             cases.append((variable.name, 1, 0.5))
-        elif variable.variability == "discrete":
-            cases.append((variable.name, 1, 0.5))
-            assert (
-                life.caller.call(DERIVATIVES, references(variable.valueReference), 1, integers(1), reals(0.0))
-                == Status.OK
-            )
     for variable, order, value in cases:
         # With one before that is right: it is not taken either.
         vr = references(good, life.reference(variable))
@@ -701,6 +721,37 @@ def test_derivatives_that_are_none(
         life.refuses(DERIVATIVES, *arguments, names=[str(reference)])
     unharmed(life)
     record_property(PROBED, ("input derivatives that are none", len(cases) + 3))
+
+
+@SETTABLE
+def test_derivatives_of_discrete_inputs(live: Live, fmus: dict[str, Fmu], state: str) -> None:
+    """Masters that extrapolate set them for all inputs: one that is discrete holds its value, with one
+    warning. (The controller's inputs are all continuous.)"""
+    fmu = fmus["BoostPlant"]
+    discrete = [v for v in fmu.variables.values() if (v.causality, v.variability) == ("input", "discrete")]
+    assert {v.name for v in discrete} == {"hp_wastegate_pwm", "vacuum_pump"}
+    life, without = live("BoostPlant", state), live("BoostPlant", state)
+    for variable in discrete:
+        vr = references(variable.valueReference)
+        assert life.caller.call(DERIVATIVES, vr, 1, integers(1), reals(0.0)) == Status.OK
+        before = len(life.caller.messages)
+        assert life.caller.call(DERIVATIVES, vr, 1, integers(1), reals(7.0)) == Status.WARNING
+        assert life.caller.call(DERIVATIVES, vr, 1, integers(2), reals(-7.0)) == Status.OK
+        (message,) = life.caller.messages[before:]
+        assert message.status == WARNING
+        assert variable.name in message.text
+        life.refuses(DERIVATIVES, vr, 1, integers(0), reals(1.0), names=[variable.name])
+    records = []
+    for one in (life, without):
+        if one.state == "instantiated":
+            assert one.setup() == Status.OK
+            assert one.caller.call("fmi2EnterInitializationMode") == Status.OK
+        if one.state != "stepComplete":
+            assert one.caller.call("fmi2ExitInitializationMode") == Status.OK
+        for _ in range(3):
+            assert one.step() == Status.OK
+        records.append(one.values("in the end"))
+    assert records[0] == records[1]
 
 
 @BOTH

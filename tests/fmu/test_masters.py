@@ -82,6 +82,24 @@ ORDERS: dict[str, tuple[str, Start]] = {
 }
 """What the page calls each script's master, and how this starts and steps both FMUs."""
 
+
+def test_equal_numbers_need_equal_tolerances(plant: Make, controller: Make) -> None:
+    """As the page says: none, 0 and what is not below the plant's parameter are one; 1e-6 shifts boost
+    pressure by up to 2 Pa."""
+
+    def boost_pressure(tolerance: float | None) -> np.ndarray:
+        instances = [controller().begin(tolerance=tolerance), plant().begin(tolerance=tolerance)]
+        master = Master(instances, SAMPLE_TIME, inputs=INPUTS).initialize()
+        return master.run(BOOST_STEPS_END)["boost_pressure"]
+
+    without = boost_pressure(None)
+    for tolerance in (0.0, 1e-2):
+        assert np.array_equal(boost_pressure(tolerance), without)
+    shift = np.max(np.abs(boost_pressure(1e-6) - without))
+    print(f"boost pressure shifts by {shift:.2f} Pa")
+    assert 0 < shift <= 2
+
+
 RUN = """
 import json, os, runpy, sys
 script, rows = sys.argv[1:]

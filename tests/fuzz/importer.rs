@@ -378,7 +378,7 @@ impl<M: Model> Importer<M> {
     }
 
     fn get_status(&self, function: &'static str, kind: i32) -> (&'static str, Status, Vec<u64>) {
-        let (mut time, mut number, mut status, mut text) = (0.0, 0, Status::Ok, ptr::null());
+        let (mut time, mut number, mut status, mut text) = (0.0, 0, 0, ptr::null());
         // SAFETY: see above.
         let answer = unsafe {
             match function {

@@ -3,14 +3,20 @@
 //!
 //! All `unsafe` of the crate is here (and in the call of the logger). What these functions rely on is what
 //! the standard demands of an importer: a component comes from `fmi2Instantiate` and is used by one
-//! thread at a time until `fmi2FreeInstance`; arrays have as many elements as their counts say; strings
-//! end in NUL. What can be checked is checked: null pointers, components and states of another FMU, UTF-8,
-//! every number.
+//! thread at a time until `fmi2FreeInstance`; arrays have as many elements as their counts say, and those
+//! that results are written to overlap with no other argument; strings end in NUL. What can be checked is
+//! checked: null pointers, components and states of another FMU, UTF-8, every number.
+//!
+//! Nothing is relied on beyond that. Arrays and results may lie at any address: 32-bit compilers place
+//! doubles at multiples of 4, where Rust's types want 8, and bindings of other languages hand out pieces of
+//! buffers. What the importer's memory holds before a result is written to it is not looked at, and no Rust
+//! enum is read from it.
 //!
 //! [`export_fmi2!`]: crate::export_fmi2
 
 #![allow(clippy::missing_safety_doc, clippy::too_many_arguments)]
 
+use std::borrow::Cow;
 use std::ffi::{CStr, c_char, c_int};
 use std::ptr;
 use std::slice;
@@ -58,10 +64,14 @@ impl<M: Model> Slave<M> {
     /// `component` is null or came from `instantiate` of this or another FMU made by this crate, is not
     /// freed, and is used by no other thread meanwhile.
     unsafe fn of<'a>(component: Component) -> Option<&'a mut Self> {
-        // SAFETY: by the caller's word, a component that is not null begins with this word.
-        let fmu = unsafe { component.cast::<u64>().as_ref() }?;
+        let slave = component.cast::<Self>();
+        if slave.is_null() || !slave.is_aligned() {
+            return None;
+        }
+        // SAFETY: by the caller's word, a component that is not null begins with this word; it is aligned for it.
+        let fmu = unsafe { slave.cast::<u64>().read() };
         // SAFETY: a component that begins with this FMU's word is one of `M`, alive and not shared.
-        (*fmu == Self::FMU).then(|| unsafe { &mut *component.cast::<Self>() })
+        (fmu == Self::FMU).then(|| unsafe { &mut *slave })
     }
 }
 
@@ -88,30 +98,52 @@ unsafe fn call<M: Model>(
 ///
 /// # Safety
 /// Unless null, `array` has `count` elements that nothing changes during the call.
-unsafe fn elements<'a, T>(name: &str, array: *const T, count: usize) -> Result<&'a [T], Error> {
+unsafe fn elements<'a, T: Copy>(name: &str, array: *const T, count: usize) -> Result<Cow<'a, [T]>, Error> {
     if count == 0 {
-        Ok(&[])
-    } else if array.is_null() {
-        Err(Error::new(format!("the argument {name} is NULL")))
-    } else {
-        // SAFETY: not null, and by the caller's word of this length.
-        Ok(unsafe { slice::from_raw_parts(array, count) })
+        return Ok(Cow::Borrowed(&[]));
     }
+    let array = not_null(name, array.cast_mut())?.cast_const();
+    Ok(if array.is_aligned() {
+        // SAFETY: not null, aligned, and by the caller's word of this length.
+        Cow::Borrowed(unsafe { slice::from_raw_parts(array, count) })
+    } else {
+        // SAFETY: by the caller's word, each of these is an element.
+        (0..count).map(|index| unsafe { array.add(index).read_unaligned() }).collect()
+    })
 }
 
-/// An array that is written to.
+/// Has an array written to.
 ///
 /// # Safety
 /// Unless null, `array` has `count` elements that nothing else uses during the call.
-unsafe fn elements_mut<'a, T>(name: &str, array: *mut T, count: usize) -> Result<&'a mut [T], Error> {
+unsafe fn write_elements<T: Copy>(
+    name: &str,
+    array: *mut T,
+    count: usize,
+    write: impl FnOnce(&mut [T]) -> Answer,
+) -> Answer {
     if count == 0 {
-        Ok(&mut [])
-    } else if array.is_null() {
-        Err(Error::new(format!("the argument {name} is NULL")))
-    } else {
-        // SAFETY: not null, and by the caller's word of this length and not aliased.
-        Ok(unsafe { slice::from_raw_parts_mut(array, count) })
+        return write(&mut []);
     }
+    let array = not_null(name, array)?;
+    if array.is_aligned() {
+        // SAFETY: not null, aligned, and by the caller's word of this length and not aliased.
+        return write(unsafe { slice::from_raw_parts_mut(array, count) });
+    }
+    // SAFETY: by the caller's word.
+    let mut values = unsafe { elements(name, array, count) }?.into_owned();
+    let answer = write(&mut values);
+    // After an error too: what was written is handed out, as it is in the importer's own array.
+    for (index, value) in values.into_iter().enumerate() {
+        // SAFETY: by the caller's word, this is an element.
+        unsafe { array.add(index).write_unaligned(value) };
+    }
+    answer
+}
+
+/// An argument that points to something.
+fn not_null<T>(name: &str, argument: *mut T) -> Result<*mut T, Error> {
+    if argument.is_null() { Err(Error::new(format!("the argument {name} is NULL"))) } else { Ok(argument) }
 }
 
 /// A string argument.
@@ -119,12 +151,9 @@ unsafe fn elements_mut<'a, T>(name: &str, array: *mut T, count: usize) -> Result
 /// # Safety
 /// `text` is null or ends in NUL.
 unsafe fn c_string<'a>(name: &str, text: *const c_char) -> Result<&'a CStr, Error> {
-    if text.is_null() {
-        Err(Error::new(format!("the argument {name} is NULL")))
-    } else {
-        // SAFETY: not null, and by the caller's word NUL-terminated.
-        Ok(unsafe { CStr::from_ptr(text) })
-    }
+    let text = not_null(name, text.cast_mut())?;
+    // SAFETY: not null, and by the caller's word NUL-terminated.
+    Ok(unsafe { CStr::from_ptr(text) })
 }
 
 /// `fmi2Instantiate`: null, and a message, when an argument is wrong.
@@ -138,15 +167,20 @@ pub unsafe fn instantiate<M: Model>(
     _visible: Boolean,
     logging_on: Boolean,
 ) -> Component {
-    // SAFETY: the importer passes null or a callbacks struct that is valid during this call; what is
-    // needed of it is copied.
-    let Some(functions) = (unsafe { functions.as_ref() }) else { return ptr::null_mut() };
-    let environment = ComponentEnvironment(functions.component_environment);
+    if functions.is_null() {
+        return ptr::null_mut();
+    }
+    // SAFETY: the importer passes null or a callbacks struct that is valid during this call. What is needed of
+    // it is copied; the rest is not looked at, and the struct may lie at any address.
+    let (callback, environment) = unsafe {
+        let environment = (&raw const (*functions).component_environment).read_unaligned();
+        ((&raw const (*functions).logger).read_unaligned(), ComponentEnvironment(environment))
+    };
     let description = M::Variables::DESCRIPTION;
     // SAFETY: the importer passes null or a string.
     let name = unsafe { c_string("instanceName", instance_name) };
     let logger = Logger::new(
-        functions.logger,
+        callback,
         environment,
         name.as_ref().map_or_else(|_| c"".to_owned(), |&name| name.to_owned()),
         description.log_categories,
@@ -268,7 +302,8 @@ macro_rules! accessors {
             // SAFETY: the component and the arrays are the importer's (see the module).
             unsafe {
                 call::<M>(component, Function::$get_function, |instance| {
-                    instance.$get(elements("vr", references, count)?, elements_mut("value", values, count)?)
+                    let references = elements("vr", references, count)?;
+                    write_elements("value", values, count, |values| instance.$get(&references, values))
                 })
             }
         }
@@ -283,7 +318,7 @@ macro_rules! accessors {
             // SAFETY: the component and the arrays are the importer's (see the module).
             unsafe {
                 call::<M>(component, Function::$set_function, |instance| {
-                    instance.$set(elements("vr", references, count)?, elements("value", values, count)?)
+                    instance.$set(&elements("vr", references, count)?, &elements("value", values, count)?)
                 })
             }
         }
@@ -306,12 +341,14 @@ pub unsafe fn get_string<M: Model>(
     // SAFETY: the component and the arrays are the importer's (see the module).
     unsafe {
         call::<M>(component, Function::GetString, |instance| {
-            let values = elements_mut("value", values, count)?;
-            let status = instance.get_string(elements("vr", references, count)?)?;
-            for (value, text) in values.iter_mut().zip(&instance.strings) {
-                *value = text.as_ptr();
-            }
-            Ok(status)
+            let references = elements("vr", references, count)?;
+            write_elements("value", values, count, |values| {
+                let status = instance.get_string(&references)?;
+                for (value, text) in values.iter_mut().zip(&instance.strings) {
+                    *value = text.as_ptr();
+                }
+                Ok(status)
+            })
         })
     }
 }
@@ -332,18 +369,9 @@ pub unsafe fn set_string<M: Model>(
                     c_string("value", text)?.to_str().map_err(|_| Error::new("a string is not valid UTF-8"))
                 })
                 .collect::<Result<Vec<_>, _>>()?;
-            instance.set_string(elements("vr", references, count)?, &texts)
+            instance.set_string(&elements("vr", references, count)?, &texts)
         })
     }
-}
-
-/// An argument that a result is written to.
-///
-/// # Safety
-/// Unless null, `argument` may be read and written during the call.
-unsafe fn reference<'a, T>(name: &str, argument: *mut T) -> Result<&'a mut T, Error> {
-    // SAFETY: by the caller's word.
-    unsafe { argument.as_mut() }.ok_or_else(|| Error::new(format!("the argument {name} is NULL")))
 }
 
 /// Reads from the state with a handle.
@@ -358,15 +386,9 @@ fn with_state<M: Model, T>(
     body(&state.read().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// Keeps a memory behind a handle: a new one for a null handle.
-fn store<M: Model>(component: Component, state: &mut FmuState, memory: Memory<M>) -> Answer {
-    if state.is_null() {
-        *state = ptr::without_provenance_mut(saved_states::keep(component.addr(), memory));
-    } else {
-        let there = saved_states::find::<Memory<M>>(state.addr())?;
-        *there.write().unwrap_or_else(PoisonError::into_inner) = memory;
-    }
-    Ok(Status::Ok)
+/// Keeps a memory as a new state; its handle.
+fn keep<M: Model>(component: Component, memory: Memory<M>) -> FmuState {
+    ptr::without_provenance_mut(saved_states::keep(component.addr(), memory))
 }
 
 /// `fmi2GetFMUstate`: into a new state where `*state` is null, otherwise over the one that is there.
@@ -374,8 +396,16 @@ pub unsafe fn get_fmu_state<M: Model>(component: Component, state: *mut FmuState
     // SAFETY: the component and the state are the importer's (see the module).
     unsafe {
         call::<M>(component, Function::GetFMUstate, |instance| {
-            let state = reference("FMUstate", state)?;
-            store(component, state, instance.memory()?.clone())
+            let state = not_null("FMUstate", state)?;
+            let memory = instance.memory()?.clone();
+            let handle = state.read_unaligned();
+            if handle.is_null() {
+                state.write_unaligned(keep(component, memory));
+            } else {
+                let there = saved_states::find::<Memory<M>>(handle.addr())?;
+                *there.write().unwrap_or_else(PoisonError::into_inner) = memory;
+            }
+            Ok(Status::Ok)
         })
     }
 }
@@ -398,11 +428,12 @@ pub unsafe fn free_fmu_state<M: Model>(component: Component, state: *mut FmuStat
     // SAFETY: the component and the state are the importer's (see the module).
     unsafe {
         call::<M>(component, Function::FreeFMUstate, |_| {
-            if let Some(state) = state.as_mut()
-                && !state.is_null()
-            {
-                saved_states::free::<Memory<M>>(state.addr())?;
-                *state = ptr::null_mut();
+            if !state.is_null() {
+                let handle = state.read_unaligned();
+                if !handle.is_null() {
+                    saved_states::free::<Memory<M>>(handle.addr())?;
+                    state.write_unaligned(ptr::null_mut());
+                }
             }
             Ok(Status::Ok)
         })
@@ -418,8 +449,8 @@ pub unsafe fn serialized_fmu_state_size<M: Model>(
     // SAFETY: the component and the size are the importer's (see the module).
     unsafe {
         call::<M>(component, Function::SerializedFMUstateSize, |_| {
-            let size = reference("size", size)?;
-            *size = with_state(state, Instance::<M>::serialize)?.len();
+            let size = not_null("size", size)?;
+            size.write_unaligned(with_state(state, Instance::<M>::serialize)?.len());
             Ok(Status::Ok)
         })
     }
@@ -439,14 +470,16 @@ pub unsafe fn serialize_fmu_state<M: Model>(
             if size != bytes.len() {
                 return Err(Error::new(format!("size is {size}, the state has {} bytes", bytes.len())));
             }
-            elements_mut("serializedState", serialized_state.cast::<u8>(), size)?.copy_from_slice(&bytes);
-            Ok(Status::Ok)
+            write_elements("serializedState", serialized_state.cast::<u8>(), size, |target| {
+                target.copy_from_slice(&bytes);
+                Ok(Status::Ok)
+            })
         })
     }
 }
 
-/// `fmi2DeSerializeFMUstate`: over the state that is there, otherwise into a new one. The standard does not
-/// ask for `*state` to be null before.
+/// `fmi2DeSerializeFMUstate`: always into a new state. Unlike `fmi2GetFMUstate` it does not read `*state`,
+/// which the standard does not ask to be set before; what stands there may happen to be a state's handle.
 pub unsafe fn deserialize_fmu_state<M: Model>(
     component: Component,
     serialized_state: *const Byte,
@@ -457,12 +490,9 @@ pub unsafe fn deserialize_fmu_state<M: Model>(
     unsafe {
         call::<M>(component, Function::DeSerializeFMUstate, |_| {
             let bytes = elements("serializedState", serialized_state.cast::<u8>(), size)?;
-            let state = reference("FMUstate", state)?;
-            let memory = Instance::<M>::deserialize(bytes)?;
-            if saved_states::find::<Memory<M>>(state.addr()).is_err() {
-                *state = ptr::null_mut();
-            }
-            store(component, state, memory)
+            let state = not_null("FMUstate", state)?;
+            state.write_unaligned(keep(component, Instance::<M>::deserialize(&bytes)?));
+            Ok(Status::Ok)
         })
     }
 }
@@ -499,12 +529,12 @@ pub unsafe fn get_directional_derivative<M: Model>(
     // SAFETY: the component and the arrays are the importer's (see the module).
     unsafe {
         call::<M>(component, Function::GetDirectionalDerivative, |instance| {
-            instance.get_directional_derivative(
-                elements("vUnknown_ref", unknowns, unknown_count)?,
-                elements("vKnown_ref", knowns, known_count)?,
-                elements("dvKnown", seeds, known_count)?,
-                elements_mut("dvUnknown", sensitivities, unknown_count)?,
-            )
+            let unknowns = elements("vUnknown_ref", unknowns, unknown_count)?;
+            let knowns = elements("vKnown_ref", knowns, known_count)?;
+            let seeds = elements("dvKnown", seeds, known_count)?;
+            write_elements("dvUnknown", sensitivities, unknown_count, |sensitivities| {
+                instance.get_directional_derivative(&unknowns, &knowns, &seeds, sensitivities)
+            })
         })
     }
 }
@@ -520,11 +550,11 @@ pub unsafe fn get_real_output_derivatives<M: Model>(
     // SAFETY: the component and the arrays are the importer's (see the module).
     unsafe {
         call::<M>(component, Function::GetRealOutputDerivatives, |instance| {
-            instance.get_real_output_derivatives(
-                elements("vr", references, count)?,
-                elements("order", orders, count)?,
-                elements_mut("value", values, count)?,
-            )
+            let references = elements("vr", references, count)?;
+            let orders = elements("order", orders, count)?;
+            write_elements("value", values, count, |values| {
+                instance.get_real_output_derivatives(&references, &orders, values)
+            })
         })
     }
 }
@@ -541,9 +571,9 @@ pub unsafe fn set_real_input_derivatives<M: Model>(
     unsafe {
         call::<M>(component, Function::SetRealInputDerivatives, |instance| {
             instance.set_real_input_derivatives(
-                elements("vr", references, count)?,
-                elements("order", orders, count)?,
-                elements("value", values, count)?,
+                &elements("vr", references, count)?,
+                &elements("order", orders, count)?,
+                &elements("value", values, count)?,
             )
         })
     }
@@ -578,9 +608,9 @@ unsafe fn status<M: Model, T>(
     // SAFETY: by the caller's word.
     unsafe {
         call::<M>(component, function, |instance| {
-            let value = reference("value", value)?;
+            let value = not_null("value", value)?;
             if let Some(known) = answer(instance) {
-                *value = known;
+                value.write_unaligned(known);
                 return Ok(Status::Ok);
             }
             instance.tell_discarded(format_args!("{}: there is no such status of a step", function.name()));
@@ -590,7 +620,7 @@ unsafe fn status<M: Model, T>(
 }
 
 /// `fmi2GetStatus`: steps are never pending.
-pub unsafe fn get_status<M: Model>(component: Component, _kind: c_int, value: *mut Status) -> Status {
+pub unsafe fn get_status<M: Model>(component: Component, _kind: c_int, value: *mut c_int) -> Status {
     // SAFETY: the component and the value are the importer's (see the module).
     unsafe { status::<M, _>(component, Function::GetStatus, value, |_| None) }
 }
@@ -723,7 +753,7 @@ macro_rules! export_fmi2 {
                     vr: *const ValueReference, count: usize, orders: *const Integer, values: *mut f64);
                 fmi2DoStep = do_step(time: f64, size: f64, no_set_fmu_state_prior: Boolean);
                 fmi2CancelStep = cancel_step();
-                fmi2GetStatus = get_status(kind: c_int, value: *mut Status);
+                fmi2GetStatus = get_status(kind: c_int, value: *mut c_int);
                 fmi2GetRealStatus = get_real_status(kind: c_int, value: *mut f64);
                 fmi2GetIntegerStatus = get_integer_status(kind: c_int, value: *mut Integer);
                 fmi2GetBooleanStatus = get_boolean_status(kind: c_int, value: *mut Boolean);

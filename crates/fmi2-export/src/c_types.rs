@@ -23,7 +23,7 @@ pub const FALSE: Boolean = 0;
 /// The `fmi2CoSimulation` of `fmi2Type`.
 pub const CO_SIMULATION: c_int = 1;
 
-/// `fmi2Status`.
+/// `fmi2Status`, as it is given to importers. What comes from one is a `c_int`: it may be any number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(C)]
 #[allow(missing_docs)]

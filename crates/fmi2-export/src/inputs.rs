@@ -1,6 +1,8 @@
 //! The inputs during a communication step: values, with the derivatives that
 //! `fmi2SetRealInputDerivatives` gave (FMI 2.0.5, section 4.2.1), kept within min and max.
 
+use std::mem;
+
 use crate::model::{Error, Inputs};
 use crate::persistence::{Archive, Persistent};
 
@@ -37,15 +39,24 @@ struct RealSignal {
     reached: f64,
     /// Whether the value as it was set is out of the input's bounds.
     outside: bool,
+    /// Whether a derivative of it was ignored.
+    derivative_ignored: bool,
     /// The derivatives of order 1, 2, ….
     derivatives: [f64; MAX_ORDER],
 }
 
-crate::persistent!(RealSignal { set, slope, reached, outside, derivatives });
+crate::persistent!(RealSignal { set, slope, reached, outside, derivative_ignored, derivatives });
 
 impl RealSignal {
     fn constant(value: f64) -> Self {
-        Self { set: value, slope: 0.0, reached: 0.0, outside: false, derivatives: [0.0; MAX_ORDER] }
+        Self {
+            set: value,
+            slope: 0.0,
+            reached: 0.0,
+            outside: false,
+            derivative_ignored: false,
+            derivatives: [0.0; MAX_ORDER],
+        }
     }
 
     /// By how much it differs from what was set, at a time (s) after the step's begin, with derivatives up
@@ -150,6 +161,11 @@ impl<I: Inputs> InputSignal<I> {
     pub fn set_derivative(&mut self, position: usize, order: usize, value: f64) {
         self.reals[position].derivatives[order - 1] = value;
         self.find_order();
+    }
+
+    /// Notes that a derivative of the Real input at a position is ignored. Answers whether it is the first.
+    pub(crate) fn ignore_derivative(&mut self, position: usize) -> bool {
+        !mem::replace(&mut self.reals[position].derivative_ignored, true)
     }
 
     /// Ends a step of a size (s): the derivatives are forgotten.

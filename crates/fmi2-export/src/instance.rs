@@ -13,7 +13,7 @@ use crate::c_types::Status;
 use crate::calling_sequence::{Function, Phase};
 use crate::description::{ModelDescription, ValueReference};
 use crate::inputs::InputSignal;
-use crate::logger::{Delivery, Logger, Said, Shown, WARNING};
+use crate::logger::{Delivery, Logger, RecentMessages, Shown, WARNING};
 use crate::model::{Context, Error, Experiment, InputsOf, Model, Step, Variables};
 use crate::panics::contain;
 use crate::persistence::{Archive, Persistent};
@@ -44,7 +44,8 @@ pub(crate) struct Memory<M: Model> {
     stale: bool,
     /// Whether a tunable parameter was set since the parameters were checked.
     parameters_changed: bool,
-    said: Said,
+    /// What initialization has told.
+    told: RecentMessages,
 }
 
 impl<M: Model> Memory<M> {
@@ -59,14 +60,14 @@ impl<M: Model> Memory<M> {
             time: 0.0,
             stale: true,
             parameters_changed: true,
-            said: Said::default(),
+            told: RecentMessages::default(),
         }
     }
 }
 
 impl<M: Model> Persistent for Memory<M> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let Self { phase, model, variables, inputs, experiment, time, stale, parameters_changed, said } =
+        let Self { phase, model, variables, inputs, experiment, time, stale, parameters_changed, told } =
             self;
         phase.persist(archive)?;
         model.persist(archive)?;
@@ -76,7 +77,7 @@ impl<M: Model> Persistent for Memory<M> {
         time.persist(archive)?;
         stale.persist(archive)?;
         parameters_changed.persist(archive)?;
-        said.persist(archive)
+        told.persist(archive)
     }
 }
 
@@ -148,13 +149,23 @@ impl<M: Model> Instance<M> {
             )));
         }
         if let Some(tolerance) = tolerance
-            && !(tolerance.is_finite() && tolerance > 0.0)
+            && !tolerance.is_finite()
         {
             return Err(Error::new(format!("tolerance is {}", Shown(tolerance))));
         }
-        self.memory.experiment = Some(experiment);
+        // Masters whose users give none define one of 0.
+        let (tolerance, not_positive) = match tolerance {
+            Some(tolerance) if tolerance <= 0.0 => (None, Some(tolerance)),
+            tolerance => (tolerance, None),
+        };
+        self.memory.experiment = Some(Experiment { tolerance, ..experiment });
         self.memory.time = start_time;
-        Ok(Status::Ok)
+        Ok(not_positive.map_or(Status::Ok, |tolerance| {
+            self.warn(format_args!(
+                "fmi2SetupExperiment: tolerance is {}, which is not above 0; it is taken as not defined",
+                Shown(tolerance)
+            ))
+        }))
     }
 
     pub(crate) fn enter_initialization_mode(&mut self) -> Answer {
@@ -196,10 +207,10 @@ impl<M: Model> Instance<M> {
         let mut status = Status::Ok;
         match memory.phase {
             Phase::InitializationMode => {
-                let (logger, said) = (&self.logger, &mut memory.said);
+                let (logger, told) = (&self.logger, &mut memory.told);
                 // A warning is given once, and where none is given, the status tells of none.
                 let mut log = |category, message: std::fmt::Arguments<'_>| {
-                    if said.is_new(&message.to_string()) {
+                    if told.is_new(&message.to_string()) {
                         logger.message(category, message);
                         if category == WARNING {
                             status = Status::Warning;
@@ -303,6 +314,12 @@ impl<M: Model> Instance<M> {
                 Shown(self.stop_time().unwrap_or(f64::INFINITY))
             )
         })
+    }
+
+    /// Warns of what does not keep the call from succeeding; its status.
+    fn warn(&self, message: std::fmt::Arguments<'_>) -> Status {
+        self.logger.message(WARNING, message);
+        Status::Warning
     }
 
     /// Tells why a call is discarded.

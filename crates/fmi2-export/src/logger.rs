@@ -15,6 +15,7 @@ use std::sync::Arc;
 use crate::c_types::{CallbackLogger, ComponentEnvironment, Status};
 use crate::model::Error;
 use crate::persistence::{Archive, Persistent};
+use crate::serialized_state::checksum;
 
 /// The category of errors.
 pub const ERROR: &str = "logStatusError";
@@ -181,25 +182,28 @@ fn printable(message: &str) -> CString {
     CString::new(message.replace('#', "##").replace('\0', "")).unwrap_or_default()
 }
 
-/// The messages that initialization has already given. It runs anew after every set in initialization
-/// mode; what it has to say, it says once. Shared, so that saving a state copies no texts.
+/// The latest distinct messages of initialization, by their checksums, the last one first. It runs anew after
+/// every set in initialization mode; what it has to tell, it tells once. So many are remembered that a master
+/// which goes to and fro between a few values meets no message twice, and that saved states stay small. An
+/// unused place holds a 0.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Said(Arc<Vec<String>>);
+pub(crate) struct RecentMessages([u64; 16]);
 
-impl Said {
+impl RecentMessages {
     /// Whether this message is new; it is not, the next time.
     pub(crate) fn is_new(&mut self, message: &str) -> bool {
-        let new = !self.0.iter().any(|said| said == message);
-        if new {
-            Arc::make_mut(&mut self.0).push(message.to_owned());
-        }
-        new
+        let checksum = checksum(message.as_bytes());
+        let known = self.0.iter().position(|&known| known == checksum);
+        let last = self.0.len() - 1;
+        self.0[..=known.unwrap_or(last)].rotate_right(1);
+        self.0[0] = checksum;
+        known.is_none()
     }
 }
 
-impl Persistent for Said {
+impl Persistent for RecentMessages {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let Self(texts) = self;
-        Arc::make_mut(texts).persist(archive)
+        let Self(checksums) = self;
+        checksums.persist(archive)
     }
 }

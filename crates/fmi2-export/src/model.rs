@@ -198,7 +198,7 @@ pub struct Experiment {
     pub start_time: f64,
     /// Stop time in seconds, when one is defined.
     pub stop_time: Option<f64>,
-    /// Relative tolerance, when one is defined.
+    /// Relative tolerance, when one above 0 is defined.
     pub tolerance: Option<f64>,
 }
 

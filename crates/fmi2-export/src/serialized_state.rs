@@ -18,7 +18,7 @@ use crate::persistence::{Archive, Persistent};
 
 const SIGNATURE: [u8; 8] = *b"fmi2stat";
 /// Changes with every change of what the runtime writes. (What a model writes is told by its GUID.)
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// The length of the checksum.
 const CHECKSUM: usize = 8;
 

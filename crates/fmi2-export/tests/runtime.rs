@@ -1,10 +1,12 @@
 //! The C functions around a small model, called as an importer would: what each answers, and what it
 //! leaves behind. (What it says is tested with the exported libraries, where a logger in C is at hand.)
 
-use std::ffi::CString;
+use std::ffi::{CString, c_char, c_int};
 use std::ptr;
 
-use fmi2_export::c_types::{CO_SIMULATION, CallbackFunctions, Component, FALSE, Status, TRUE};
+use fmi2_export::c_types::{
+    CO_SIMULATION, CallbackFunctions, Component, FALSE, FmuState, Status, TRUE, status_kind,
+};
 use fmi2_export::description::{
     Capabilities, Causality, DataType, Initial, ModelDescription, ValueReference, Variability,
     VariableDescription,
@@ -19,6 +21,7 @@ const COUNT: ValueReference = 4;
 const INTEGRAL: ValueReference = 5;
 const TEXT: ValueReference = 6;
 const LIFT: ValueReference = 7;
+const VALVE: ValueReference = 8;
 
 const fn variable(
     name: &'static str,
@@ -52,6 +55,10 @@ static DESCRIPTION: ModelDescription = ModelDescription {
         variable("integral", DataType::Real, Causality::Output, Variability::Continuous, Initial::Calculated),
         variable("text", DataType::String, Causality::Parameter, Variability::Tunable, Initial::Exact),
         variable("lift", DataType::Integer, Causality::Input, Variability::Discrete, Initial::None),
+        VariableDescription {
+            real_input: Some(1),
+            ..variable("valve", DataType::Real, Causality::Input, Variability::Discrete, Initial::None)
+        },
     ],
     log_categories: &["logStatusError", "logStatusWarning", "logEvents"],
     capabilities: Capabilities {
@@ -66,17 +73,18 @@ static DESCRIPTION: ModelDescription = ModelDescription {
 struct InputVariables {
     input: f64,
     lift: i32,
+    valve: f64,
 }
 
 impl Inputs for InputVariables {
-    const REALS: &'static [RealInput] = &[RealInput { min: -10.0, max: 10.0 }];
+    const REALS: &'static [RealInput] = &[RealInput { min: -10.0, max: 10.0 }; 2];
 
-    fn real(&self, _position: usize) -> f64 {
-        self.input
+    fn real(&self, position: usize) -> f64 {
+        [self.input, self.valve][position]
     }
 
     fn set_reals(&mut self, value: impl Fn(usize) -> f64) {
-        self.input = value(0);
+        (self.input, self.valve) = (value(0), value(1));
     }
 }
 
@@ -102,6 +110,7 @@ impl Variables for AllVariables {
     fn real(&self, reference: ValueReference) -> f64 {
         match reference {
             INPUT => self.inputs.input,
+            VALVE => self.inputs.valve,
             GAIN => self.gain,
             OFFSET => self.offset,
             INTEGRAL => self.integral,
@@ -112,6 +121,7 @@ impl Variables for AllVariables {
     fn set_real(&mut self, reference: ValueReference, value: f64) {
         match reference {
             INPUT => self.inputs.input = value,
+            VALVE => self.inputs.valve = value,
             GAIN => self.gain = value,
             OFFSET => self.offset = value,
             _ => {}
@@ -155,11 +165,12 @@ impl Variables for AllVariables {
     }
 }
 
-fmi2_export::persistent!(InputVariables { input, lift });
+fmi2_export::persistent!(InputVariables { input, lift, valve });
 fmi2_export::persistent!(AllVariables { inputs, gain, offset, count, integral, text });
 fmi2_export::persistent!(Integrator {});
 
-/// Integrates its input times a gain, lifted in each step; obeys the text `panic` and `overflow`.
+/// Integrates its input, on which the valve's opening is added, times a gain, lifted in each step; obeys the
+/// text `panic`, `overflow` and `warn`.
 #[derive(Clone, Default)]
 struct Integrator {}
 
@@ -177,8 +188,11 @@ impl Model for Integrator {
         &mut self,
         variables: &mut AllVariables,
         inputs: &InputsOf<Self>,
-        _context: &mut Context<'_>,
+        context: &mut Context<'_>,
     ) -> Result<(), Error> {
+        if variables.text == "warn" {
+            context.warn(format_args!("the input is {}", inputs.input));
+        }
         variables.integral = variables.offset + inputs.input;
         variables.count = 0;
         Ok(())
@@ -196,7 +210,10 @@ impl Model for Integrator {
             _ => {}
         }
         // Simpson's rule is exact for inputs up to the third order.
-        let at = |share: f64| step.inputs.at(share * step.size).input;
+        let at = |share: f64| {
+            let inputs = step.inputs.at(share * step.size);
+            inputs.input + inputs.valve
+        };
         variables.integral += variables.gain * step.size / 6.0 * (at(0.0) + 4.0 * at(0.5) + at(1.0));
         variables.integral += f64::from(step.inputs.initial().lift);
         variables.count += 1;
@@ -259,6 +276,11 @@ impl Importer {
         unsafe { c_api::setup_experiment::<Integrator>(self.0, FALSE, 0.0, 0.0, TRUE, 100.0) }
     }
 
+    fn set_up_with(&self, tolerance: f64) -> Status {
+        // SAFETY: see `set_up`.
+        unsafe { c_api::setup_experiment::<Integrator>(self.0, TRUE, tolerance, 0.0, TRUE, 100.0) }
+    }
+
     fn enter(&self) -> Status {
         // SAFETY: see `set_up`.
         unsafe { c_api::enter_initialization_mode::<Integrator>(self.0) }
@@ -299,11 +321,15 @@ impl Importer {
     }
 
     fn slope(&self, order: i32, value: f64) -> Status {
+        self.slope_of(INPUT, order, value)
+    }
+
+    fn slope_of(&self, reference: ValueReference, order: i32, value: f64) -> Status {
         // SAFETY: see `set_up`.
         unsafe {
             c_api::set_real_input_derivatives::<Integrator>(
                 self.0,
-                &INPUT,
+                &raw const reference,
                 1,
                 &raw const order,
                 &raw const value,
@@ -314,6 +340,33 @@ impl Importer {
     fn step(&self, time: f64, size: f64) -> Status {
         // SAFETY: see `set_up`.
         unsafe { c_api::do_step::<Integrator>(self.0, time, size, FALSE) }
+    }
+
+    /// The present state as bytes.
+    fn serialized(&self) -> Vec<c_char> {
+        let (mut state, mut size) = (ptr::null_mut(), 0);
+        // SAFETY: see `set_up`.
+        unsafe {
+            assert_eq!(c_api::get_fmu_state::<Integrator>(self.0, &raw mut state), Status::Ok);
+            let status = c_api::serialized_fmu_state_size::<Integrator>(self.0, state, &raw mut size);
+            assert_eq!(status, Status::Ok);
+            let mut bytes = vec![0; size];
+            let status = c_api::serialize_fmu_state::<Integrator>(self.0, state, bytes.as_mut_ptr(), size);
+            assert_eq!(status, Status::Ok);
+            assert_eq!(c_api::free_fmu_state::<Integrator>(self.0, &raw mut state), Status::Ok);
+            bytes
+        }
+    }
+
+    /// Makes a state of bytes, in a variable that may hold anything.
+    fn deserialize(&self, bytes: &[c_char], state: &mut FmuState) -> Status {
+        // SAFETY: see `set_up`.
+        unsafe { c_api::deserialize_fmu_state::<Integrator>(self.0, bytes.as_ptr(), bytes.len(), state) }
+    }
+
+    fn set_state(&self, state: FmuState) -> Status {
+        // SAFETY: see `set_up`.
+        unsafe { c_api::set_fmu_state::<Integrator>(self.0, state) }
     }
 }
 
@@ -478,6 +531,137 @@ fn input_derivatives_last_one_step() {
 }
 
 #[test]
+fn a_derivative_of_a_discrete_input_is_ignored_with_one_warning() {
+    let importer = Importer::ready();
+    assert_eq!(importer.set(VALVE, 2.0), Status::Ok);
+    assert_eq!(importer.slope_of(VALVE, 1, 0.0), Status::Ok, "nothing is ignored");
+    assert_eq!(importer.slope_of(VALVE, 9, 1.0), Status::Error, "wrong for any input");
+    assert_eq!(importer.slope_of(VALVE, 1, f64::NAN), Status::Error, "the same");
+    let before = importer.serialized();
+    assert_eq!(importer.slope_of(VALVE, 1, 3.0), Status::Warning);
+    assert_eq!(importer.slope_of(VALVE, 2, -1.0), Status::Ok, "the input was named");
+    assert_eq!(importer.step(0.0, 1.0), Status::Ok);
+    assert_eq!(importer.get(INTEGRAL), Ok(2.0), "the input holds its value");
+    assert_eq!(importer.slope_of(VALVE, 1, 3.0), Status::Ok);
+    // The warning is part of the state, as that of an input out of its range.
+    let mut state = ptr::null_mut();
+    assert_eq!(importer.deserialize(&before, &mut state), Status::Ok);
+    assert_eq!(importer.set_state(state), Status::Ok);
+    assert_eq!(importer.slope_of(VALVE, 1, 3.0), Status::Warning);
+    assert_eq!(importer.reset(), Status::Ok);
+    assert_eq!(importer.slope_of(VALVE, 1, 3.0), Status::Warning);
+}
+
+#[test]
+fn a_tolerance_that_is_not_above_zero_is_none() {
+    for tolerance in [0.0, -0.0, -1e-6] {
+        let importer = Importer::new();
+        assert_eq!(importer.set_up_with(tolerance), Status::Warning);
+        assert_eq!(importer.enter(), Status::Ok);
+        assert_eq!(importer.exit(), Status::Ok);
+        let without = Importer::new();
+        assert_eq!(without.set_up(), Status::Ok);
+        assert_eq!(without.enter(), Status::Ok);
+        assert_eq!(without.exit(), Status::Ok);
+        assert!(importer.serialized() == without.serialized(), "as without a tolerance");
+    }
+    let importer = Importer::new();
+    for tolerance in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        assert_eq!(importer.set_up_with(tolerance), Status::Error);
+    }
+    assert_eq!(importer.enter(), Status::Error, "none of these set the experiment up");
+    assert_eq!(importer.set_up_with(1e-6), Status::Ok);
+}
+
+#[test]
+fn warnings_of_initialization_are_given_once_and_do_not_pile_up() {
+    let importer = Importer::new();
+    assert_eq!(importer.set_up(), Status::Ok);
+    assert_eq!(importer.set_text("warn"), Status::Ok);
+    assert_eq!(importer.enter(), Status::Ok);
+    let read = |input: f64| {
+        assert_eq!(importer.set(INPUT, input), Status::Ok);
+        importer.get(INTEGRAL)
+    };
+    let before = importer.serialized().len();
+    for number in 0..2000 {
+        assert_eq!(read(f64::from(number) / 1000.0), Err(Status::Warning), "another warning each time");
+    }
+    assert_eq!(importer.serialized().len(), before);
+    // Whoever goes to and fro between values is told of each once.
+    for _ in 0..3 {
+        for number in 1997..2000 {
+            let input = f64::from(number) / 1000.0;
+            assert_eq!(read(input), Ok(input));
+        }
+    }
+}
+
+/// An importer's memory, aligned as a whole, in which every argument lies off the boundaries of its type.
+#[repr(C, align(8))]
+struct Memory(Arguments);
+
+#[repr(C, packed)]
+struct Arguments {
+    offset: u8,
+    references: [ValueReference; 2],
+    values: [f64; 2],
+    integer: c_int,
+    size: usize,
+    state: FmuState,
+}
+
+#[test]
+fn arguments_may_lie_at_any_address() {
+    let importer = Importer::ready();
+    let mut memory = Memory(Arguments {
+        offset: 0,
+        references: [INPUT, VALVE],
+        values: [3.0, 4.0],
+        integer: 0,
+        size: 0,
+        state: ptr::null_mut(),
+    });
+    let references = (&raw const memory.0.references).cast::<ValueReference>();
+    let values = (&raw mut memory.0.values).cast::<f64>();
+    let (integer, size) = (&raw mut memory.0.integer, &raw mut memory.0.size);
+    let state = &raw mut memory.0.state;
+    assert!(!references.is_aligned() && !values.is_aligned() && !integer.is_aligned());
+    assert!(!size.is_aligned() && !state.is_aligned());
+    // SAFETY: the pointers are to the fields of `memory`, and the component is the importer's.
+    unsafe {
+        assert_eq!(c_api::set_real::<Integrator>(importer.0, references, 2, values), Status::Ok);
+        memory.0.values = [0.0; 2];
+        assert_eq!(c_api::get_real::<Integrator>(importer.0, references, 2, values), Status::Ok);
+        assert_eq!({ memory.0.values }.map(f64::to_bits), [3.0, 4.0].map(f64::to_bits));
+        assert_eq!(importer.step(0.0, 1.0), Status::Ok);
+        let kind = status_kind::LAST_SUCCESSFUL_TIME;
+        assert_eq!(c_api::get_real_status::<Integrator>(importer.0, kind, values), Status::Ok);
+        assert_eq!({ memory.0.values }[0].to_bits(), 1.0_f64.to_bits());
+        memory.0.references = [COUNT; 2];
+        assert_eq!(c_api::get_integer::<Integrator>(importer.0, references, 1, integer), Status::Ok);
+        assert_eq!({ memory.0.integer }, 1);
+
+        assert_eq!(c_api::get_fmu_state::<Integrator>(importer.0, state), Status::Ok);
+        let handle = memory.0.state;
+        assert_eq!(c_api::serialized_fmu_state_size::<Integrator>(importer.0, handle, size), Status::Ok);
+        assert_eq!({ memory.0.size }, importer.serialized().len());
+        assert_eq!(c_api::free_fmu_state::<Integrator>(importer.0, state), Status::Ok);
+        assert!({ memory.0.state }.is_null());
+    }
+}
+
+/// What stands where a status shall be written to may be any number.
+#[test]
+fn what_stands_in_the_place_of_a_status_is_not_read() {
+    let importer = Importer::ready();
+    let mut status: c_int = 77;
+    // SAFETY: the component and the number are this test's.
+    let answer = unsafe { c_api::get_status::<Integrator>(importer.0, 0, &raw mut status) };
+    assert_eq!((answer, status), (Status::Discard, 77));
+}
+
+#[test]
 fn a_failed_step_ends_in_error_until_reset() {
     for text in ["panic", "overflow"] {
         let importer = Importer::ready();
@@ -521,4 +705,30 @@ fn a_saved_state_is_taken_up() {
         assert_eq!(c_api::free_fmu_state::<Integrator>(importer.0, &raw mut state), Status::Ok);
         assert_eq!(c_api::set_fmu_state::<Integrator>(importer.0, state), Status::Error);
     }
+}
+
+/// Section 2.1.8: `fmi2DeSerializeFMUstate` constructs a copy. What the importer's variable holds before, left by
+/// an earlier call on the same place of the stack for one, does not matter.
+#[test]
+fn a_state_made_of_bytes_is_always_a_new_one() {
+    let importer = Importer::ready();
+    assert_eq!(importer.set(INPUT, 3.0), Status::Ok);
+    let mut older = ptr::null_mut();
+    // SAFETY: the component and the state are this test's.
+    assert_eq!(unsafe { c_api::get_fmu_state::<Integrator>(importer.0, &raw mut older) }, Status::Ok);
+    assert_eq!(importer.step(0.0, 1.0), Status::Ok);
+    let later = importer.serialized();
+
+    let mut state = older;
+    assert_eq!(importer.deserialize(&later, &mut state), Status::Ok);
+    assert!(state != older);
+    assert_eq!(importer.set_state(older), Status::Ok);
+    assert_eq!(importer.get(INTEGRAL), Ok(0.0), "the older state is what it was");
+    assert_eq!(importer.set_state(state), Status::Ok);
+    assert_eq!(importer.get(INTEGRAL), Ok(3.0));
+
+    let mut nothing = older;
+    assert_eq!(importer.deserialize(&later[1..], &mut nothing), Status::Error);
+    assert_eq!(nothing, older, "and what is refused leaves the variable alone");
+    assert_eq!(importer.set_state(older), Status::Ok);
 }

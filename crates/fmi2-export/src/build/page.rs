@@ -171,7 +171,8 @@ impl<'m, 'a> Page<'m, 'a> {
             (
                 "canInterpolateInputs",
                 has.interpolate_inputs,
-                "inputs may come with their derivatives, by which they change within a step",
+                "inputs may come with their derivatives, by which they change within a step; discrete ones hold \
+                 their values",
             ),
             (
                 "canGetAndSetFMUstate",

@@ -7,7 +7,7 @@ use crate::c_types::Status;
 use crate::calling_sequence::Phase;
 use crate::description::{Causality, DataType, Initial, ValueReference, Variability, VariableDescription};
 use crate::inputs::MAX_ORDER;
-use crate::logger::{Shown, WARNING};
+use crate::logger::Shown;
 use crate::model::{Error, Model, Variables};
 
 impl<M: Model> Instance<M> {
@@ -140,17 +140,13 @@ impl<M: Model> Instance<M> {
 
     #[cold]
     fn warn_of_bounds(&self, variable: &VariableDescription, value: f64) -> Status {
-        self.logger.message(
-            WARNING,
-            format_args!(
-                "{} for the input {} is outside its range {} to {}; the nearest bound is used",
-                Shown(value),
-                variable.name,
-                Shown(variable.min),
-                Shown(variable.max)
-            ),
-        );
-        Status::Warning
+        self.warn(format_args!(
+            "{} for the input {} is outside its range {} to {}; the nearest bound is used",
+            Shown(value),
+            variable.name,
+            Shown(variable.min),
+            Shown(variable.max)
+        ))
     }
 
     /// Sets values: checks all before it changes any. `as_number` is a value as ranges see it.
@@ -221,11 +217,21 @@ impl<M: Model> Instance<M> {
         for ((&reference, &order), &value) in derivatives() {
             Self::input_derivative(reference, order, value)?;
         }
+        let mut status = Status::Ok;
         for ((&reference, &order), &value) in derivatives() {
             let (position, order) = Self::input_derivative(reference, order, value)?;
-            self.memory.inputs.set_derivative(position, order, value);
+            let variable = &Self::DESCRIPTION.variables[reference as usize];
+            if variable.variability == Variability::Continuous {
+                self.memory.inputs.set_derivative(position, order, value);
+            } else if value != 0.0 && self.memory.inputs.ignore_derivative(position) {
+                status = self.warn(format_args!(
+                    "fmi2SetRealInputDerivatives: the input {} is discrete and holds its value; its derivatives \
+                     are ignored",
+                    variable.name
+                ));
+            }
         }
-        Ok(Status::Ok)
+        Ok(status)
     }
 
     /// Which Real input, and which order, a derivative is for, if it may be set.
@@ -242,12 +248,6 @@ impl<M: Model> Instance<M> {
         };
         if !value.is_finite() {
             return Err(Error::new(format!("{} for a derivative of the input {name}", Shown(value))));
-        }
-        if variable.variability != Variability::Continuous && value != 0.0 {
-            return Err(Error::new(format!(
-                "{} for a derivative of the discrete input {name}, which holds its value",
-                Shown(value)
-            )));
         }
         Ok((position, order))
     }

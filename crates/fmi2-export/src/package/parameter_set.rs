@@ -124,18 +124,16 @@ impl ParameterSet {
     /// The text of the .ssv file.
     #[must_use]
     pub fn to_xml(&self) -> String {
-        document(|writer| self.write(writer, true))
+        document(|writer| self.write(writer))
     }
 
-    /// Writes the element, with the namespaces where it is a file's root.
-    pub(super) fn write(&self, writer: &mut XmlWriter, is_root: bool) -> io::Result<()> {
-        let mut attributes = vec![];
-        if is_root {
-            attributes.push(("xmlns:ssv", NAMESPACE.to_owned()));
-            attributes.push(("xmlns:ssc", COMMON_NAMESPACE.to_owned()));
-        }
-        attributes.push(("version", "1.0".to_owned()));
-        attributes.push(("name", self.name.clone()));
+    fn write(&self, writer: &mut XmlWriter) -> io::Result<()> {
+        let mut attributes = vec![
+            ("xmlns:ssv", NAMESPACE.to_owned()),
+            ("xmlns:ssc", COMMON_NAMESPACE.to_owned()),
+            ("version", "1.0".to_owned()),
+            ("name", self.name.clone()),
+        ];
         attributes.extend(described(&self.description));
         element(writer, "ssv:ParameterSet", attributes, |writer| {
             element(writer, "ssv:Parameters", vec![], |writer| {

@@ -5,12 +5,14 @@
 //!
 //! - OMSimulator wants its own annotation, which says that the system is one of co-simulation, as the first;
 //!   it knows prefixes by their usual names, refuses `SystemGeometry`, and whatever a component holds beside
-//!   connectors, geometry and parameter bindings;
+//!   connectors, geometry and parameter bindings; from Python it fails on the units of parameters that stand in
+//!   the structure, so that all parameter sets are files of their own;
 //! - libcosim takes its step size from an annotation of its own; it reads connections between components
 //!   alone, hence [`SystemStructure::of_components`];
 //! - FMPy wants every input that is listed to be connected.
 
 use std::io::{self, Seek, Write};
+use std::iter;
 
 use super::archive;
 use super::parameter_set::{self, Parameter, ParameterSet, Value};
@@ -22,6 +24,8 @@ const NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureDescription
 /// The namespace of OMSimulator's annotations.
 const OMSIMULATOR_NAMESPACE: &str =
     "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd";
+/// The tolerance that OMSimulator hands to the FMUs, its own default. Its schema requires one.
+const OMSIMULATOR_TOLERANCE: f64 = 1e-4;
 /// The namespace of libcosim's annotations.
 const LIBCOSIM_NAMESPACE: &str = "http://opensimulationplatform.com/SSP/OSPAnnotations";
 /// The structure that every tool reads (SSP, section 3).
@@ -190,7 +194,8 @@ impl SystemStructure {
         let system = &self.system;
         element(writer, "ssd:System", vec![("name", system.name.clone())], |writer| {
             self.write_connectors(writer, &system.connectors)?;
-            self.write_starts(writer)?;
+            let starts = self.start_values().map(|(path, _)| path);
+            write_parameter_bindings(writer, starts.as_slice())?;
             element(writer, "ssd:Elements", vec![], |writer| {
                 system.components.iter().try_for_each(|component| self.write_component(writer, component))
             })?;
@@ -203,8 +208,9 @@ impl SystemStructure {
         })
     }
 
-    /// The values of the system's inputs when nobody gives others, as a parameter set of the system.
-    fn write_starts(&self, writer: &mut XmlWriter) -> io::Result<()> {
+    /// The values of the system's inputs when nobody gives others, as a parameter set, and its path in the package;
+    /// none where no input has one.
+    fn start_values(&self) -> Option<(String, ParameterSet)> {
         let starts = self.system.connectors.iter().filter_map(|connector| {
             Some(Parameter {
                 name: connector.name.clone(),
@@ -218,14 +224,8 @@ impl SystemStructure {
             parameters: starts.collect(),
             units: self.units.clone(),
         };
-        if set.parameters.is_empty() {
-            return Ok(());
-        }
-        element(writer, "ssd:ParameterBindings", vec![], |writer| {
-            element(writer, "ssd:ParameterBinding", vec![], |writer| {
-                element(writer, "ssd:ParameterValues", vec![], |writer| set.write(writer, false))
-            })
-        })
+        let path = format!("resources/{}_start_values.ssv", self.name);
+        (!set.parameters.is_empty()).then_some((path, set))
     }
 
     fn write_component(&self, writer: &mut XmlWriter, component: &Component) -> io::Result<()> {
@@ -245,14 +245,7 @@ impl SystemStructure {
                 ("y2", float(upper_right.1)),
             ];
             empty(writer, "ssd:ElementGeometry", corners)?;
-            if component.parameter_sets.is_empty() {
-                return Ok(());
-            }
-            element(writer, "ssd:ParameterBindings", vec![], |writer| {
-                component.parameter_sets.iter().try_for_each(|source| {
-                    empty(writer, "ssd:ParameterBinding", vec![("source", source.clone())])
-                })
-            })
+            write_parameter_bindings(writer, &component.parameter_sets)
         })
     }
 
@@ -284,8 +277,11 @@ impl SystemStructure {
         annotation(writer, "org.openmodelica", |writer| {
             element(writer, "oms:Annotations", vec![], |writer| {
                 element(writer, "oms:SimulationInformation", vec![], |writer| {
-                    let attributes =
-                        vec![("description", "oms-ma".to_owned()), ("stepSize", float(self.step_size))];
+                    let attributes = vec![
+                        ("description", "oms-ma".to_owned()),
+                        ("stepSize", float(self.step_size)),
+                        ("relativeTolerance", float(OMSIMULATOR_TOLERANCE)),
+                    ];
                     empty(writer, "oms:FixedStepMaster", attributes)
                 })
             })
@@ -325,22 +321,38 @@ impl Connection {
 }
 
 impl SystemPackage {
+    /// All structures with their file names.
+    fn structures(&self) -> impl Iterator<Item = (&str, &SystemStructure)> {
+        let variants = self.variants.iter().map(|(path, structure)| (path.as_str(), structure));
+        iter::once((DEFAULT_STRUCTURE, &self.structure)).chain(variants)
+    }
+
     /// Writes the archive.
     ///
     /// # Errors
     /// When writing fails, or two parts have the same path.
     pub fn write(&self, writer: impl Write + Seek) -> io::Result<()> {
-        let variants = self.variants.iter().map(|(path, structure)| (path.clone(), structure));
-        let structures: Vec<_> = std::iter::once((DEFAULT_STRUCTURE.to_owned(), &self.structure))
-            .chain(variants)
-            .map(|(path, structure)| (path, structure.to_xml()))
-            .collect();
-        let structures = structures.iter().map(|(path, text)| (path.clone(), text.as_bytes()));
+        let structures = self.structures().map(|(path, structure)| (path.to_owned(), structure.to_xml()));
+        let starts = self.structures().filter_map(|(_, structure)| structure.start_values());
+        let texts: Vec<_> = structures.chain(starts.map(|(path, set)| (path, set.to_xml()))).collect();
+        let texts = texts.iter().map(|(path, text)| (path.clone(), text.as_bytes()));
         let resources = self.resources.iter().map(|(path, content)| (path.clone(), content.as_slice()));
-        let entries: Vec<_> = structures.chain(resources).collect();
+        let entries: Vec<_> = texts.chain(resources).collect();
         archive::write(writer, &entries)?;
         Ok(())
     }
+}
+
+/// Binds parameter sets by their paths in the package.
+fn write_parameter_bindings(writer: &mut XmlWriter, sources: &[String]) -> io::Result<()> {
+    if sources.is_empty() {
+        return Ok(());
+    }
+    element(writer, "ssd:ParameterBindings", vec![], |writer| {
+        sources
+            .iter()
+            .try_for_each(|source| empty(writer, "ssd:ParameterBinding", vec![("source", source.clone())]))
+    })
 }
 
 fn annotation(
