@@ -20,6 +20,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
+use fmi2_export::package::terminal::number;
 use fmi2_export::package::{Parameter, ParameterSet, Value};
 use serde::Serialize;
 
@@ -142,7 +143,7 @@ impl Known {
         {
             let value = get(name)?;
             if is_positive && value <= 0.0 {
-                bail!("{name} is {value}: a fit starts from it, so it has to be above 0");
+                bail!("{name} is {}: a fit starts from it, so it has to be above 0", number(value));
             }
             sought.insert(*name, (value, plant.variable(name)?.unit.clone()));
         }

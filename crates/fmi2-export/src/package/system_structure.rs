@@ -338,8 +338,7 @@ impl SystemPackage {
         let structures = structures.iter().map(|(path, text)| (path.clone(), text.as_bytes()));
         let resources = self.resources.iter().map(|(path, content)| (path.clone(), content.as_slice()));
         let entries: Vec<_> = structures.chain(resources).collect();
-        archive::write(writer, &entries)?;
-        Ok(())
+        archive::write(writer, &entries)
     }
 }
 
