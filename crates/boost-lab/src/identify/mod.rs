@@ -232,8 +232,8 @@ pub fn identify(
     sets: &[ParameterSet],
     validation_share: f64,
 ) -> Result<Identification> {
-    let mut known = Known::read(plant, sets)?;
     let mut data = Data::read(path, naming)?;
+    let mut known = Known::read(plant, sets)?;
     let mut notes = vec![];
     for (values, known, name, unit) in [
         (&data.ambient_pressure, &mut known.ambient_pressure, "ambient pressure", "Pa"),

@@ -6,7 +6,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
-use std::io::{self, Read, Seek, Write};
+use std::io::{self, Cursor, Read, Seek, Write};
 use std::path::Path;
 
 use zip::read::ZipFile;
@@ -154,37 +154,34 @@ pub(super) fn broken(message: impl Into<String>) -> io::Error {
 
 /// Writes an archive of paths and contents: the order of the entries, their times and permissions are fixed. What
 /// [`open`] would refuse is not written.
-pub(super) fn write(writer: impl Write + Seek, entries: &[(String, &[u8])]) -> io::Result<()> {
+pub(super) fn write(mut writer: impl Write, entries: &[(String, &[u8])]) -> io::Result<()> {
     let mut paths = Paths::default();
     entries.iter().try_for_each(|(path, _)| paths.add(path))?;
-    write_unchecked(writer, entries).map_err(plain)
+    writer.write_all(&zipped(entries).map_err(plain)?)
 }
 
-fn write_unchecked(writer: impl Write + Seek, entries: &[(String, &[u8])]) -> Result<(), ZipError> {
+/// The bytes of an archive. They are made in memory: a `ZipWriter` that is dropped after a failed write tries again,
+/// and prints that this fails, too.
+fn zipped(entries: &[(String, &[u8])]) -> Result<Vec<u8>, ZipError> {
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
         .last_modified_time(DateTime::default())
         .unix_permissions(0o644);
-    let mut zip = ZipWriter::new(writer);
+    let mut zip = ZipWriter::new(Cursor::new(vec![]));
     for (path, content) in entries {
         zip.start_file(path.as_str(), options)?;
         zip.write_all(content)?;
     }
-    zip.finish()?;
-    Ok(())
+    Ok(zip.finish()?.into_inner())
 }
 
 #[cfg(test)]
 mod tests {
-    use std::io::Cursor;
-
     use super::*;
 
     fn archive(paths: &[&str]) -> Cursor<Vec<u8>> {
-        let mut bytes = Cursor::new(vec![]);
         let entries: Vec<_> = paths.iter().map(|&path| (path.to_owned(), b"text".as_slice())).collect();
-        write_unchecked(&mut bytes, &entries).unwrap();
-        bytes
+        Cursor::new(zipped(&entries).unwrap())
     }
 
     fn refusal(bytes: Cursor<Vec<u8>>) -> String {
@@ -206,7 +203,7 @@ mod tests {
         {
             let expected = format!("its entry '{path}' would be extracted outside of its folder");
             assert_eq!(refusal(archive(&["first", path])), expected);
-            let written = write(Cursor::new(vec![]), &[(path.to_owned(), b"")]);
+            let written = write(io::sink(), &[(path.to_owned(), b"")]);
             assert_eq!(written.unwrap_err().to_string(), expected);
         }
     }
@@ -225,8 +222,7 @@ mod tests {
     #[test]
     fn a_text_that_unpacks_to_more_than_is_sane_is_refused() {
         let blanks = vec![b' '; 100_000];
-        let mut bytes = Cursor::new(vec![]);
-        write(&mut bytes, &[("bomb.xml".to_owned(), blanks.as_slice())]).unwrap();
+        let bytes = Cursor::new(zipped(&[("bomb.xml".to_owned(), blanks.as_slice())]).unwrap());
         let read = |largest| read_text_up_to(largest, &mut open(bytes.clone()).unwrap(), "bomb.xml");
         assert_eq!(read(100_000).unwrap().len(), 100_000);
         assert_eq!(

@@ -3,7 +3,7 @@
 //!
 //! The same parts give the same bytes.
 
-use std::io::{self, Seek, Write};
+use std::io::{self, Write};
 
 use super::archive;
 use super::model_description::refuse_no_identifier;
@@ -31,7 +31,7 @@ impl Fmu<'_> {
     /// # Errors
     /// When writing fails, the identifier is not one of C, two parts have the same path, or a file lies where the
     /// standard has no place for it.
-    pub fn write(&self, writer: impl Write + Seek) -> io::Result<()> {
+    pub fn write(&self, writer: impl Write) -> io::Result<()> {
         refuse_no_identifier(self.model_identifier)?;
         let mut entries = vec![];
         for (path, _) in &self.files {

@@ -5,7 +5,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::io::{self, Seek, Write};
+use std::io::{self, Write};
 
 use super::archive::{self, broken};
 use super::fmu::MODEL_DESCRIPTION;
@@ -96,7 +96,7 @@ impl<'a> Merged<'a> {
     ///
     /// # Errors
     /// When writing fails.
-    pub fn write(&self, writer: impl Write + Seek) -> io::Result<()> {
+    pub fn write(&self, writer: impl Write) -> io::Result<()> {
         let mut entries: Vec<_> =
             self.files.iter().map(|(path, content)| ((*path).to_owned(), content.as_ref())).collect();
         // First what every importer reads first.

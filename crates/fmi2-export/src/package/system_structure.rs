@@ -10,7 +10,7 @@
 //!   alone, hence [`SystemStructure::of_components`];
 //! - FMPy wants every input that is listed to be connected.
 
-use std::io::{self, Seek, Write};
+use std::io::{self, Write};
 
 use super::archive;
 use super::parameter_set::{self, Parameter, ParameterSet, Value};
@@ -329,7 +329,7 @@ impl SystemPackage {
     ///
     /// # Errors
     /// When writing fails, or two parts have the same path.
-    pub fn write(&self, writer: impl Write + Seek) -> io::Result<()> {
+    pub fn write(&self, writer: impl Write) -> io::Result<()> {
         let variants = self.variants.iter().map(|(path, structure)| (path.clone(), structure));
         let structures: Vec<_> = std::iter::once((DEFAULT_STRUCTURE.to_owned(), &self.structure))
             .chain(variants)
