@@ -590,12 +590,11 @@ fn outputs_that_are_inputs_are_refused() {
 fn what_cannot_be_written_leaves_nothing() {
     let folder = empty("full");
     let [plant, controller] = fitting("Full");
-    let parameters: String = (0..2000)
-        .map(|index| {
-            let name = format!(r#"name="p{index}" causality="parameter" variability="fixed""#);
-            format!(r#"<ScalarVariable {name}><Real start="{index}"/></ScalarVariable>"#)
-        })
-        .collect();
+    let parameter = |index: u32| {
+        let name = format!(r#"name="p{index}" causality="parameter" variability="fixed""#);
+        format!(r#"<ScalarVariable {name}><Real start="{index}"/></ScalarVariable>"#)
+    };
+    let parameters = (0..2000).map(parameter).collect::<Vec<_>>().concat();
     let plant = plant.replace("<ModelVariables>", &format!("<ModelVariables>{parameters}"));
     let plant = archive("full_plant.fmu", "modelDescription.xml", &plant);
     let controller = archive("full_controller.fmu", "modelDescription.xml", &controller);

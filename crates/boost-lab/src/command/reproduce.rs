@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use boost_lab::reproduce::{FIGURES, Laboratory, html, json};
-use fmi2_export::package::terminal::print;
+use fmi2_export::package::terminal::{number, print};
 
 /// Reproduces figures, all where none is named. Whether all statements hold.
 pub fn run(fmus: &Path, out: &Path, numbers: &[u32]) -> Result<bool> {
@@ -26,7 +26,12 @@ pub fn run(fmus: &Path, out: &Path, numbers: &[u32]) -> Result<bool> {
         print(&format!("Fig. {}: {}\n", figure.number, figure.title))?;
         for claim in &found.evidence.claims {
             let word = if claim.holds() { "holds" } else { "FAILS" };
-            print(&format!("  {word}  {:28} {:>12.5} {}\n", claim.name, claim.value, claim.unit))?;
+            // A broken FMU may give any number.
+            let value = match claim.value {
+                value if value.abs() < 1e9 => format!("{value:.5}"),
+                value => number(value),
+            };
+            print(&format!("  {word}  {:28} {value:>12} {}\n", claim.name, claim.unit))?;
             all_hold &= claim.holds();
         }
         reproduced.push(found);

@@ -49,7 +49,7 @@ pub fn up_to(largest: u64, reader: impl Read) -> io::Result<Vec<u8>> {
 pub fn utf_8(bytes: Vec<u8>) -> io::Result<String> {
     String::from_utf8(bytes).map_err(|error| {
         let valid = &error.as_bytes()[..error.utf8_error().valid_up_to()];
-        let line = 1 + valid.iter().filter(|&&byte| byte == b'\n').count();
+        let line = valid.split(|&byte| byte == b'\n').count();
         broken(format!("its line {line} is not UTF-8"))
     })
 }
