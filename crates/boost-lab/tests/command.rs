@@ -322,6 +322,15 @@ fn what_a_killed_study_left_is_removed() {
     assert_eq!(bench.names("out"), ["journal.jsonl", "records", "results.csv", "results.parquet"]);
 }
 
+/// The range is the controller's.
+#[test]
+fn a_time_constant_that_the_controller_does_not_take_is_refused_before_anything_runs() {
+    let bench = Bench::new();
+    let message = bench.refusal(&["tune", "--plant", "careless.fmu", "--lambda", "1e308", "--out", "out"]);
+    let reason = "the value 1e308 of lambda cannot be taken: 1e308 is not within 0.001..100";
+    assert!(message.contains(reason), "{message}");
+}
+
 /// By Ctrl-C and by what ends a process: it runs for days otherwise.
 #[cfg(target_os = "linux")]
 #[test]

@@ -6,8 +6,8 @@ use anyhow::Result;
 use boost_lab::identify::{Estimate, Naming, html, identify, json};
 use boost_lab::importer::Fmu;
 use clap::Args;
+use fmi2_export::package::ParameterSet;
 use fmi2_export::package::terminal::{complain, print};
-use fmi2_export::package::{ParameterSet, writing};
 
 /// The files in the folder of results.
 const SET: &str = "identified.ssv";
@@ -51,13 +51,13 @@ fn share(text: &str) -> Result<f64, String> {
 /// Identifies the actuator.
 pub fn run(arguments: Arguments) -> Result<()> {
     let Arguments { data, plant, parameters, column, unit, validation_share, out } = arguments;
-    super::make_folder(&out)?;
     let outputs = [SET, HTML, JSON].map(|name| out.join(name));
-    writing::refuse_overlap(&outputs, &[&[data.clone(), plant.clone()], &parameters[..]].concat())?;
+    super::refuse_overlap(&out, &outputs, &[&[data.clone(), plant.clone()], &parameters[..]].concat())?;
     let plant = Fmu::open(&plant)?;
     let sets: Vec<_> = parameters.iter().map(|path| ParameterSet::read(path)).collect::<Result<_, _>>()?;
     let naming = Naming { columns: column, units: unit };
     let identification = identify(&data, &naming, &plant, &sets, validation_share)?;
+    super::make_folder(&out)?;
     for note in &identification.notes {
         complain(&format!("note: {note}"));
     }

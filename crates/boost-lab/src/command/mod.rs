@@ -148,6 +148,14 @@ fn make_folder(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))
 }
 
+/// Refuses results that would destroy an input. A folder that is yet to be made holds none.
+fn refuse_overlap(folder: &Path, results: &[PathBuf], inputs: &[PathBuf]) -> Result<()> {
+    if folder.is_dir() {
+        writing::refuse_overlap(results, inputs)?;
+    }
+    Ok(())
+}
+
 /// Writes texts into a folder by their names, and says where.
 fn write<'a>(folder: &Path, texts: impl IntoIterator<Item = (&'a str, String)>) -> Result<()> {
     for (name, text) in texts {

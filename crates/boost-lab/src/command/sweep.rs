@@ -14,8 +14,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 pub fn run(path: &Path, fmus: &super::Fmus, out: &Path, threads: Option<usize>) -> Result<()> {
     let mut study = Study::read(path, fmus.folder.as_deref())?;
     fmus.give(&mut study.scenario)?;
-    super::make_folder(out)?;
-    writing::refuse_overlap(&study.outputs(out), &fmus.inputs(&study.scenario))?;
+    super::refuse_overlap(out, &study.outputs(out), &fmus.inputs(&study.scenario))?;
     let study = study.load()?;
     let journal = Journal::open(out, &study.settings()?)?;
     let taken_up = journal.len();

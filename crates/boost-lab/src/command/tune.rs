@@ -8,8 +8,8 @@ use boost_lab::journal::digest;
 use boost_lab::mapping::{self, Map};
 use boost_lab::tune::{Basis, Journal, Procedure, Schedule, Task, html, json};
 use clap::Args;
+use fmi2_export::package::ParameterSet;
 use fmi2_export::package::terminal::{complain, print};
-use fmi2_export::package::{ParameterSet, writing};
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// The name of the parameter set.
@@ -52,11 +52,10 @@ pub struct Arguments {
 /// Tunes.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let out = &arguments.out;
-    super::make_folder(out)?;
     let outputs = [SET_FILE, HTML, JSON, JOURNAL].map(|name| out.join(name));
     let inputs = [&arguments.plant].into_iter().chain(&arguments.map).chain(&arguments.controller);
     let inputs: Vec<_> = inputs.chain(&arguments.parameters).cloned().collect();
-    writing::refuse_overlap(&outputs, &inputs)?;
+    super::refuse_overlap(out, &outputs, &inputs)?;
     let schedule = match &arguments.controller {
         Some(path) => Schedule::read(Fmu::open(path)?.description())
             .with_context(|| format!("{} cannot be tuned", path.display()))?,
@@ -78,6 +77,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         )?,
         procedure: Procedure::default(),
     };
+    super::make_folder(out)?;
     let settings = task.settings(digest(&arguments.plant)?)?;
     let journal = Journal::open(&out.join(JOURNAL), &settings)?;
     let (sweeps, points) = journal.finished();

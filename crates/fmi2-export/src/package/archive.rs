@@ -74,9 +74,14 @@ pub fn read_files<R: Read + Seek>(
         if entry.is_dir() {
             continue;
         }
-        let content =
-            up_to(*left, entry).map_err(|error| broken(format!("its {path} cannot be read: {error}")))?;
-        *left -= content.len() as u64;
+        let mut content = vec![];
+        let read = entry
+            .take(*left + 1)
+            .read_to_end(&mut content)
+            .map_err(|error| broken(format!("its {path} cannot be read: {error}")))?;
+        *left = left.checked_sub(read as u64).ok_or_else(|| {
+            broken(format!("with its {path} more than {LARGEST_CONTENT} bytes would be held at once"))
+        })?;
         files.insert(path, content);
     }
     Ok(files)
@@ -244,7 +249,10 @@ mod tests {
             |mut left| read_files(&mut open(bytes.clone()).unwrap(), &mut left).map(|files| (files, left));
         let expected = ["b", "folder/a"].map(|path| (path.to_owned(), b"text".to_vec()));
         assert_eq!(read(9).unwrap(), (BTreeMap::from(expected), 1));
-        assert_eq!(read(7).unwrap_err().to_string(), "its b cannot be read: it is larger than 3 bytes");
+        assert_eq!(
+            read(7).unwrap_err().to_string(),
+            "with its b more than 1073741824 bytes would be held at once"
+        );
     }
 
     #[test]

@@ -465,7 +465,7 @@ mod tests {
 
     #[test]
     fn what_no_description_has_so_many_of_is_refused() {
-        let attributes: String = (0..200).map(|index| format!(r#"a{index}="" "#)).collect();
+        let attributes = (0..200).map(|index| format!(r#"a{index}="" "#)).collect::<Vec<_>>().concat();
         let refusal = |xml: &str| ModelDescription::parse(xml).unwrap_err().to_string();
         let message = refusal(&format!("<fmiModelDescription {attributes}/>"));
         assert!(message.ends_with("it has more than 100 attributes"), "{message}");
