@@ -389,7 +389,7 @@ fn a_map_is_written_read_back_and_kept() {
         ("{".to_owned(), "is not as it should be"),
     ] {
         let (code, said) = edited(&text);
-        assert!(code == 2 && said.contains(reason), "{text}: {said}");
+        assert!(code == 2 && said.contains(reason) && said.contains(map_name), "{text}: {said}");
     }
     let unconnected = r#""vacuum_pump": null, "lp_wastegate": null, "hp_bypass": null, "tank_pressure": null,
         "supply_voltage_measured": null"#;

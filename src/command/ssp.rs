@@ -26,20 +26,21 @@ pub fn run(
     let fmus = [plant, controller].map(Path::to_path_buf);
     let inputs = [&fmus, maps, parameter_files].concat();
     writing::refuse_overlap(std::slice::from_ref(&out), &inputs)?;
-    let maps: Vec<_> = maps.iter().map(|path| Map::read(path)).collect::<Result<_>>()?;
-    let map = |role: Role| {
-        let mut matching = maps.iter().filter(|map| map.role == role);
+    let maps: Vec<_> =
+        maps.iter().map(|path| Ok((path.display(), Map::read(path)?))).collect::<Result<_>>()?;
+    let fit = |role: Role, description| {
+        let mut matching = maps.iter().filter(|(_, map)| map.role == role);
         match (matching.next(), matching.next()) {
-            (Some(_), Some(_)) => bail!("two maps are for a {}", role.name()),
-            (first, _) => Ok(first),
+            (Some((one, _)), Some((two, _))) => bail!("{one} and {two} are both maps for a {}", role.name()),
+            (Some((file, map)), None) => {
+                Fit::new(role, description, Some(map)).with_context(|| file.to_string())
+            }
+            (None, _) => Fit::new(role, description, None),
         }
     };
     let plant_description = ModelDescription::read(plant)?;
     let controller_description = ModelDescription::read(controller)?;
-    let fits = [
-        Fit::new(Role::Plant, &plant_description, map(Role::Plant)?)?,
-        Fit::new(Role::Controller, &controller_description, map(Role::Controller)?)?,
-    ];
+    let fits = [fit(Role::Plant, &plant_description)?, fit(Role::Controller, &controller_description)?];
     if let Some(fit) = fits.iter().find(|fit| !fit.fits()) {
         bail!(
             "{fit}Give a map: `boost-fmu check FILE.fmu --as {} --write-map MAP.json` writes one to be edited.",
