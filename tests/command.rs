@@ -4,10 +4,15 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 fn boost_fmu(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_boost-fmu")).args(arguments).output().unwrap()
+}
+
+/// Runs the command in a folder.
+fn boost_fmu_in(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_boost-fmu")).args(arguments).current_dir(folder).output().unwrap()
 }
 
 /// What the command says on stderr when it fails.
@@ -36,6 +41,14 @@ fn archive_of(name: &str, entries: &[(&str, &[u8])]) -> String {
     }
     zip.finish().unwrap();
     path.to_str().unwrap().to_owned()
+}
+
+#[test]
+fn exit_statuses_are_in_the_help() {
+    let help = String::from_utf8(boost_fmu(&["--help"]).stdout).unwrap();
+    for status in ["  0    ", "  1    ", "  2    ", "  130  "] {
+        assert!(help.contains(status), "{help}");
+    }
 }
 
 #[test]
@@ -388,7 +401,7 @@ fn a_map_is_written_read_back_and_kept() {
         ("{".to_owned(), "is not as it should be"),
     ] {
         let (code, said) = edited(&text);
-        assert!(code == 2 && said.contains(reason), "{text}: {said}");
+        assert!(code == 2 && said.contains(reason) && said.contains(map_name), "{text}: {said}");
     }
     let unconnected = r#""vacuum_pump": null, "lp_wastegate": null, "hp_bypass": null, "tank_pressure": null,
         "supply_voltage_measured": null"#;
@@ -436,5 +449,214 @@ fn info_shows_the_variables_of_each_version_of_fmi() {
         let row = table.lines().find(|line| line.starts_with("p ")).unwrap();
         let words: Vec<_> = row.split_whitespace().collect();
         assert_eq!(words, ["p", "input", data_type, "Pa", "1e5", "0..", "pressure"]);
+    }
+}
+
+/// A folder of its own, empty.
+fn empty(name: &str) -> PathBuf {
+    let folder = scratch(name);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir(&folder).unwrap();
+    folder
+}
+
+/// The names in a folder.
+fn names(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).unwrap();
+    let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+/// The descriptions of a plant and a controller that fit, of a name.
+fn fitting(name: &str) -> [String; 2] {
+    let real = |name: &&str, causality: &str| {
+        format!(r#"<ScalarVariable name="{name}" causality="{causality}"><Real/></ScalarVariable>"#)
+    };
+    let commands = ["hp_wastegate_pwm", "vacuum_pump", "lp_wastegate", "hp_bypass"];
+    let measurements = ["boost_pressure", "tank_pressure", "supply_voltage_measured"];
+    [["input", "output"], ["output", "input"]].map(|[of_commands, of_measurements]| {
+        let variables: String = commands
+            .iter()
+            .map(|name| real(name, of_commands))
+            .chain(measurements.iter().map(|name| real(name, of_measurements)))
+            .collect();
+        description(&variables).replace("\"Other\"", &format!("\"{name}_{of_commands}\""))
+    })
+}
+
+#[test]
+fn an_identifier_that_is_a_path_is_refused_by_every_command() {
+    let folder = empty("identifiers");
+    let inner = folder.join("a/b");
+    fs::create_dir_all(&inner).unwrap();
+    let [plant, controller] = fitting("Evil");
+    let evil = plant.replace(r#"modelIdentifier="Evil_input""#, r#"modelIdentifier="../../evil&#27;[2J""#);
+    let evil = archive("evil.fmu", "modelDescription.xml", &evil);
+    let controller = archive("controller.fmu", "modelDescription.xml", &controller);
+    for arguments in [
+        ["parameters", &evil].as_slice(),
+        &["info", &evil],
+        &["check", &evil, "--as", "plant"],
+        &["merge", &evil, "--out", "merged.fmu"],
+        &["ssp", "--plant", &evil, "--controller", &controller],
+    ] {
+        let output = boost_fmu_in(&inner, arguments);
+        let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        let reason = r"the modelIdentifier '../../evil\u{1b}[2J' is not an identifier of C";
+        assert!(said.contains(&evil) && said.contains(reason), "{arguments:?}: {said}");
+        assert!(!said.contains('\u{1b}'), "{said:?}");
+    }
+    assert_eq!(names(&folder), ["a"]);
+    assert!(names(&inner).is_empty());
+}
+
+/// In names, units, descriptions, and where there is an error in them.
+#[test]
+fn what_a_description_says_does_not_control_the_terminal() {
+    let harm = "&#27;]0;title&#7;\u{9b}31m\u{202e}&#10;";
+    let shown = r"\u{1b}]0;title\u{7}\u{9b}31m\u{202e}\n";
+    let variable = format!(
+        r#"<ScalarVariable name="a{harm}" causality="input" description="b{harm}"><Real unit="c{harm}" start="d{harm}"/>
+        </ScalarVariable>"#
+    );
+    let text = description(&variable).replace(r#"modelName="Other""#, &format!(r#"modelName="e{harm}""#));
+    let fmu = archive("harm.fmu", "modelDescription.xml", &text);
+    let said = |arguments: &[&str]| {
+        let output = boost_fmu_in(&empty("harm"), arguments);
+        let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+        assert!(said.chars().all(|character| character == '\n' || !character.is_control()), "{said:?}");
+        said
+    };
+    let table = said(&["info", &fmu]);
+    for name in ["a", "b", "c", "d", "e"] {
+        assert!(table.contains(&format!("{name}{shown}")), "{table}");
+    }
+    assert!(said(&["check", &fmu, "--as", "plant"]).contains(&format!("e{shown}")));
+    let broken = archive("harm_in_tag.fmu", "modelDescription.xml", "<a></\u{1b}[2J>");
+    assert!(said(&["info", &broken]).contains(r"\u{1b}[2J"));
+    let entry = archive("harm_in_entry.fmu", "../\u{1b}[2J", "");
+    assert!(said(&["info", &entry]).contains(r"'../\u{1b}[2J'"));
+}
+
+/// What is there in the end is one of both, and what others keep beside it is theirs.
+#[test]
+fn two_processes_with_one_output_write_one_of_both() {
+    let folder = empty("race");
+    let packages = ["One", "Another"].map(|name| {
+        let [plant, controller] = fitting(name);
+        let plant = archive(&format!("race_{name}_plant.fmu"), "modelDescription.xml", &plant);
+        let controller = archive(&format!("race_{name}_controller.fmu"), "modelDescription.xml", &controller);
+        let arguments = ["ssp", "--plant", &plant, "--controller", &controller, "--out", "race.ssp"];
+        let arguments = arguments.map(str::to_owned);
+        let output = boost_fmu_in(&folder, &arguments.each_ref().map(String::as_str));
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        (arguments, fs::read(folder.join("race.ssp")).unwrap())
+    });
+    assert_ne!(packages[0].1, packages[1].1);
+    fs::write(folder.join("race.ssp.new"), "mine").unwrap();
+    for _ in 0..20 {
+        let both = packages.each_ref().map(|(arguments, _)| {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_boost-fmu"));
+            command.args(arguments).current_dir(&folder).stdout(Stdio::null()).spawn().unwrap()
+        });
+        for mut process in both {
+            assert!(process.wait().unwrap().success());
+        }
+        let written = fs::read(folder.join("race.ssp")).unwrap();
+        assert!(packages.iter().any(|(_, package)| *package == written));
+    }
+    assert_eq!(fs::read_to_string(folder.join("race.ssp.new")).unwrap(), "mine");
+    assert_eq!(names(&folder), ["race.ssp", "race.ssp.new"]);
+}
+
+#[test]
+fn outputs_that_are_inputs_are_refused() {
+    let folder = empty("overlap");
+    let [plant, controller] = fitting("Own");
+    for (name, text) in [("plant.fmu", &plant), ("controller.fmu", &controller)] {
+        fs::copy(archive(name, "modelDescription.xml", text), folder.join(name)).unwrap();
+    }
+    fs::write(folder.join("set.ssv"), "mine").unwrap();
+    let plant = fs::read(folder.join("plant.fmu")).unwrap();
+    let ssp =
+        ["ssp", "--plant", "plant.fmu", "--controller", "controller.fmu", "--parameters", "set.ssv", "--out"];
+    for (arguments, lost) in [
+        ([&ssp[..], &["plant.fmu"]].concat(), "plant.fmu"),
+        ([&ssp[..], &["./set.ssv"]].concat(), "set.ssv"),
+        (vec!["merge", "plant.fmu", "--out", "../overlap/plant.fmu"], "plant.fmu"),
+    ] {
+        let output = boost_fmu_in(&folder, &arguments);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(&format!("the input {lost} would be lost")), "{said}");
+    }
+    assert_eq!(fs::read(folder.join("plant.fmu")).unwrap(), plant);
+    assert_eq!(names(&folder), ["controller.fmu", "plant.fmu", "set.ssv"]);
+}
+
+/// As on a full disk: nothing is left of what could not be written, and it is said once.
+#[cfg(unix)]
+#[test]
+fn what_cannot_be_written_leaves_nothing() {
+    let folder = empty("full");
+    let [plant, controller] = fitting("Full");
+    let parameter = |index: u32| {
+        let name = format!(r#"name="p{index}" causality="parameter" variability="fixed""#);
+        format!(r#"<ScalarVariable {name}><Real start="{index}"/></ScalarVariable>"#)
+    };
+    let parameters = (0..2000).map(parameter).collect::<Vec<_>>().concat();
+    let plant = plant.replace("<ModelVariables>", &format!("<ModelVariables>{parameters}"));
+    let plant = archive("full_plant.fmu", "modelDescription.xml", &plant);
+    let controller = archive("full_controller.fmu", "modelDescription.xml", &controller);
+    for arguments in [
+        ["parameters", &plant, "--out", "set.ssv"].as_slice(),
+        &["merge", &plant, "--out", "merged.fmu"],
+        &["ssp", "--plant", &plant, "--controller", &controller, "--out", "system.ssp"],
+    ] {
+        let output = Command::new("sh")
+            .args(["-c", "trap '' XFSZ; ulimit -f 1; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_boost-fmu")])
+            .args(arguments)
+            .current_dir(&folder)
+            .output()
+            .unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert_eq!(said.matches("File too large").count(), 1, "{said}");
+        assert!(names(&folder).is_empty(), "{arguments:?}: {:?}", names(&folder));
+    }
+}
+
+#[test]
+fn what_is_too_large_is_refused() {
+    // Two entries claim, in the central directory, to hold 2 GiB each.
+    let bomb = fmu_of("bomb.fmu", &[("resources/a", b"a"), ("resources/b", b"b")]);
+    let mut bytes = fs::read(&bomb).unwrap();
+    let central: Vec<_> = (0..bytes.len() - 4).filter(|&at| bytes[at..].starts_with(b"PK\x01\x02")).collect();
+    assert_eq!(central.len(), 3);
+    for at in &central[1..] {
+        bytes[at + 24..at + 28].copy_from_slice(&[0xff, 0xff, 0xff, 0x7f]);
+    }
+    fs::write(&bomb, bytes).unwrap();
+    for arguments in [["info", &bomb].as_slice(), &["merge", &bomb, "--out", "no.fmu"]] {
+        let message = refusal(arguments);
+        assert!(message.contains("its entries claim to hold more than 1073741824 bytes"), "{message}");
+    }
+    if cfg!(unix) {
+        let [plant, controller] = fitting("Large");
+        let plant = archive("large_plant.fmu", "modelDescription.xml", &plant);
+        let controller = archive("large_controller.fmu", "modelDescription.xml", &controller);
+        let ssp = ["ssp", "--plant", &plant, "--controller", &controller, "--out", "no.ssp"];
+        for arguments in [
+            [&ssp[..], &["--parameters", "/dev/zero"]].concat(),
+            [&ssp[..], &["--map", "/dev/zero"]].concat(),
+            vec!["check", &plant, "--as", "plant", "--map", "/dev/zero"],
+        ] {
+            let message = refusal(&arguments);
+            assert!(message.contains("/dev/zero: it is larger than 67108864 bytes"), "{message}");
+        }
+        let message = refusal(&["export", "--binary", "linux64=/dev/zero"]);
+        assert!(message.contains("/dev/zero: it is larger than 1073741824 bytes"), "{message}");
     }
 }

@@ -2,20 +2,22 @@
 
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use boost_interface::{Fit, Map, Role};
-use fmi2_export::package::ModelDescription;
-
-use super::{print, write_new};
+use fmi2_export::package::terminal::print;
+use fmi2_export::package::{ModelDescription, writing};
 
 /// Prints how an FMU fits, and writes a map to be edited where one is asked for. Whether it fits.
 pub fn run(path: &Path, role: Role, map: Option<&Path>, write_map: Option<&Path>) -> Result<bool> {
     let description = ModelDescription::read(path)?;
-    let map = map.map(Map::read).transpose()?;
-    let fit = Fit::new(role, &description, map.as_ref())?;
+    let file = map;
+    let map = file.map(Map::read).transpose()?;
+    // A map is all that can be wrong.
+    let fit = Fit::new(role, &description, map.as_ref())
+        .with_context(|| file.map_or_else(String::new, |file| file.display().to_string()))?;
     print(&fit.to_string())?;
     if let Some(file) = write_map {
-        write_new(file, fit.to_map(map.as_ref()).to_json()?.as_bytes())?;
+        writing::write_new(file, fit.to_map(map.as_ref()).to_json()?.as_bytes())?;
         print(&format!("The map {} is written; edit it and give it with --map.\n", file.display()))?;
     }
     Ok(fit.fits())

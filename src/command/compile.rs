@@ -1,13 +1,13 @@
 //! Compiles models with cargo, and finds what it made.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 use anyhow::{Context, Result, bail};
 use cargo_metadata::{CrateType, Message, Metadata, Package};
+use fmi2_export::package::reading;
 
 use super::target::Build;
 
@@ -46,8 +46,7 @@ impl Compiled {
 
     /// The description that the build generated for a model.
     pub fn description(&self, model: &str) -> Result<String> {
-        let file = self.generated(model)?.join("modelDescription.xml");
-        fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))
+        Ok(reading::text(&self.generated(model)?.join("modelDescription.xml"))?)
     }
 }
 

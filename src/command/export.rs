@@ -12,11 +12,12 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use boost_interface::Role;
 use cargo_metadata::{CrateType, Metadata, MetadataCommand, Package};
-use fmi2_export::package::{Fmu, Library, Platform, PlatformList, library};
+use fmi2_export::package::terminal::print;
+use fmi2_export::package::{Fmu, Library, Platform, PlatformList, library, reading, writing};
 
 use super::compile::{Compiled, compile};
 use super::target::{Build, Target};
-use super::{licenses, ssp, write_whole};
+use super::{licenses, ssp};
 
 /// Exports the named models, or all, into a folder; the package of both binds the parameter sets.
 pub fn run(
@@ -42,6 +43,16 @@ pub fn run(
     if !parameters.is_empty() && !is_system {
         bail!("parameter sets are bound in the system of {}; export both", members.join(" and "));
     }
+    let out = out.unwrap_or_else(|| metadata.target_directory.join("fmu").into());
+    fs::create_dir_all(&out).with_context(|| format!("cannot create the folder {}", out.display()))?;
+    let system = out.join("Boost.ssp");
+    let fmus = models.keys().map(|name| out.join(format!("{name}.fmu")));
+    let outputs: Vec<_> = fmus.chain(is_system.then(|| system.clone())).collect();
+    let libraries_given = binaries.iter().map(|(_, file)| file.clone());
+    writing::refuse_overlap(
+        &outputs,
+        &parameters.iter().cloned().chain(libraries_given).collect::<Vec<_>>(),
+    )?;
     let mut built = vec![];
     for build in builds {
         let compiled = compile(&metadata, models.values().copied(), &build)?;
@@ -50,8 +61,6 @@ pub fn run(
     let descriptions = descriptions(&models, &built)?;
     let mut libraries = libraries(&descriptions, &built, given)?;
 
-    let out = out.unwrap_or_else(|| metadata.target_directory.join("fmu").into());
-    fs::create_dir_all(&out).with_context(|| format!("cannot create the folder {}", out.display()))?;
     for (&name, description) in &descriptions {
         let libraries = libraries.remove(name).unwrap_or_default();
         let mut files = documentation(&built[0].1.generated(name)?, &libraries)?;
@@ -65,8 +74,8 @@ pub fn run(
         write(&fmu, &out.join(format!("{name}.fmu")))?;
     }
     if is_system {
-        let [plant, controller] = members.map(|name| read(&out.join(format!("{name}.fmu"))));
-        ssp::write(&ssp::own(plant?, controller?, parameters)?, &out.join("Boost.ssp"))?;
+        let [plant, controller] = members.map(|name| reading::bytes(&out.join(format!("{name}.fmu"))));
+        ssp::write(&ssp::own(plant?, controller?, parameters)?, &system)?;
     }
     Ok(())
 }
@@ -147,7 +156,7 @@ struct ModelLibrary<'a> {
 impl<'a> ModelLibrary<'a> {
     /// Reads a library, which must be one for its platform.
     fn read(platform: Platform, file: &'a Path) -> Result<Self> {
-        let given = Self { platform, file, bytes: read(file)? };
+        let given = Self { platform, file, bytes: reading::bytes(file)? };
         Library::read(&given.bytes)
             .and_then(|library| library.fits(platform))
             .with_context(|| given.refused())?;
@@ -217,25 +226,20 @@ fn documentation(
         platforms.libraries.insert(*platform, Library::read(library)?);
     }
     let mut files = vec![
-        ("documentation/index.html".to_owned(), read(&generated.join("index.html"))?),
+        ("documentation/index.html".to_owned(), reading::bytes(&generated.join("index.html"))?),
         (PlatformList::PATH.to_owned(), platforms.to_string().into_bytes()),
     ];
     let icon = generated.join("model.png");
     if icon.is_file() {
-        files.push(("model.png".to_owned(), read(&icon)?));
+        files.push(("model.png".to_owned(), reading::bytes(&icon)?));
     }
     Ok(files)
 }
 
-fn read(file: &Path) -> Result<Vec<u8>> {
-    fs::read(file).with_context(|| format!("cannot read {}", file.display()))
-}
-
 /// Writes an FMU and says so.
 fn write(fmu: &Fmu<'_>, path: &Path) -> Result<()> {
-    write_whole(path, |file| fmu.write(file))?;
+    writing::write(path, |writer| fmu.write(writer))?;
     let size = fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len();
     let guid = guid(fmu.model_description).unwrap_or("no GUID");
-    println!("{}  {} kB  {guid}", path.display(), size.div_ceil(1000));
-    Ok(())
+    Ok(print(&format!("{}  {} kB  {guid}\n", path.display(), size.div_ceil(1000)))?)
 }

@@ -3,13 +3,12 @@
 use std::path::Path;
 
 use anyhow::Result;
+use fmi2_export::package::terminal::{in_line, print};
 use fmi2_export::package::{ModelDescription, Variable};
-
-use super::print;
 
 /// Prints an FMU's description and variables.
 pub fn run(path: &Path) -> Result<()> {
-    print(&table(&ModelDescription::read(path)?))
+    Ok(print(&table(&ModelDescription::read(path)?))?)
 }
 
 fn table(description: &ModelDescription) -> String {
@@ -22,6 +21,7 @@ fn table(description: &ModelDescription) -> String {
     if !description.default_experiment.is_empty() {
         facts.push(("DefaultExperiment".to_owned(), joined(&description.default_experiment)));
     }
+    let facts: Vec<_> = facts.iter().map(|(name, value)| (in_line(name), in_line(value))).collect();
     let width = facts.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
     let mut text = String::new();
     for (name, value) in &facts {
@@ -30,9 +30,9 @@ fn table(description: &ModelDescription) -> String {
 
     text += &format!("\n{} variables\n", description.variables.len());
     let header = ["name", "causality", "variability", "type", "unit", "start", "range"].map(str::to_owned);
-    let rows: Vec<_> = std::iter::once((header, "description"))
+    let rows: Vec<_> = std::iter::once((header, "description".to_owned()))
         .chain(
-            description.variables.iter().map(|variable| (columns(variable), variable.description.as_str())),
+            description.variables.iter().map(|variable| (columns(variable), in_line(&variable.description))),
         )
         .collect();
     let width = |column: usize| rows.iter().map(|(row, _)| row[column].chars().count()).max().unwrap_or(0);
@@ -53,5 +53,5 @@ fn columns(variable: &Variable) -> [String; 7] {
         (min, max) => format!("{min}..{max}"),
     };
     let Variable { name, causality, variability, data_type, unit, start, .. } = variable;
-    [name, causality, variability, data_type, unit, start, &range].map(Clone::clone)
+    [name, causality, variability, data_type, unit, start, &range].map(|text| in_line(text))
 }

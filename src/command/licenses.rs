@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
+use fmi2_export::package::reading;
 
 use super::compile::Compiled;
 use super::target::Build;
@@ -106,7 +107,7 @@ fn texts_in(folder: &Path) -> Result<BTreeMap<String, String>> {
             && NAMES.iter().any(|begin| name.to_uppercase().starts_with(begin))
             && path.is_file()
         {
-            let bytes = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+            let bytes = reading::bytes(&path)?;
             // The same bytes wherever the sources were checked out.
             let text = String::from_utf8_lossy(&bytes).replace("\r\n", "\n");
             texts.insert(name.to_owned(), text.trim_end().to_owned());
@@ -166,7 +167,7 @@ fn standard_library() -> Result<Option<(String, Vec<u8>)>> {
         return Ok(None);
     };
     let extension = if file.extension().is_some() { "html" } else { "txt" };
-    let notices = fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?;
+    let notices = reading::bytes(&file)?;
     Ok(Some((format!("rust-{version}.{extension}"), notices)))
 }
 

@@ -11,21 +11,27 @@ mod parameters;
 mod ssp;
 mod target;
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, ErrorKind, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use boost_interface::Role;
 use clap::{Parser, Subcommand};
 use fmi2_export::package::Platform;
 
 use self::target::Target;
 
+/// What the process ends with.
+const EXIT_STATUSES: &str = "\
+Exit status:
+  0    it is done; `check`: the FMU can take the place
+  1    `check`: the FMU cannot take the place
+  2    it could not be done, or the command line is wrong; standard error says why
+  130  it was interrupted";
+
 /// Exports the plant and the controller of the boost control as FMI 2.0 co-simulation FMUs, and couples them
 /// with FMUs of other makers.
 #[derive(Parser)]
-#[command(name = "boost-fmu", version, arg_required_else_help = true)]
+#[command(name = "boost-fmu", version, arg_required_else_help = true, after_help = EXIT_STATUSES)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -137,32 +143,4 @@ pub fn run() -> Result<bool> {
 fn of_platform<Value: From<String>>(text: &str) -> Result<(Platform, Value)> {
     let (folder, value) = text.split_once('=').context("there is no '=' in it")?;
     Ok((folder.parse()?, value.to_owned().into()))
-}
-
-/// Prints a text. Whoever reads it may stop before its end, as `head` does.
-fn print(text: &str) -> Result<()> {
-    match io::stdout().lock().write_all(text.as_bytes()) {
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
-        other => other.context("cannot print"),
-    }
-}
-
-/// Writes a file beside its place, then moves it there: whoever reads it never sees half of it.
-fn write_whole(path: &Path, write: impl FnOnce(File) -> io::Result<()>) -> Result<()> {
-    let mut new = path.to_owned().into_os_string();
-    new.push(".new");
-    let failed = || format!("cannot write {}", path.display());
-    File::create(&new).and_then(write).and_then(|()| fs::rename(&new, path)).with_context(failed)
-}
-
-/// Writes a file that its user will edit: one that is there is kept.
-fn write_new(path: &Path, content: &[u8]) -> Result<()> {
-    let shown = path.display();
-    let mut file = match OpenOptions::new().write(true).create_new(true).open(path) {
-        Err(error) if error.kind() == ErrorKind::AlreadyExists => {
-            bail!("{shown} is there already; remove it, or name another file")
-        }
-        other => other.with_context(|| format!("cannot write {shown}"))?,
-    };
-    file.write_all(content).with_context(|| format!("cannot write {shown}"))
 }

@@ -3,9 +3,8 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use fmi2_export::package::{ModelDescription, Parameter, ParameterSet, Value, Variable};
-
-use super::write_new;
+use fmi2_export::package::terminal::print;
+use fmi2_export::package::{ModelDescription, Parameter, ParameterSet, Value, Variable, writing};
 
 /// Writes the parameters of an FMU, with their start values, to a new file.
 pub fn run(path: &Path, out: Option<&Path>) -> Result<()> {
@@ -14,9 +13,8 @@ pub fn run(path: &Path, out: Option<&Path>) -> Result<()> {
         .with_context(|| format!("modelDescription.xml in {} is not as it should be", path.display()))?;
     let name = format!("{}.ssv", set.name);
     let out = out.unwrap_or(Path::new(&name));
-    write_new(out, set.to_xml().as_bytes())?;
-    println!("{}  {} parameters", out.display(), set.parameters.len());
-    Ok(())
+    writing::write_new(out, set.to_xml().as_bytes())?;
+    Ok(print(&format!("{}  {} parameters\n", out.display(), set.parameters.len()))?)
 }
 
 /// The start values of an FMU's parameters.

@@ -2,15 +2,14 @@
 //! Parameterization.
 
 use std::fs;
-use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use boost_interface::{Fit, Map, Role};
-use fmi2_export::package::{ModelDescription, ParameterSet, SystemPackage};
+use fmi2_export::package::terminal::print;
+use fmi2_export::package::{ModelDescription, ParameterSet, SystemPackage, reading, writing};
 
 use super::coupling::{Member, couple};
-use super::write_whole;
 
 /// The system's name.
 const SYSTEM: &str = "Boost";
@@ -23,29 +22,32 @@ pub fn run(
     parameter_files: &[PathBuf],
     out: Option<&Path>,
 ) -> Result<()> {
-    let maps: Vec<_> = maps.iter().map(|path| Map::read(path)).collect::<Result<_>>()?;
-    let map = |role: Role| {
-        let mut matching = maps.iter().filter(|map| map.role == role);
+    let out = out.map_or_else(|| PathBuf::from(format!("{SYSTEM}.ssp")), Path::to_path_buf);
+    let fmus = [plant, controller].map(Path::to_path_buf);
+    let inputs = [&fmus, maps, parameter_files].concat();
+    writing::refuse_overlap(std::slice::from_ref(&out), &inputs)?;
+    let maps: Vec<_> =
+        maps.iter().map(|path| Ok((path.display(), Map::read(path)?))).collect::<Result<_>>()?;
+    let fit = |role: Role, description| {
+        let mut matching = maps.iter().filter(|(_, map)| map.role == role);
         match (matching.next(), matching.next()) {
-            (Some(_), Some(_)) => bail!("two maps are for a {}", role.name()),
-            (first, _) => Ok(first),
+            (Some((one, _)), Some((two, _))) => bail!("{one} and {two} are both maps for a {}", role.name()),
+            (Some((file, map)), None) => {
+                Fit::new(role, description, Some(map)).with_context(|| file.to_string())
+            }
+            (None, _) => Fit::new(role, description, None),
         }
     };
     let plant_description = ModelDescription::read(plant)?;
     let controller_description = ModelDescription::read(controller)?;
-    let fits = [
-        Fit::new(Role::Plant, &plant_description, map(Role::Plant)?)?,
-        Fit::new(Role::Controller, &controller_description, map(Role::Controller)?)?,
-    ];
+    let fits = [fit(Role::Plant, &plant_description)?, fit(Role::Controller, &controller_description)?];
     if let Some(fit) = fits.iter().find(|fit| !fit.fits()) {
         bail!(
             "{fit}Give a map: `boost-fmu check FILE.fmu --as {} --write-map MAP.json` writes one to be edited.",
             fit.role.name()
         );
     }
-    let read = |path: &Path| fs::read(path).with_context(|| format!("cannot read {}", path.display()));
-    let package = package(&fits, [read(plant)?, read(controller)?], parameter_files)?;
-    let out = out.map_or_else(|| PathBuf::from(format!("{SYSTEM}.ssp")), Path::to_path_buf);
+    let package = package(&fits, [reading::bytes(plant)?, reading::bytes(controller)?], parameter_files)?;
     write(&package, &out)
 }
 
@@ -105,9 +107,8 @@ fn place(set: &ParameterSet, plant: &ModelDescription, controller: &ModelDescrip
 
 /// Writes a package and says so.
 pub fn write(package: &SystemPackage, path: &Path) -> Result<()> {
-    write_whole(path, |file| package.write(BufWriter::new(file)))?;
+    writing::write(path, |writer| package.write(writer))?;
     let kilobytes =
         fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len().div_ceil(1000);
-    println!("{}  {kilobytes} kB", path.display());
-    Ok(())
+    Ok(print(&format!("{}  {kilobytes} kB\n", path.display()))?)
 }

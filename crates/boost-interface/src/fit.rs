@@ -4,6 +4,7 @@
 use std::fmt::{self, Display, Formatter};
 
 use anyhow::{Result, bail};
+use fmi2_export::package::terminal::{in_line, number};
 use fmi2_export::package::{Kind, Linear, ModelDescription, Variable};
 
 use crate::map::{Entry, Map, Meaning};
@@ -234,12 +235,12 @@ impl Display for Fit<'_> {
         writeln!(
             formatter,
             "{} in the {}'s place, by the names and units of {}:",
-            self.fmu.attribute("modelName"),
+            in_line(self.fmu.attribute("modelName")),
             self.role.name(),
             self.role.model_identifier()
         )?;
         for problem in &self.problems {
-            writeln!(formatter, "  WRONG  {problem}")?;
+            writeln!(formatter, "  WRONG  {}", in_line(problem))?;
         }
         let width = self.matches.iter().map(|(port, _)| port.name().len()).max().unwrap_or(0);
         for (port, found) in &self.matches {
@@ -253,11 +254,12 @@ impl Display for Fit<'_> {
                 Kind::Output => "output",
             };
             let line = format!("  {word}  {kind}  {:width$}  {}", port.name(), details(found));
-            writeln!(formatter, "{}", line.trim_end())?;
+            writeln!(formatter, "{}", in_line(line.trim_end()))?;
         }
         let others: Vec<_> = self.other_inputs().map(|input| input.name.as_str()).collect();
         if !others.is_empty() {
-            writeln!(formatter, "Inputs of its own, which keep their start values: {}", others.join(", "))?;
+            let others = in_line(&others.join(", "));
+            writeln!(formatter, "Inputs of its own, which keep their start values: {others}")?;
         }
         let can = if self.fits() { "can" } else { "cannot" };
         writeln!(formatter, "It {can} take the {}'s place.", self.role.name())
@@ -323,11 +325,11 @@ fn conversion(
 
 /// A linear function as it is written down.
 fn formula(Linear { factor, offset }: Linear, variable: &str) -> String {
-    let product = format!("{factor} · {variable}");
+    let product = format!("{} · {variable}", number(factor));
     match offset {
         0.0 => product,
-        offset if offset < 0.0 => format!("{product} - {}", -offset),
-        offset => format!("{product} + {offset}"),
+        offset if offset < 0.0 => format!("{product} - {}", number(-offset)),
+        offset => format!("{product} + {}", number(offset)),
     }
 }
 
@@ -354,7 +356,8 @@ fn mismatch(
         let is_below = giver.0.is_finite() && giver.0 < taker.0;
         let is_above = giver.1.is_finite() && giver.1 > taker.1;
         if is_below || is_above {
-            let [own, wanted] = [own, wanted].map(|(min, max)| format!("{min}..{max} {unit}"));
+            let [own, wanted] =
+                [own, wanted].map(|(min, max)| format!("{}..{} {unit}", number(min), number(max)));
             return Ok(Some(format!("its range is {own}, the interface's {wanted}")));
         }
     }
@@ -363,6 +366,7 @@ fn mismatch(
         && let (Some(own), Some(wanted)) = (start(variable), expected(port, start))
         && !(SUSPICIOUS_FACTOR.recip()..=SUSPICIOUS_FACTOR).contains(&(own / wanted))
     {
+        let [own, wanted] = [own, wanted].map(number);
         return Ok(Some(format!("its start value is {own}, the interface's {wanted} {unit}")));
     }
     Ok(None)

@@ -2,11 +2,11 @@
 //! writes as a template and its user edits.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use fmi2_export::package::{Linear, ModelDescription, Unit};
+use fmi2_export::package::terminal::number;
+use fmi2_export::package::{Linear, ModelDescription, Unit, reading};
 use serde::{Deserialize, Serialize};
 
 use crate::{Port, Role};
@@ -62,7 +62,7 @@ impl Map {
     /// message says which.
     pub fn read(path: &Path) -> Result<Self> {
         let shown = path.display();
-        let text = fs::read_to_string(path).with_context(|| format!("cannot read the map {shown}"))?;
+        let text = reading::text(path)?;
         let map: Self =
             serde_json::from_str(&text).with_context(|| format!("the map {shown} is not as it should be"))?;
         let ports: Vec<_> = map.role.ports().map(|port| port.name()).collect();
@@ -123,7 +123,8 @@ impl Entry {
                 if function.factor == 0.0 || !function.factor.is_finite() || !function.offset.is_finite() {
                     return Err(format!(
                         "the map's factor {} and offset {} are no conversion",
-                        function.factor, function.offset
+                        number(function.factor),
+                        number(function.offset)
                     ));
                 }
                 Ok(Meaning::Function(function))

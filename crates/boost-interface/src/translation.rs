@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use fmi2_export::package::terminal::number;
 use fmi2_export::package::{Linear, ModelDescription, Variable};
 
 use crate::Port;
@@ -74,7 +75,7 @@ impl Fit<'_> {
 /// A variable by the interface's name, in its unit.
 fn translated(variable: &Variable, port: &Port, function: Linear) -> Variable {
     let converted = |text: &str| match text.trim().parse::<f64>() {
-        Ok(value) => function.apply(value).to_string(),
+        Ok(value) => number(function.apply(value)),
         // There is none, or none that could be read.
         Err(_) => text.to_owned(),
     };

@@ -5,11 +5,12 @@
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{ErrorKind, Seek, SeekFrom, Write};
+use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context, Result, bail};
+use fmi2_export::package::reading::{self, LARGEST_CONTENT, up_to};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -22,8 +23,9 @@ pub type Settings = BTreeMap<String, String>;
 /// # Errors
 /// When it cannot be read.
 pub fn digest(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
-    Ok(Sha256::digest(&bytes).iter().fold(String::new(), |text, byte| text + &format!("{byte:02x}")))
+    Ok(Sha256::digest(reading::bytes(path)?)
+        .iter()
+        .fold(String::new(), |text, byte| text + &format!("{byte:02x}")))
 }
 
 #[derive(Serialize, Deserialize)]
@@ -60,12 +62,16 @@ impl Journal {
             Err(TryLockError::WouldBlock) => bail!("another process works on it"),
             Err(TryLockError::Error(error)) => return Err(error.into()),
         }
-        let text = match std::fs::read_to_string(path) {
-            Err(error) if error.kind() == ErrorKind::InvalidData => bail!("it is no text"),
-            text => text?,
-        };
-        let whole = text.rfind('\n').map_or(0, |end| end + 1);
-        let mut lines = text[..whole].lines().zip(1..);
+        if !file.metadata()?.is_file() {
+            bail!("it is not a file");
+        }
+        // A line for each of a million runs is more than a text for people has.
+        let mut text = up_to(LARGEST_CONTENT, &file)?;
+        // What was cut short may end within a character.
+        let whole = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end + 1);
+        text.truncate(whole);
+        let text = reading::utf_8(text)?;
+        let mut lines = text.lines().zip(1..);
         let header = lines.next();
         if let Some((line, _)) = header {
             let header: Header = serde_json::from_str(line).context("line 1: expected the settings")?;
@@ -92,8 +98,15 @@ impl Journal {
     pub fn write(&self, finished: &impl Serialize) -> Result<()> {
         let text = serde_json::to_string(finished)? + "\n";
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
-        // In one piece, that at most the last line is ever cut short.
-        file.write_all(text.as_bytes()).with_context(|| format!("cannot write {}", self.path.display()))
+        let mut write = || {
+            let whole = file.stream_position()?;
+            // In one piece, that at most the last line is ever cut short.
+            file.write_all(text.as_bytes()).inspect_err(|_| {
+                // Another thread may write more; where this fails, too, the next one to open the journal tells.
+                let _ = file.set_len(whole).and_then(|()| file.seek(SeekFrom::Start(whole)));
+            })
+        };
+        write().with_context(|| format!("cannot write {}", self.path.display()))
     }
 }
 
@@ -158,13 +171,15 @@ mod tests {
         journal.write(&results()).unwrap();
         drop(journal);
         let whole = fs::read_to_string(&path).unwrap();
-        // An interruption cut off the next line.
-        fs::write(&path, whole.clone() + "[4.2,1").unwrap();
-        let (journal, finished) = Journal::open::<Vec<f64>>(&path, &settings("12")).unwrap();
-        assert_eq!(finished, [results()]);
-        journal.write(&vec![1.0]).unwrap();
-        drop(journal);
-        assert_eq!(fs::read_to_string(&path).unwrap(), whole + "[1.0]\n");
+        // An interruption cut off the next line, in the second case within a character.
+        for cut in [b"[4.2,1".as_slice(), b"[\"1 \xc2"] {
+            fs::write(&path, [whole.as_bytes(), cut].concat()).unwrap();
+            let (journal, finished) = Journal::open::<Vec<f64>>(&path, &settings("12")).unwrap();
+            assert_eq!(finished, [results()]);
+            journal.write(&vec![1.0]).unwrap();
+            drop(journal);
+            assert_eq!(fs::read_to_string(&path).unwrap(), whole.clone() + "[1.0]\n");
+        }
     }
 
     /// The message of a journal that is not opened; it stays as it is.

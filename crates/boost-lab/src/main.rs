@@ -4,15 +4,18 @@ mod command;
 
 use std::process::ExitCode;
 
+use fmi2_export::package::{temporary, terminal};
+
 /// What the process ends with when it could not do what it was asked for; clap does so, too.
 const FAILED: u8 = 2;
 
 fn main() -> ExitCode {
+    temporary::remove_when_interrupted();
     match command::run() {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(error) => {
-            eprintln!("error: {error:#}");
+            terminal::complain(&format!("error: {error:#}"));
             FAILED.into()
         }
     }

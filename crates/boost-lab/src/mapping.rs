@@ -20,7 +20,7 @@ use crate::scenario::Scenario;
 pub fn open(file: &Path, map: Option<&Map>) -> Result<Arc<Fmu>> {
     let fmu = Fmu::open(file)?;
     let Some(map) = map else { return Ok(fmu) };
-    let fit = Fit::new(map.role, fmu.description(), Some(map))?;
+    let fit = Fit::new(map.role, fmu.description(), Some(map)).with_context(|| file.display().to_string())?;
     if !fit.fits() {
         bail!("{}", fit.to_string().trim_end());
     }

@@ -202,7 +202,7 @@ impl<'a> Master<'a> {
             instance.exit_initialization()?;
             let begin = start_time - run_in.duration;
             let step = self.scenario.step;
-            for step_index in 0..count(run_in.duration, step)? {
+            for step_index in 0..run_in.steps {
                 instance.step(begin + f64::from(step_index) * step, step)?;
             }
             assign(instance, &run_in.after)?;
@@ -240,21 +240,13 @@ impl<'a> Master<'a> {
         self.recorder.take(time, &mut self.members)
     }
 
-    /// How many communication steps the scenario has.
-    ///
-    /// # Errors
-    /// When they are too many to count.
-    pub fn steps(&self) -> Result<u32> {
-        count(self.scenario.stop_time - self.scenario.start_time, self.scenario.step)
-    }
-
     /// Runs a scenario from its start to its end; `progress` is told each step.
     ///
     /// # Errors
     /// What an FMU refuses.
     pub fn run(mut self, mut progress: impl FnMut(u32)) -> Result<Run> {
         self.initialize()?;
-        for index in 0..self.steps()? {
+        for index in 0..self.scenario.steps {
             progress(index);
             self.step()?;
         }
@@ -301,20 +293,6 @@ fn has_input(fmus: &[Arc<Fmu>], name: &str) -> Result<()> {
     }
     let names = fmus.iter().flat_map(|fmu| fmu.names("input"));
     bail!("no FMU has an input {name}{}", like(name, names))
-}
-
-/// How many steps fit a duration, which is a multiple of the step to rounding.
-fn count(duration: f64, step: f64) -> Result<u32> {
-    let count = (duration / step).round();
-    if (count * step - duration).abs() > 1e-9 * duration.max(1.0) {
-        bail!("{duration} s is no multiple of the communication step, {step} s");
-    }
-    if count > f64::from(u32::MAX) {
-        bail!("{count} communication steps are too many");
-    }
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    // it is whole, above zero and small enough
-    Ok(count as u32)
 }
 
 /// Sets values.

@@ -1,6 +1,6 @@
 //! What was recorded: variables over time.
 
-use std::io::Write;
+use std::io::{self, Write};
 
 use anyhow::{Context, Result};
 
@@ -63,7 +63,7 @@ impl Record {
     ///
     /// # Errors
     /// When the writer fails.
-    pub fn write_csv(&self, writer: impl Write) -> Result<()> {
+    pub fn write_csv(&self, writer: impl Write) -> io::Result<()> {
         let mut csv = csv::Writer::from_writer(writer);
         csv.write_record(["time"].into_iter().chain(self.columns.iter().map(|column| column.name.as_str())))?;
         for (row, time) in self.time.iter().enumerate() {
@@ -73,7 +73,6 @@ impl Record {
             }
             csv.write_record(None::<&[u8]>)?;
         }
-        csv.flush()?;
-        Ok(())
+        csv.flush()
     }
 }

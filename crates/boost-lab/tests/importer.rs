@@ -1,70 +1,30 @@
-//! The importer under an FMU that is written in C as others write them (careless.c).
+//! The importer under an FMU that is written in C as others write them (careless/careless.c).
 //!
 //! The FMU aborts the process when a state is left or a call comes after a fatal error, so that each test
 //! sees to it, too.
 
-use std::fs::{self, File};
+use std::fs;
 use std::path::PathBuf;
-use std::process::Command;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 use std::thread;
 
 use anyhow::Result;
 use boost_interface::Translation;
 use boost_lab::importer::{CallFailed, Fmu, Instance, Status};
-use fmi2_export::package::{self, Linear, ModelDescription, Platform, Value};
+use fmi2_export::package::{Linear, ModelDescription, Value};
 
-const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="2.0" modelName="Careless" guid="careless">
-  <CoSimulation modelIdentifier="careless" canGetAndSetFMUstate="true"/>
-  <UnitDefinitions><Unit name="Pa"><BaseUnit kg="1" m="-1" s="-2"/><DisplayUnit name="kPa" factor="0.001"/></Unit></UnitDefinitions>
-  <TypeDefinitions><SimpleType name="Fail"><Enumeration>
-    <Item name="no" value="0"/><Item name="discard" value="1"/><Item name="error" value="2"/>
-    <Item name="no_status" value="3"/><Item name="fatal" value="4"/>
-  </Enumeration></SimpleType></TypeDefinitions>
-  <ModelVariables>
-    <ScalarVariable name="level" valueReference="0" causality="output"><Real unit="Pa"/></ScalarVariable>
-    <ScalarVariable name="input" valueReference="1" causality="input"><Real start="1"/></ScalarVariable>
-    <ScalarVariable name="fail" valueReference="2" causality="parameter" variability="tunable">
-      <Enumeration declaredType="Fail" start="0"/>
-    </ScalarVariable>
-    <ScalarVariable name="states" valueReference="3"><Integer/></ScalarVariable>
-    <ScalarVariable name="flag" valueReference="4" causality="parameter"><Boolean start="false"/></ScalarVariable>
-    <ScalarVariable name="note" valueReference="5" causality="parameter"><String start="none"/></ScalarVariable>
-  </ModelVariables>
-  <ModelStructure><Outputs><Unknown index="1"/></Outputs></ModelStructure>
-</fmiModelDescription>
-"#;
+use self::careless::DESCRIPTION;
 
-/// The FMU's library, compiled once.
-fn library() -> &'static [u8] {
-    static LIBRARY: OnceLock<Vec<u8>> = OnceLock::new();
-    LIBRARY.get_or_init(|| {
-        let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
-        let library = folder.join("careless");
-        let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/careless.c");
-        let arguments = ["-shared", "-fPIC", "-Wall", "-Wextra", "-Werror", "-o"];
-        let compiler = Command::new("cc").args(arguments).arg(&library).arg(source).status();
-        assert!(compiler.expect("a C compiler is there").success());
-        fs::read(library).expect("the compiler wrote it")
-    })
-}
+mod careless;
 
 /// Writes an FMU with a description.
 fn fmu_with(name: &str, description: &str) -> PathBuf {
     let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.fmu"));
-    let platform = Platform::host().expect("FMI 2.0 knows this platform");
-    let fmu = package::Fmu {
-        model_identifier: "careless",
-        model_description: description,
-        libraries: vec![(platform, library().to_vec())],
-        files: vec![],
-    };
-    fmu.write(File::create(&path).expect("a file")).expect("an FMU");
+    careless::write(&path, description, careless::library());
     path
 }
 
-fn careless(name: &str) -> Arc<Fmu> {
+fn opened(name: &str) -> Arc<Fmu> {
     Fmu::open(&fmu_with(name, DESCRIPTION)).expect("the FMU is imported")
 }
 
@@ -78,7 +38,7 @@ fn started(fmu: &Arc<Fmu>) -> Result<Instance> {
 }
 
 fn fail_with(name: &str) -> (Instance, CallFailed) {
-    let mut instance = started(&careless(name)).unwrap();
+    let mut instance = started(&opened(name)).unwrap();
     instance.step(0.0, 0.5).unwrap();
     instance.set_value("fail", &Value::Enumeration(name.to_owned())).unwrap();
     let error = instance.step(0.5, 0.5).unwrap_err().downcast().expect("a call failed");
@@ -87,7 +47,7 @@ fn fail_with(name: &str) -> (Instance, CallFailed) {
 
 #[test]
 fn values_of_each_type_go_by_their_names() {
-    let fmu = careless("values");
+    let fmu = opened("values");
     let mut instance = started(&fmu).unwrap();
     let mut selection = fmu.select(["flag", "input", "fail", "level"]).unwrap();
     let mut values = [0.0; 4];
@@ -105,7 +65,7 @@ fn values_of_each_type_go_by_their_names() {
 
 #[test]
 fn a_translated_fmu_has_other_names_and_values() {
-    let own = careless("translated");
+    let own = opened("translated");
     let description = DESCRIPTION.replace("name=\"level\"", "name=\"pressure\"");
     // pressure = 2 level + 1
     let to_interface = [("pressure".to_owned(), Linear { factor: 2.0, offset: 1.0 })].into();
@@ -133,7 +93,7 @@ fn a_translated_fmu_has_other_names_and_values() {
 
 #[test]
 fn what_does_not_fit_a_variable_is_refused_by_name() {
-    let fmu = careless("misfits");
+    let fmu = opened("misfits");
     let mut instance = started(&fmu).unwrap();
     let mut refusal = |name: &str, value: Value| instance.set_value(name, &value).unwrap_err().to_string();
     assert!(refusal("inpt", Value::Integer(1)).ends_with("has no variable inpt; the nearest is input"));
@@ -186,7 +146,7 @@ fn nothing_is_called_after_a_fatal_error() {
 
 #[test]
 fn a_state_is_saved_restored_and_freed() {
-    let mut instance = started(&careless("states")).unwrap();
+    let mut instance = started(&opened("states")).unwrap();
     instance.step(0.0, 0.5).unwrap();
     let saved = instance.save().unwrap();
     let level = |instance: &mut Instance| instance.number("level").unwrap().to_bits();
@@ -208,7 +168,7 @@ fn a_state_is_saved_restored_and_freed() {
 
 #[test]
 fn a_state_of_another_instance_is_refused() {
-    let fmu = careless("strangers");
+    let fmu = opened("strangers");
     let (mut one, mut two) = (started(&fmu).unwrap(), started(&fmu).unwrap());
     let saved = one.save().unwrap();
     assert_eq!(two.restore(&saved).unwrap_err().to_string(), "careless: the state is another instance's");
@@ -223,7 +183,7 @@ fn another_guid_is_refused_with_what_the_fmu_says() {
 
 #[test]
 fn instances_in_many_threads_do_not_meet() {
-    let fmu = careless("threads");
+    let fmu = opened("threads");
     thread::scope(|scope| {
         for thread in 0..16 {
             let fmu = &fmu;

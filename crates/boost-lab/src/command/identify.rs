@@ -3,10 +3,16 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use boost_lab::identify::{Naming, html, identify, json};
+use boost_lab::identify::{Estimate, Naming, html, identify, json};
 use boost_lab::importer::Fmu;
 use clap::Args;
 use fmi2_export::package::ParameterSet;
+use fmi2_export::package::terminal::{complain, print};
+
+/// The files in the folder of results.
+const SET: &str = "identified.ssv";
+const HTML: &str = "report.html";
+const JSON: &str = "report.json";
 
 /// What `identify actuator` takes.
 #[derive(Args)]
@@ -45,25 +51,28 @@ fn share(text: &str) -> Result<f64, String> {
 /// Identifies the actuator.
 pub fn run(arguments: Arguments) -> Result<()> {
     let Arguments { data, plant, parameters, column, unit, validation_share, out } = arguments;
+    let outputs = [SET, HTML, JSON].map(|name| out.join(name));
+    super::refuse_overlap(&out, &outputs, &[&[data.clone(), plant.clone()], &parameters[..]].concat())?;
     let plant = Fmu::open(&plant)?;
     let sets: Vec<_> = parameters.iter().map(|path| ParameterSet::read(path)).collect::<Result<_, _>>()?;
     let naming = Naming { columns: column, units: unit };
     let identification = identify(&data, &naming, &plant, &sets, validation_share)?;
     super::make_folder(&out)?;
     for note in &identification.notes {
-        eprintln!("note: {note}");
+        complain(&format!("note: {note}"));
     }
     for parameter in identification.parameters() {
         let error = parameter.standard_error;
-        println!("{:32} {:>14.6e} ± {error:.1e} {}", parameter.name, parameter.value, parameter.unit);
+        let Estimate { name, value, unit, .. } = parameter;
+        print(&format!("{name:32} {value:>14.6e} ± {error:.1e} {unit}\n"))?;
     }
     for parameter in &identification.unidentified {
-        println!("{:32} not identified: {}", parameter.name, parameter.reason);
+        print(&format!("{:32} not identified: {}\n", parameter.name, parameter.reason))?;
     }
     let texts = [
-        ("identified.ssv", identification.parameter_set(&plant).to_xml()),
-        ("report.html", html(&identification)),
-        ("report.json", json(&identification)?),
+        (SET, identification.parameter_set(&plant).to_xml()),
+        (HTML, html(&identification)),
+        (JSON, json(&identification)?),
     ];
     super::write(&out, texts)
 }

@@ -7,16 +7,29 @@ mod sweep;
 mod tune;
 
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use boost_lab::mapping;
 use boost_lab::scenario::Scenario;
 use clap::{Args, Parser, Subcommand};
+use fmi2_export::package::terminal::print;
+use fmi2_export::package::writing;
+
+/// What the process ends with.
+const EXIT_STATUSES: &str = "\
+Exit status:
+  0    it is done; `reproduce`: all statements hold
+  1    `reproduce`: a statement does not hold
+  2    it could not be done, or the command line is wrong; standard error says why
+  130  it was interrupted
+
+A run of a `sweep` that fails is a row of the results, and does not change the exit status.";
 
 /// The laboratory: drives FMUs through experiments of boost control.
 #[derive(Parser)]
-#[command(name = "boost-lab", version, arg_required_else_help = true)]
+#[command(name = "boost-lab", version, arg_required_else_help = true, after_help = EXIT_STATUSES)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -101,6 +114,12 @@ impl Fmus {
         }
         mapping::give(scenario, &self.maps)
     }
+
+    /// All files that a run of the scenario depends on.
+    fn inputs(&self, scenario: &Scenario) -> Vec<PathBuf> {
+        let members = scenario.fmus.iter().map(|member| member.file.clone());
+        members.chain(scenario.files.clone()).chain(self.maps.clone()).collect()
+    }
 }
 
 #[derive(Subcommand)]
@@ -129,12 +148,20 @@ fn make_folder(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))
 }
 
+/// Refuses results that would destroy an input. A folder that is yet to be made holds none.
+fn refuse_overlap(folder: &Path, results: &[PathBuf], inputs: &[PathBuf]) -> Result<()> {
+    if folder.is_dir() {
+        writing::refuse_overlap(results, inputs)?;
+    }
+    Ok(())
+}
+
 /// Writes texts into a folder by their names, and says where.
 fn write<'a>(folder: &Path, texts: impl IntoIterator<Item = (&'a str, String)>) -> Result<()> {
     for (name, text) in texts {
         let path = folder.join(name);
-        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-        println!("{}", path.display());
+        writing::write(&path, |writer| writer.write_all(text.as_bytes()))?;
+        print(&format!("{}\n", path.display()))?;
     }
     Ok(())
 }

@@ -1,7 +1,6 @@
 //! `simulate`: a scenario, to a CSV file and a plot.
 
-use std::fs::File;
-use std::io::BufWriter;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
@@ -9,6 +8,8 @@ use boost_lab::master::{Fmus, Master};
 use boost_lab::plot::{Figure, Line, Panel, color};
 use boost_lab::record::Record;
 use boost_lab::scenario::Scenario;
+use fmi2_export::package::terminal::{complain, print};
+use fmi2_export::package::writing;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// How many steps go by between two looks at the progress bar.
@@ -18,9 +19,17 @@ const STEPS_PER_LOOK: u32 = 256;
 pub fn run(path: &Path, fmus: &super::Fmus, out: Option<PathBuf>, plot: Option<&Path>) -> Result<()> {
     let mut scenario = Scenario::read(path, fmus.folder.as_deref())?;
     fmus.give(&mut scenario)?;
+    let name = format!("{}.csv", path.file_stem().unwrap_or_default().to_string_lossy());
+    let out = match out {
+        Some(out) if out.is_dir() => out.join(name),
+        Some(out) => out,
+        None => name.into(),
+    };
+    let outputs: Vec<_> = [out.clone()].into_iter().chain(plot.map(Path::to_path_buf)).collect();
+    writing::refuse_overlap(&outputs, &fmus.inputs(&scenario))?;
     let master = Master::new(&scenario, &mut Fmus::default())?;
     // It draws nothing where standard error is no terminal.
-    let bar = ProgressBar::new(u64::from(master.steps()?));
+    let bar = ProgressBar::new(u64::from(scenario.steps));
     bar.set_style(
         ProgressStyle::with_template("{wide_bar} {percent} %  {eta} left").context("no progress bar")?,
     );
@@ -32,22 +41,14 @@ pub fn run(path: &Path, fmus: &super::Fmus, out: Option<PathBuf>, plot: Option<&
     bar.finish_and_clear();
     let run = run?;
     for (name, message) in &run.warnings {
-        eprintln!("warning: {name}: {}", message.text);
+        complain(&format!("warning: {name}: {}", message.text));
     }
 
-    let name = format!("{}.csv", path.file_stem().unwrap_or_default().to_string_lossy());
-    let out = match out {
-        Some(out) if out.is_dir() => out.join(name),
-        Some(out) => out,
-        None => name.into(),
-    };
-    let write = || run.record.write_csv(BufWriter::new(File::create(&out)?));
-    write().with_context(|| format!("cannot write {}", out.display()))?;
-    println!("{}  {} rows", out.display(), run.record.time().len());
+    writing::write(&out, |writer| run.record.write_csv(writer))?;
+    print(&format!("{}  {} rows\n", out.display(), run.record.time().len()))?;
     if let Some(plot) = plot {
-        let svg = draw(&run.record).svg();
-        std::fs::write(plot, svg).with_context(|| format!("cannot write {}", plot.display()))?;
-        println!("{}", plot.display());
+        writing::write(plot, |writer| writer.write_all(draw(&run.record).svg().as_bytes()))?;
+        print(&format!("{}\n", plot.display()))?;
     }
     Ok(())
 }

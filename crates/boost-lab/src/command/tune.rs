@@ -9,10 +9,16 @@ use boost_lab::mapping::{self, Map};
 use boost_lab::tune::{Basis, Journal, Procedure, Schedule, Task, html, json};
 use clap::Args;
 use fmi2_export::package::ParameterSet;
+use fmi2_export::package::terminal::{complain, print};
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// The name of the parameter set.
 const SET: &str = "schedule";
+/// The files in the folder of results.
+const SET_FILE: &str = "schedule.ssv";
+const HTML: &str = "report.html";
+const JSON: &str = "report.json";
+const JOURNAL: &str = "journal.jsonl";
 
 #[derive(Args)]
 pub struct Arguments {
@@ -45,6 +51,11 @@ pub struct Arguments {
 
 /// Tunes.
 pub fn run(arguments: &Arguments) -> Result<()> {
+    let out = &arguments.out;
+    let outputs = [SET_FILE, HTML, JSON, JOURNAL].map(|name| out.join(name));
+    let inputs = [&arguments.plant].into_iter().chain(&arguments.map).chain(&arguments.controller);
+    let inputs: Vec<_> = inputs.chain(&arguments.parameters).cloned().collect();
+    super::refuse_overlap(out, &outputs, &inputs)?;
     let schedule = match &arguments.controller {
         Some(path) => Schedule::read(Fmu::open(path)?.description())
             .with_context(|| format!("{} cannot be tuned", path.display()))?,
@@ -59,17 +70,21 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             .iter()
             .map(|path| ParameterSet::read(path))
             .collect::<Result<_, _>>()?,
-        lambda: arguments.lambda.unwrap_or(schedule.lambda),
-        schedule: schedule.with_grid(arguments.engine_speeds.clone(), arguments.boost_references.clone())?,
+        schedule: schedule.with(
+            arguments.engine_speeds.clone(),
+            arguments.boost_references.clone(),
+            arguments.lambda,
+        )?,
         procedure: Procedure::default(),
     };
-    let out = &arguments.out;
     super::make_folder(out)?;
     let settings = task.settings(digest(&arguments.plant)?)?;
-    let journal = Journal::open(&out.join("journal.jsonl"), &settings)?;
+    let journal = Journal::open(&out.join(JOURNAL), &settings)?;
     let (sweeps, points) = journal.finished();
     if sweeps + points > 0 {
-        println!("{sweeps} sweeps and {points} points are taken from the journal of an earlier run");
+        print(&format!(
+            "{sweeps} sweeps and {points} points are taken from the journal of an earlier run\n"
+        ))?;
     }
 
     // It draws nothing where standard error is no terminal.
@@ -81,25 +96,23 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     bar.finish_and_clear();
     let tuning = tuning?;
     for note in &tuning.notes {
-        eprintln!("note: {note}");
+        complain(&format!("note: {note}"));
     }
 
     let set = tuning.parameter_set(SET).to_xml();
-    let set_name = format!("{SET}.ssv");
-    let texts = [(set_name.as_str(), set), ("report.html", html(&tuning)), ("report.json", json(&tuning)?)];
+    let texts = [(SET_FILE, set), (HTML, html(&tuning)), (JSON, json(&tuning)?)];
     super::write(out, texts)?;
     let count = |basis| tuning.cells.iter().filter(|cell| cell.basis == basis).count();
-    println!(
+    Ok(print(&format!(
         "{} of {} points identified; {} above and {} below what can be reached, {} outside the stepped duties, {} \
-         without a model",
+         without a model\n",
         count(Basis::Identified),
         tuning.cells.len(),
         count(Basis::AboveReach),
         count(Basis::BelowReach),
         count(Basis::OutsideFittedDuty),
         count(Basis::NoModel),
-    );
-    Ok(())
+    ))?)
 }
 
 /// Whole seconds.

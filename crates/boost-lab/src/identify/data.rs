@@ -1,9 +1,10 @@
 //! Measured data: a CSV file's columns by what they are, in SI units.
 
-use std::fs::File;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
+use fmi2_export::package::reading;
+use fmi2_export::package::terminal::number as shown;
 
 /// What a column can be.
 struct Role {
@@ -145,17 +146,17 @@ impl Data {
     /// # Errors
     /// The message names line and column, and says what was expected.
     pub fn read(path: &Path, naming: &Naming) -> Result<Self> {
-        let file = File::open(path).with_context(|| format!("cannot read the data {}", path.display()))?;
-        Self::parse(file, naming).with_context(|| path.display().to_string())
+        Self::parse(&reading::text(path)?, naming).with_context(|| path.display().to_string())
     }
 
-    fn parse(file: impl std::io::Read, naming: &Naming) -> Result<Self> {
+    fn parse(text: &str, naming: &Naming) -> Result<Self> {
         for (role, _) in naming.columns.iter().chain(&naming.units) {
             if ROLES.iter().all(|known| known.name != role) {
                 bail!("no column can be {role}: there are {}", roles());
             }
         }
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
+        let mut reader =
+            csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
         let header: Vec<_> = reader.headers()?.iter().map(Heading::read).collect();
         let found: Vec<_> = ROLES.iter().map(|role| find(role, &header, naming)).collect::<Result<_>>()?;
         let mut values: Vec<Vec<f64>> = vec![vec![]; ROLES.len()];
@@ -175,6 +176,7 @@ impl Data {
                 let (least, most) = role.range;
                 if !(least..=most).contains(&value) {
                     let unit = if *is_relative { "" } else { role.units[0].0 };
+                    let [least, most, value] = [least, most, value].map(shown);
                     bail!(
                         "line {line}, {}: expected {least} to {most} {unit}, found {value} {unit}; another unit is \
                          told in the header's brackets or by --unit {}=UNIT",
@@ -188,8 +190,10 @@ impl Data {
                 && now <= before
             {
                 bail!(
-                    "line {line}, {}: expected a time after {before} s, found {now} s",
-                    column_name(&found, &header)
+                    "line {line}, {}: expected a time after {} s, found {} s",
+                    column_name(&found, &header),
+                    shown(before),
+                    shown(now)
                 );
             }
         }
@@ -301,14 +305,13 @@ mod tests {
     }
 
     fn error(text: &str, naming: &Naming) -> String {
-        Data::parse(text.as_bytes(), naming)
-            .map_or_else(|error| format!("{error:#}"), |_| "no error".to_owned())
+        Data::parse(text, naming).map_or_else(|error| format!("{error:#}"), |_| "no error".to_owned())
     }
 
     #[test]
     fn units_become_those_of_si() -> Result<()> {
         let text = format!("{HEADER}0,40,12000,32.5,8e4,5\n12.5,41,12100,32,7e4,6\n");
-        let data = Data::parse(text.as_bytes(), &naming())?;
+        let data = Data::parse(&text, &naming())?;
         let close = |found: f64, expected: f64| (found - expected).abs() < 1e-12 * expected;
         assert!(close(data.time[1], 0.0125) && close(data.voltage[1], 12.1) && close(data.tank[0], 32.5e3));
         assert!(close(data.chamber[1], 7e4) && close(data.position[1], 6e-3) && close(data.duty[1], 41.0));
@@ -320,7 +323,7 @@ mod tests {
     fn a_position_may_be_in_parts_of_the_stroke() -> Result<()> {
         let mut naming = naming();
         naming.units.push(("position".to_owned(), "%".to_owned()));
-        let data = Data::parse(format!("{HEADER}0,40,12000,32.5,8e4,50\n").as_bytes(), &naming)?;
+        let data = Data::parse(&format!("{HEADER}0,40,12000,32.5,8e4,50\n"), &naming)?;
         assert!(data.position_is_relative && (data.position[0] - 0.5).abs() < 1e-15);
         Ok(())
     }

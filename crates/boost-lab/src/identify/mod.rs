@@ -20,6 +20,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
+use fmi2_export::package::terminal::number;
 use fmi2_export::package::{Parameter, ParameterSet, Value};
 use serde::Serialize;
 
@@ -142,7 +143,7 @@ impl Known {
         {
             let value = get(name)?;
             if is_positive && value <= 0.0 {
-                bail!("{name} is {value}: a fit starts from it, so it has to be above 0");
+                bail!("{name} is {}: a fit starts from it, so it has to be above 0", number(value));
             }
             sought.insert(*name, (value, plant.variable(name)?.unit.clone()));
         }
@@ -231,8 +232,8 @@ pub fn identify(
     sets: &[ParameterSet],
     validation_share: f64,
 ) -> Result<Identification> {
-    let mut known = Known::read(plant, sets)?;
     let mut data = Data::read(path, naming)?;
+    let mut known = Known::read(plant, sets)?;
     let mut notes = vec![];
     for (values, known, name, unit) in [
         (&data.ambient_pressure, &mut known.ambient_pressure, "ambient pressure", "Pa"),

@@ -1,40 +1,18 @@
 //! The folder that an FMU is extracted to, as long as it is used.
 
-use std::fs::{self, File};
-use std::io::{self, BufReader};
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 
 use anyhow::{Context, Result};
 use fmi2_export::package::archive;
-use tempfile::TempDir;
+use fmi2_export::package::temporary::Folder;
 
-/// Extracts an FMU, of which [`archive::open`] has seen that it stays in its folder.
-pub fn extract(path: &Path) -> Result<TempDir> {
+/// Extracts an FMU.
+pub fn extract(path: &Path) -> Result<Folder> {
     let file = File::open(path).context("it cannot be opened")?;
     let mut archive = archive::open(BufReader::new(file))?;
-    let folder =
-        tempfile::Builder::new().prefix("boost-lab-").tempdir().context("there is no place for it")?;
-    for index in 0..archive.len() {
-        let mut entry = archive.by_index(index)?;
-        let name = entry.name()?.into_owned();
-        let mut extract = || {
-            let target = folder.path().join(&name);
-            if name.ends_with('/') {
-                return fs::create_dir_all(target);
-            }
-            target.parent().map_or(Ok(()), fs::create_dir_all)?;
-            let size = entry.size();
-            // An entry that holds more than it says would fill the disk.
-            let copied = io::copy(&mut io::Read::take(&mut entry, size + 1), &mut File::create_new(target)?)?;
-            if copied == size {
-                Ok(())
-            } else {
-                Err(io::Error::other("its size is not what the archive says"))
-            }
-        };
-        extract().with_context(|| format!("its entry '{name}' cannot be extracted"))?;
-    }
-    Ok(folder)
+    Ok(Folder::filled("boost-lab-", |folder| archive::extract(&mut archive, folder))?)
 }
 
 /// The `file` URI (RFC 8089) of a folder, as `fmi2Instantiate` takes it.

@@ -4,6 +4,7 @@ use std::ffi::c_int;
 use std::fmt;
 
 use fmi2_export::package::ModelDescription;
+use fmi2_export::package::terminal::number;
 
 /// A status, as the FMU gave it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -120,14 +121,14 @@ impl fmt::Display for CallFailed {
             write!(formatter, "{last}")?;
         }
         if let Some(time) = self.time {
-            write!(formatter, " at {time} s")?;
+            write!(formatter, " at {} s", number(time))?;
         }
         match self.status {
             Some(status) => write!(formatter, " gave {status}")?,
             None => write!(formatter, " made no instance")?,
         }
         if let Some(time) = self.last_successful_time {
-            write!(formatter, ", having reached {time} s")?;
+            write!(formatter, ", having reached {} s", number(time))?;
         }
         if self.messages.is_empty() {
             return write!(formatter, "; the FMU does not say why");

@@ -20,14 +20,16 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 
+use self::c_boundary::{Functions, Handle};
+pub use self::messages::{CallFailed, Message, Status};
 use anyhow::{Context, Result, bail};
 use boost_interface::Translation;
 use fmi2_export::c_types::{FmuState, ValueReference};
-use fmi2_export::package::{Linear, ModelDescription, ParameterSet, Platform, Value, Variable, like};
-use tempfile::TempDir;
-
-use self::c_boundary::{Functions, Handle};
-pub use self::messages::{CallFailed, Message, Status};
+use fmi2_export::package::library::refuse_cut_short;
+use fmi2_export::package::temporary::Folder;
+use fmi2_export::package::{
+    Linear, ModelDescription, ParameterSet, Platform, Value, Variable, like, reading,
+};
 
 /// The flag of an FMU that can have one instance in a process.
 pub(crate) const ONLY_ONCE: &str = "canBeInstantiatedOnlyOncePerProcess";
@@ -40,7 +42,7 @@ pub struct Fmu {
     conversions: BTreeMap<String, Linear>,
     functions: Arc<Functions>,
     // Dropped after the library in it.
-    folder: Arc<TempDir>,
+    folder: Arc<Folder>,
 }
 
 impl Fmu {
@@ -54,9 +56,12 @@ impl Fmu {
 
     fn open_anonymous(path: &Path) -> Result<Self> {
         let folder = folder::extract(path)?;
-        let xml = std::fs::read_to_string(folder.path().join("modelDescription.xml"))
-            .context("its modelDescription.xml cannot be read")?;
-        let description = ModelDescription::parse(&xml).context("its modelDescription.xml is broken")?;
+        let description = folder.path().join("modelDescription.xml");
+        if !description.is_file() {
+            bail!("there is no modelDescription.xml in it");
+        }
+        let description = ModelDescription::parse(&reading::text(&description)?)
+            .context("its modelDescription.xml is broken")?;
         let version = description.attribute("fmiVersion");
         if !version.starts_with("2.") {
             bail!("it is one of FMI {version}; FMI 2.0 is what is known here");
@@ -65,11 +70,13 @@ impl Fmu {
             bail!("it is not for co-simulation");
         };
         let Some(platform) = Platform::host() else { bail!("FMI 2.0 knows no FMUs for this platform") };
-        let library = platform.library_path(identifier);
-        if !folder.path().join(&library).is_file() {
-            bail!("it has no {library}: it is not for this platform");
+        let name = platform.library_path(identifier);
+        let library = folder.path().join(&name);
+        if !library.is_file() {
+            bail!("it has no {name}: it is not for this platform");
         }
-        let functions = Functions::load(&folder.path().join(library))?;
+        refuse_cut_short(&reading::bytes(&library)?).with_context(|| format!("its {name}"))?;
+        let functions = Functions::load(&library)?;
         Ok(Self {
             path: path.to_owned(),
             description,

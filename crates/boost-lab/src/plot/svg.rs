@@ -2,6 +2,7 @@
 
 use super::FONT_SIZE;
 use super::color::BLACK;
+use fmi2_export::package::terminal::printable;
 
 /// How a text lies to its place.
 #[derive(Clone, Copy)]
@@ -134,5 +135,6 @@ impl Svg {
 /// A text as XML writes it.
 #[must_use]
 pub fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+    // Control characters are not allowed in XML.
+    printable(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::fmt::Display;
 use std::ops::Range;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Error, Result, anyhow};
@@ -44,6 +45,8 @@ pub struct Document<'a> {
     text: &'a str,
     file: Arc<str>,
     root: Spanned<DeTable<'a>>,
+    /// The files whose paths were asked for.
+    files: RefCell<Vec<PathBuf>>,
 }
 
 impl<'a> Document<'a> {
@@ -53,14 +56,19 @@ impl<'a> Document<'a> {
             let line = line(text, &error.span().unwrap_or_default());
             anyhow!("{file}, line {line}: {}", error.message())
         })?;
-        Ok(Self { text, file: file.into(), root })
+        Ok(Self { text, file: file.into(), root, files: RefCell::default() })
+    }
+
+    /// The files that it names.
+    pub fn into_files(self) -> Vec<PathBuf> {
+        self.files.into_inner()
     }
 
     /// The file's table.
     pub fn root(&self) -> Table<'_> {
         let place = Place { file: Arc::clone(&self.file), line: 1, key: "the file".to_owned() };
         Table {
-            text: self.text,
+            document: self,
             table: self.root.get_ref(),
             path: String::new(),
             place,
@@ -75,7 +83,7 @@ fn line(text: &str, span: &Range<usize>) -> usize {
 
 /// A table, and which keys were asked for.
 pub struct Table<'a> {
-    text: &'a str,
+    document: &'a Document<'a>,
     table: &'a DeTable<'a>,
     path: String,
     place: Place,
@@ -130,22 +138,27 @@ impl<'a> Table<'a> {
             format!("\"{key}\"")
         };
         let path = if self.path.is_empty() { key } else { format!("{}.{key}", self.path) };
-        Node::new(self.text, value, path, &self.place)
+        Node::new(self.document, value, path, &self.place)
     }
 }
 
 /// A value, and where it stands.
 pub struct Node<'a> {
-    text: &'a str,
+    document: &'a Document<'a>,
     value: &'a DeValue<'a>,
     path: String,
     place: Place,
 }
 
 impl<'a> Node<'a> {
-    fn new(text: &'a str, value: &'a Spanned<DeValue<'a>>, path: String, parent: &Place) -> Self {
-        let place = parent.child(&path, line(text, &value.span()));
-        Self { text, value: value.get_ref(), path, place }
+    fn new(
+        document: &'a Document<'a>,
+        value: &'a Spanned<DeValue<'a>>,
+        path: String,
+        parent: &Place,
+    ) -> Self {
+        let place = parent.child(&path, line(document.text, &value.span()));
+        Self { document, value: value.get_ref(), path, place }
     }
 
     /// Where it stands.
@@ -203,11 +216,18 @@ impl<'a> Node<'a> {
         self.value.as_str().ok_or_else(|| self.unexpected(expected))
     }
 
+    /// The path of a file, from a folder.
+    pub fn path(&self, expected: &str, folder: &Path) -> Result<PathBuf> {
+        let path = folder.join(self.string(expected)?);
+        self.document.files.borrow_mut().push(path.clone());
+        Ok(path)
+    }
+
     /// A table.
     pub fn table(&self, expected: &str) -> Result<Table<'a>> {
         let DeValue::Table(table) = self.value else { return Err(self.unexpected(expected)) };
         Ok(Table {
-            text: self.text,
+            document: self.document,
             table,
             path: self.path.clone(),
             place: self.place.clone(),
@@ -219,7 +239,7 @@ impl<'a> Node<'a> {
     pub fn list(&self, expected: &str) -> Result<Vec<Node<'a>>> {
         let DeValue::Array(list) = self.value else { return Err(self.unexpected(expected)) };
         let node = |(index, value)| {
-            Node::new(self.text, value, format!("{}[{}]", self.path, index + 1), &self.place)
+            Node::new(self.document, value, format!("{}[{}]", self.path, index + 1), &self.place)
         };
         Ok(list.iter().enumerate().map(node).collect())
     }

@@ -4,12 +4,12 @@
 pub(crate) mod document;
 mod signal;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use boost_interface::Map;
-use fmi2_export::package::{ParameterSet, Value};
+use fmi2_export::package::terminal::number;
+use fmi2_export::package::{ParameterSet, Value, reading};
 use toml::de::DeValue;
 
 pub use self::document::Place;
@@ -27,6 +27,8 @@ pub struct Scenario {
     pub start_time: f64,
     /// When it ends (s).
     pub stop_time: f64,
+    /// How many communication steps there are from its beginning to its end.
+    pub steps: u32,
     /// In which order the FMUs step.
     pub stepping: Stepping,
     /// The FMUs, in the order of stepping.
@@ -37,6 +39,8 @@ pub struct Scenario {
     pub noise: Vec<Noise>,
     /// What is recorded; all inputs that are driven and all outputs where this is left out.
     pub record: Option<Vec<Recorded>>,
+    /// All files that it was read from, and those of the FMUs.
+    pub files: Vec<PathBuf>,
 }
 
 /// The order in a communication step.
@@ -75,6 +79,8 @@ pub struct Member {
 pub struct RunIn {
     /// How long (s).
     pub duration: f64,
+    /// How many communication steps these are.
+    pub steps: u32,
     /// Values that are set before its initialization.
     pub during: Vec<Assignment>,
     /// Values that are set when it is over: of tunable parameters.
@@ -131,10 +137,11 @@ impl Scenario {
     /// # Errors
     /// When it is not as it should be; the message names file, line and key, and what was expected.
     pub fn read(path: &Path, fmus: Option<&Path>) -> Result<Self> {
-        let text = fs::read_to_string(path)
-            .with_context(|| format!("cannot read the scenario {}", path.display()))?;
+        let text = reading::text(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        Self::parse(&path.to_string_lossy(), &text, folder, fmus.unwrap_or(folder))
+        let mut scenario = Self::parse(&path.to_string_lossy(), &text, folder, fmus.unwrap_or(folder))?;
+        scenario.files.push(path.to_owned());
+        Ok(scenario)
     }
 
     /// Reads the text of a file, whose name is for messages. What it refers to is looked for in `folder`, FMUs
@@ -145,18 +152,20 @@ impl Scenario {
     pub fn parse(file: &str, text: &str, folder: &Path, fmus: &Path) -> Result<Self> {
         let document = Document::parse(file, text)?;
         let root = document.root();
-        let number = |key, default| root.optional(key).map_or(Ok(default), |node| node.number("a time in s"));
-        let start_time = number("start_time", 0.0)?;
+        let start = root.optional("start_time");
+        let start_time = start.map_or(Ok(0.0), |node| node.number("a time in s"))?;
         let stop = root.required("stop_time", "a time in s")?;
         let stop_time = stop.number("a time in s")?;
         if stop_time <= start_time {
-            return Err(stop.unexpected(&format!("a time after start_time, {start_time} s")));
+            return Err(stop.unexpected(&format!("a time after start_time, {} s", number(start_time))));
         }
-        let scenario = Self {
+        let step = root.required("step", "the communication step in s")?.positive("a time above 0 in s")?;
+        let mut scenario = Self {
             title: root.optional("title").map_or(Ok(""), |node| node.string("a text"))?.to_owned(),
-            step: root.required("step", "the communication step in s")?.positive("a time above 0 in s")?,
+            step,
             start_time,
             stop_time,
+            steps: stop.place().locate(count(stop_time - start_time, step))?,
             stepping: root.optional("stepping").map_or(Ok(Stepping::InTurn), |node| {
                 const EXPECTED: &str = "\"in_turn\" or \"at_once\"";
                 match node.string(EXPECTED)? {
@@ -165,12 +174,14 @@ impl Scenario {
                     _ => Err(node.unexpected(EXPECTED)),
                 }
             })?,
-            fmus: read_members(&root, folder, fmus)?,
+            fmus: read_members(&root, step, folder, fmus)?,
             inputs: root.optional("inputs").map_or(Ok(vec![]), |node| read_inputs(&node, folder))?,
             noise: root.optional("noise").map_or(Ok(vec![]), |node| read_noise(&node))?,
             record: root.optional("record").map(|node| read_record(&node)).transpose()?,
+            files: vec![],
         };
         root.finish()?;
+        scenario.files = document.into_files();
         Ok(scenario)
     }
 
@@ -220,12 +231,26 @@ impl Scenario {
     }
 }
 
-fn read_members(root: &Table<'_>, folder: &Path, fmus: &Path) -> Result<Vec<Member>> {
+/// How many steps a duration has (s), which is a multiple of the step to rounding.
+fn count(duration: f64, step: f64) -> Result<u32> {
+    let count = (duration / step).round();
+    if count > f64::from(u32::MAX) {
+        bail!("{} communication steps of {} s are too many", number(count), number(step));
+    }
+    if (count * step - duration).abs() > 1e-9 * duration.max(1.0) {
+        bail!("{} s is no multiple of the communication step, {} s", number(duration), number(step));
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    // it is whole, above zero and small enough
+    Ok(count as u32)
+}
+
+fn read_members(root: &Table<'_>, step: f64, folder: &Path, fmus: &Path) -> Result<Vec<Member>> {
     const EXPECTED: &str = "a table [[fmu]] for each FMU, in the order of stepping";
     let list = root.required("fmu", EXPECTED)?;
     let mut members: Vec<Member> = vec![];
     for node in list.list(EXPECTED)? {
-        let member = read_member(&node, folder, fmus)?;
+        let member = read_member(&node, step, folder, fmus)?;
         if members.iter().any(|other| other.name == member.name) {
             return Err(member.place.error(format!("another FMU has the name {}", member.name)));
         }
@@ -234,12 +259,12 @@ fn read_members(root: &Table<'_>, folder: &Path, fmus: &Path) -> Result<Vec<Memb
     if members.is_empty() { Err(list.unexpected(EXPECTED)) } else { Ok(members) }
 }
 
-fn read_member(node: &Node<'_>, folder: &Path, fmus: &Path) -> Result<Member> {
+fn read_member(node: &Node<'_>, step: f64, folder: &Path, fmus: &Path) -> Result<Member> {
     let table = node.table("a table [[fmu]]")?;
     let file = table.required("file", "the FMU's path")?;
     let member = Member {
         name: table.required("name", "the FMU's name in the scenario")?.string("a text")?.to_owned(),
-        file: fmus.join(file.string("the FMU's path")?),
+        file: file.path("the FMU's path", fmus)?,
         map: table.optional("map").map(|node| read_map(&node, folder)).transpose()?,
         place: file.place().clone(),
         parameters: table.optional("parameters").map_or(Ok(vec![]), |node| {
@@ -247,7 +272,7 @@ fn read_member(node: &Node<'_>, folder: &Path, fmus: &Path) -> Result<Member> {
             node.list(EXPECTED)?.iter().map(|node| read_parameters(node, folder, EXPECTED)).collect()
         })?,
         values: table.optional("values").map_or(Ok(vec![]), |node| read_values(&node))?,
-        run_in: table.optional("run_in").map(|node| read_run_in(&node)).transpose()?,
+        run_in: table.optional("run_in").map(|node| read_run_in(&node, step)).transpose()?,
         inputs: table.optional("inputs").map_or(Ok(vec![]), |node| read_inputs(&node, folder))?,
     };
     table.finish()?;
@@ -255,12 +280,12 @@ fn read_member(node: &Node<'_>, folder: &Path, fmus: &Path) -> Result<Member> {
 }
 
 fn read_map(node: &Node<'_>, folder: &Path) -> Result<Map> {
-    let path = folder.join(node.string("the path of a map (.json)")?);
+    let path = node.path("the path of a map (.json)", folder)?;
     node.place().locate(Map::read(&path))
 }
 
 fn read_parameters(node: &Node<'_>, folder: &Path, expected: &str) -> Result<(ParameterSet, Place)> {
-    let path = folder.join(node.string(expected)?);
+    let path = node.path(expected, folder)?;
     let set = ParameterSet::read(&path).map_err(anyhow::Error::from);
     Ok((node.place().locate(set)?, node.place().clone()))
 }
@@ -285,10 +310,13 @@ pub(crate) fn read_value(name: &str, node: &Node<'_>) -> Result<Assignment> {
     Ok(Assignment { name: name.to_owned(), value, place: node.place().clone() })
 }
 
-fn read_run_in(node: &Node<'_>) -> Result<RunIn> {
+fn read_run_in(node: &Node<'_>, step: f64) -> Result<RunIn> {
     let table = node.table("a table of duration, during and after")?;
+    let duration_node = table.required("duration", "a time in s")?;
+    let duration = duration_node.positive("a time above 0 in s")?;
     let run_in = RunIn {
-        duration: table.required("duration", "a time in s")?.positive("a time above 0 in s")?,
+        duration,
+        steps: duration_node.place().locate(count(duration, step))?,
         during: table.optional("during").map_or(Ok(vec![]), |node| read_values(&node))?,
         after: table.optional("after").map_or(Ok(vec![]), |node| read_values(&node))?,
     };

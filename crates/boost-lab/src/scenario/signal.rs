@@ -4,6 +4,8 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
+use fmi2_export::package::reading;
+use fmi2_export::package::terminal::number as shown;
 use toml::de::DeValue;
 
 use super::document::{Node, Table};
@@ -104,7 +106,7 @@ fn read_points(node: &Node<'_>, is_in_order: impl Fn(f64, f64) -> bool) -> Resul
         if let Some(&(before, _)) = points.last()
             && !is_in_order(before, point.0)
         {
-            return Err(pair.unexpected(&format!("a time after the one before, {before} s")));
+            return Err(pair.unexpected(&format!("a time after the one before, {} s", shown(before))));
         }
         points.push(point);
     }
@@ -122,9 +124,11 @@ fn read_ramp(node: &Node<'_>) -> Result<Signal> {
     let begin = number("begin", "the time at which the ramp begins (s)")?;
     let end = number("end", "the time at which the ramp ends (s)")?;
     if begin >= end {
-        return Err(table
-            .place()
-            .error(format!("expected an end after the begin, found {begin} s to {end} s")));
+        return Err(table.place().error(format!(
+            "expected an end after the begin, found {} s to {} s",
+            shown(begin),
+            shown(end)
+        )));
     }
     table.finish()?;
     Ok(Signal::Lines(vec![(begin, from), (end, to)]))
@@ -154,16 +158,17 @@ fn read_csv(table: &Table<'_>, file: &Node<'_>, folder: &Path) -> Result<Signal>
             node.unexpected("true where values hold until the next row, false where lines lead there")
         })?,
     };
-    let path = folder.join(file.string("the path of a CSV file")?);
-    let points = file
-        .place()
-        .locate(csv_column(&path, name).with_context(|| format!("cannot read {}", path.display())))?;
+    let path = file.path("the path of a CSV file", folder)?;
+    let text = file.place().locate(reading::text(&path).map_err(anyhow::Error::from))?;
+    let points = csv_column(&text, name).with_context(|| format!("cannot read {}", path.display()));
+    let points = file.place().locate(points)?;
     Ok(if hold { Signal::Steps(points) } else { Signal::Lines(points) })
 }
 
 /// A column over the first one, which is the time (s).
-fn csv_column(path: &Path, name: &str) -> Result<Vec<(f64, f64)>> {
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_path(path)?;
+fn csv_column(text: &str, name: &str) -> Result<Vec<(f64, f64)>> {
+    let mut reader =
+        csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
     let header = reader.headers()?.clone();
     let Some(column) = header.iter().skip(1).position(|known| known == name) else {
         let names: Vec<_> = header.iter().skip(1).collect();
@@ -185,7 +190,12 @@ fn csv_column(path: &Path, name: &str) -> Result<Vec<(f64, f64)>> {
         if let Some(&(before, _)) = points.last()
             && point.0 <= before
         {
-            bail!("line {line}, {}: expected a time after {before} s, found {} s", &header[0], point.0);
+            bail!(
+                "line {line}, {}: expected a time after {} s, found {} s",
+                &header[0],
+                shown(before),
+                shown(point.0)
+            );
         }
         points.push(point);
     }

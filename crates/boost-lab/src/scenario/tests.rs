@@ -1,3 +1,5 @@
+use std::fs;
+
 use super::*;
 
 /// The least that a scenario needs, with lines after it.
@@ -93,6 +95,18 @@ fn each_refusal_names_line_and_key_and_what_was_expected() {
         ("step = 0.1\nstop_time = nan", "line 2, stop_time: expected a time in s, found nan"),
         ("step = 0.1\nstop_time = -1", "line 2, stop_time: expected a time after start_time, 0 s, found -1"),
         ("step = 0.1\nstop_time = 1", "line 1, the file: fmu is missing"),
+        (
+            "stop_time = 1e308\nstep = 1e-3",
+            "line 1, stop_time: inf communication steps of 0.001 s are too many",
+        ),
+        (
+            "stop_time = 4294967296\nstep = 1",
+            "line 1, stop_time: 4294967296 communication steps of 1 s are too many",
+        ),
+        (
+            "step = 0.3\nstop_time = 1",
+            "line 2, stop_time: 1 s is no multiple of the communication step, 0.3 s",
+        ),
         ("step = 0.1\nstop_time = 1\nfmu = 3", "line 3, fmu: expected a table [[fmu]] for each FMU"),
         (
             "step = 0.1\nstop_time = 1\n[[fmu]]\nname = \"a\"",
@@ -114,6 +128,10 @@ fn each_refusal_names_line_and_key_and_what_was_expected() {
         (
             "run_in = { duration = -1 }",
             "line 6, fmu[1].run_in.duration: expected a time above 0 in s, found -1",
+        ),
+        (
+            "run_in = { duration = 1e300 }",
+            "line 6, fmu[1].run_in.duration: 1e301 communication steps of 0.1 s are too many",
         ),
         ("run_in = { begin = 1 }", "line 6, fmu[1].run_in: duration is missing: a time in s"),
         ("[[fmu]]\nname = \"plant\"\nfile = \"a\"", "line 8, fmu[2].file: another FMU has the name plant"),

@@ -1,7 +1,7 @@
 //! Which values the parameters of a study have in which run.
 
 use anyhow::Result;
-use fmi2_export::package::Value;
+use fmi2_export::package::{Value, terminal};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -33,7 +33,7 @@ impl Range {
         let end = table.required("to", "the greatest value")?;
         let to = end.number("a number")?;
         if to <= from {
-            return Err(end.unexpected(&format!("a number above from, {from}")));
+            return Err(end.unexpected(&format!("a number above from, {}", terminal::number(from))));
         }
         let is_logarithmic = match table.optional("spacing") {
             None => false,

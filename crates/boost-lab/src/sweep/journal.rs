@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::journal::{self, Settings};
 
 /// The file in the folder of a study's results.
-const NAME: &str = "journal.jsonl";
+pub(super) const NAME: &str = "journal.jsonl";
 
 /// What came of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

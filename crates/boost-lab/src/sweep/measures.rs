@@ -1,6 +1,7 @@
 //! The numbers that a study takes from each run.
 
 use anyhow::{Context, Result};
+use fmi2_export::package::terminal::number;
 
 use crate::measure::{Following, between, greatest, least};
 use crate::record::Record;
@@ -98,13 +99,16 @@ fn read_times(table: &Table<'_>, scenario: &Scenario) -> Result<(f64, f64)> {
         if !is_in || (steps - steps.round()).abs() > 1e-6 {
             return Err(node.unexpected(&format!(
                 "a time from {} to {} s, a whole number of steps of {} s after the start",
-                scenario.start_time, scenario.stop_time, scenario.step
+                number(scenario.start_time),
+                number(scenario.stop_time),
+                number(scenario.step)
             )));
         }
         Ok(time)
     };
     let (from, to) = (time("from", scenario.start_time)?, time("to", scenario.stop_time)?);
     if from > to {
+        let [from, to] = [from, to].map(number);
         return Err(table.place().error(format!("expected from before to, found {from} s to {to} s")));
     }
     Ok((from, to))

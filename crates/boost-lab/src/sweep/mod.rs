@@ -11,11 +11,12 @@ pub mod results;
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use anyhow::{Context, Result};
-use fmi2_export::package::Value;
+use fmi2_export::package::temporary::remove_unfinished;
+use fmi2_export::package::{Value, reading, writing};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use self::design::Design;
@@ -27,6 +28,9 @@ use crate::mapping;
 use crate::master::{Fmus, Master};
 use crate::scenario::document::Document;
 use crate::scenario::{Assignment, Place, Recorded, Scenario};
+
+/// The folder of the runs' records, in that of the results.
+const RECORDS: &str = "records";
 
 /// A parameter study.
 pub struct Study {
@@ -73,21 +77,22 @@ impl Study {
     /// # Errors
     /// When it is not as it should be; the message names file, line and key, and what was expected.
     pub fn read(path: &Path, fmus: Option<&Path>) -> Result<Self> {
-        let text =
-            fs::read_to_string(path).with_context(|| format!("cannot read the study {}", path.display()))?;
+        let text = reading::text(path)?;
         let document = Document::parse(&path.to_string_lossy(), &text)?;
         let root = document.root();
         let scenario = root.required("scenario", "the path of a scenario")?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        let file = folder.join(scenario.string("the path of a scenario")?);
+        let file = scenario.path("the path of a scenario", folder)?;
         // The scenario's messages have places of their own.
         let mut scenario = Scenario::read(&file, fmus)?;
+        scenario.files.push(path.to_owned());
         let keeps_records = root.optional("records").map_or(Ok(false), |node| {
             node.value().as_bool().ok_or_else(|| node.unexpected("true where each run's record is kept"))
         })?;
         let Design { parameters, points } = Design::read(&root)?;
         let measures = root.required("measures", "a table of measures by their names")?;
         let measures = measures::read(&measures, &scenario)?;
+        results::refuse_names(&parameters, &measures)?;
         let study = Self {
             title: root.optional("title").map_or(Ok(""), |node| node.string("a text"))?.to_owned(),
             parameters,
@@ -101,6 +106,13 @@ impl Study {
         };
         root.finish()?;
         Ok(study)
+    }
+
+    /// What is written to a folder for results.
+    #[must_use]
+    pub fn outputs(&self, folder: &Path) -> Vec<PathBuf> {
+        let names = [journal::NAME, results::CSV, results::PARQUET].into_iter();
+        names.chain(self.keeps_records.then_some(RECORDS)).map(|name| folder.join(name)).collect()
     }
 
     /// Loads the FMUs, and checks against them what the study names.
@@ -263,9 +275,11 @@ impl Loaded {
         progress: impl Fn(&Outcome) + Sync,
     ) -> Result<Vec<Outcome>> {
         let pending: Vec<_> = (0..self.runs()).filter(|&run| !journal.has(run)).collect();
-        let records = journal.folder().join("records");
+        let records = journal.folder().join(RECORDS);
         if self.study.keeps_records {
+            // Nobody else writes there as long as the journal is locked.
             fs::create_dir_all(&records)
+                .and_then(|()| remove_unfinished(&records))
                 .with_context(|| format!("cannot make the folder {}", records.display()))?;
         }
         let journal = Mutex::new(journal);
@@ -307,13 +321,7 @@ impl Loaded {
             .collect::<Result<_>>()?;
         if self.study.keeps_records {
             let path = records.join(format!("{run}.csv"));
-            let write = || -> Result<()> {
-                let mut file = tempfile::NamedTempFile::new_in(records)?;
-                finished.record.write_csv(std::io::BufWriter::new(file.as_file_mut()))?;
-                file.persist(&path)?;
-                Ok(())
-            };
-            write().with_context(|| format!("cannot write {}", path.display()))?;
+            writing::write(&path, |writer| finished.record.write_csv(writer))?;
         }
         Ok(outcome)
     }

@@ -5,7 +5,7 @@
 //! that write either, `parquet` without its Arrow layer is the smallest (29 crates in its tree; `arrow-ipc` with
 //! `arrow-array` has 41).
 
-use std::io::Write;
+use std::io::{self, Write};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
@@ -18,7 +18,32 @@ use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 
 use super::journal::Outcome;
-use super::{Loaded, written};
+use super::measures::Measure;
+use super::{Loaded, Parameter, written};
+
+/// The table's files in the folder of a study's results.
+pub const CSV: &str = "results.csv";
+/// See above.
+pub const PARQUET: &str = "results.parquet";
+
+/// The columns that every study has.
+const RUN: &str = "run";
+const ERROR: &str = "error";
+const WARNINGS: &str = "warnings";
+
+/// Refuses a measure with the name of another column: readers take no table with two of a name.
+pub(super) fn refuse_names(parameters: &[Parameter], measures: &[Measure]) -> Result<()> {
+    let parameters = parameters.iter().map(|parameter| parameter.name.as_str());
+    let taken: Vec<_> = parameters.chain([RUN, ERROR, WARNINGS]).collect();
+    // TOML itself refuses two measures of a name.
+    match measures.iter().find(|measure| taken.contains(&measure.name.as_str())) {
+        Some(measure) => Err(measure.place.error(format!(
+            "the results have a column {} already; give the measure another name",
+            measure.name
+        ))),
+        None => Ok(()),
+    }
+}
 
 /// A table of columns.
 pub struct Table(Vec<Column>);
@@ -42,7 +67,7 @@ impl Table {
         let study = loaded.study();
         let whole = |value| i32::try_from(value).ok();
         let runs = outcomes.iter().map(|outcome| whole(outcome.run)).collect();
-        let mut columns = vec![Column { name: "run".to_owned(), cells: Cells::Whole(runs) }];
+        let mut columns = vec![Column { name: RUN.to_owned(), cells: Cells::Whole(runs) }];
         for (index, (parameter, data_type)) in study.parameters.iter().zip(&loaded.data_types).enumerate() {
             let values = study.points.iter().map(|point| point[index].as_ref());
             let cells = match data_type.as_str() {
@@ -74,10 +99,10 @@ impl Table {
             columns.push(Column { name: measure.name.clone(), cells: Cells::Number(values) });
         }
         let errors = outcomes.iter().map(|outcome| outcome.error.clone()).collect();
-        columns.push(Column { name: "error".to_owned(), cells: Cells::Text(errors) });
+        columns.push(Column { name: ERROR.to_owned(), cells: Cells::Text(errors) });
         let joined = |outcome: &Outcome| (!outcome.warnings.is_empty()).then(|| outcome.warnings.join("\n"));
         let warnings = outcomes.iter().map(joined).collect();
-        columns.push(Column { name: "warnings".to_owned(), cells: Cells::Text(warnings) });
+        columns.push(Column { name: WARNINGS.to_owned(), cells: Cells::Text(warnings) });
         Self(columns)
     }
 
@@ -85,21 +110,24 @@ impl Table {
     ///
     /// # Errors
     /// When the writer fails.
-    pub fn write_csv(&self, writer: impl Write) -> Result<()> {
+    pub fn write_csv(&self, writer: impl Write) -> io::Result<()> {
         let mut csv = csv::Writer::from_writer(writer);
         csv.write_record(self.0.iter().map(|column| column.name.as_str()))?;
         for row in 0..self.0.first().map_or(0, |column| column.cells.len()) {
             csv.write_record(self.0.iter().map(|column| column.cells.text(row)))?;
         }
-        csv.flush()?;
-        Ok(())
+        csv.flush()
     }
 
     /// Writes Parquet: doubles, 32-bit integers, Booleans and UTF-8 texts, all of which can be missing.
     ///
     /// # Errors
     /// When the writer fails.
-    pub fn write_parquet(&self, writer: impl Write + Send) -> Result<()> {
+    pub fn write_parquet(&self, writer: impl Write + Send) -> io::Result<()> {
+        self.write_all_parquet(writer).map_err(|error| io::Error::other(format!("{error:#}")))
+    }
+
+    fn write_all_parquet(&self, writer: impl Write + Send) -> Result<()> {
         let fields = self.0.iter().map(|column| {
             let (physical, converted) = column.cells.parquet_type();
             let field = Type::primitive_type_builder(&column.name, physical)

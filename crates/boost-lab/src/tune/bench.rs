@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
+use fmi2_export::package::terminal::number;
 use fmi2_export::package::{ParameterSet, Value};
 use serde::{Deserialize, Serialize};
 
@@ -264,7 +265,7 @@ impl Run {
         self.instance.get(&mut self.boost, &mut value)?;
         if !value[0].is_finite() {
             let time = f64::from(self.steps_done) * self.sample_time;
-            bail!("the plant's {BOOST} is {} at {time} s", value[0]);
+            bail!("the plant's {BOOST} is {} at {} s", number(value[0]), number(time));
         }
         Ok(value[0])
     }

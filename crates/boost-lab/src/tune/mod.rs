@@ -16,7 +16,7 @@ mod schedule;
 
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use fmi2_export::package::{Parameter, ParameterSet, Value};
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
@@ -47,8 +47,6 @@ pub struct Task {
     pub schedule: Schedule,
     /// How the plant is identified.
     pub procedure: Procedure,
-    /// The time constant asked of the closed loop (s).
-    pub lambda: f64,
 }
 
 /// Why a point has the values that it has.
@@ -181,9 +179,6 @@ impl Task {
     /// # Errors
     /// When the plant lacks what is needed, fails, or cannot be tuned at all.
     pub fn run<'a>(&'a self, journal: &Journal, progress: &(impl Fn(f64) + Sync)) -> Result<Tuning<'a>> {
-        if !(self.lambda > 0.0 && self.lambda.is_finite()) {
-            bail!("lambda is {} s: a time above 0 is expected", self.lambda);
-        }
         let bench = Bench::new(&self.plant, &self.plant_parameters, &self.schedule, &self.procedure)
             .context("the plant cannot be tuned to")?;
         let is_single = self.plant.description().has_capability(ONLY_ONCE);
@@ -322,7 +317,7 @@ impl Task {
                 time_constant,
                 delay,
                 delay_is_raised: delay > model.delay.value,
-                feedback: Feedback::tuned(gain, time_constant, delay, self.lambda),
+                feedback: Feedback::tuned(gain, time_constant, delay, self.schedule.lambda),
             })
         };
         (0..points.len()).map(cell).collect()
@@ -434,18 +429,14 @@ impl Tuning<'_> {
         };
         let lift_off = "lift-off of the wastegate: the largest duty of the sweeps below which boost pressure does not \
                         rise any more";
-        let mut parameters = vec![
-            parameter(schedule::LAMBDA.to_owned(), "as asked for".to_owned(), self.task.lambda, "s"),
-            parameter(schedule::LEAST_DUTY.to_owned(), lift_off.to_owned(), self.least_duty(), "%"),
-        ];
-        for (axis, values, unit) in [
-            (schedule::ENGINE_SPEED, &schedule.engine_speeds, "rpm"),
-            (schedule::BOOST_REFERENCE, &schedule.boost_references, "Pa"),
-        ] {
-            for (index, &value) in values.iter().enumerate() {
-                parameters.push(parameter(format!("{axis}[{}]", index + 1), String::new(), value, unit));
-            }
-        }
+        let given = schedule.given().into_iter().map(|(name, value, unit)| {
+            let description = if name == schedule::LAMBDA { "as asked for" } else { "" };
+            parameter(name, description.to_owned(), value, unit)
+        });
+        let mut parameters: Vec<_> = given.collect();
+        let least_duty =
+            parameter(schedule::LEAST_DUTY.to_owned(), lift_off.to_owned(), self.least_duty(), "%");
+        parameters.insert(1, least_duty);
         for map in Map::ALL {
             for cell in &self.cells {
                 let name = map.parameter(cell.row, cell.column);
@@ -462,7 +453,7 @@ impl Tuning<'_> {
                 with.collect::<String>()
             ),
             parameters,
-            units: schedule.units.clone(),
+            units: schedule.description.units.clone(),
         }
     }
 }

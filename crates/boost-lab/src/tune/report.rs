@@ -72,7 +72,7 @@ pub fn json(tuning: &Tuning<'_>) -> Result<String> {
         nominal_voltage: schedule.nominal_voltage,
         sample_time: schedule.sample_time,
         procedure: &tuning.task.procedure,
-        lambda: tuning.task.lambda,
+        lambda: tuning.task.schedule.lambda,
         least_duty: tuning.least_duty(),
         notes: &tuning.notes,
         sweeps: &tuning.sweeps,
@@ -110,7 +110,7 @@ fn introduction(tuning: &Tuning<'_>, title: &str) -> String {
         ("Plant", task.plant.description().attribute("modelName").to_owned()),
         ("Parameters of the plant", task.plant_parameters_written()),
         ("Controller", task.schedule.controller.clone()),
-        ("\u{3bb}, the time constant asked of the closed loop", format!("{} s", task.lambda)),
+        ("\u{3bb}, the time constant asked of the closed loop", format!("{} s", task.schedule.lambda)),
         ("Supply voltage", format!("{} V", task.schedule.nominal_voltage)),
         ("Sample time", format!("{} ms", 1e3 * task.schedule.sample_time)),
         ("Step of the duty", format!("\u{b1}{} %", procedure.duty_step)),
@@ -223,7 +223,7 @@ fn feedback_maps(tuning: &Tuning<'_>) -> String {
         "<h2>The feedback at \u{3bb} = {} s, and how well the models fit</h2>\n<p>The controller computes gain, integral \
          and derivative time from the maps and its parameter lambda, by eq. (12) of the paper.</p>\n\
          <div class=\"maps\">\n{}</div>\n",
-        tuning.task.lambda,
+        tuning.task.schedule.lambda,
         maps.concat()
     )
 }

@@ -2,7 +2,8 @@
 //! controller an identification must know.
 
 use anyhow::{Context, Result, bail};
-use fmi2_export::package::{ModelDescription, Unit, Variable, like};
+use fmi2_export::package::terminal::number;
+use fmi2_export::package::{ModelDescription, Value, Variable, like};
 
 /// What this repository's controller says of itself.
 const BUILT_IN: &str = include_str!(concat!(env!("OUT_DIR"), "/BoostController/modelDescription.xml"));
@@ -72,8 +73,8 @@ pub struct Schedule {
     pub lambda: f64,
     /// The ranges that the controller takes of the maps, in the order of [`Map::ALL`].
     ranges: [(f64, f64); 4],
-    /// The controller's units.
-    pub(super) units: Vec<Unit>,
+    /// What the controller says of itself.
+    pub(super) description: ModelDescription,
 }
 
 impl Schedule {
@@ -100,14 +101,14 @@ impl Schedule {
                 }
             }
         }
-        let number = |name, unit| start(parameter(controller, name, unit)?);
+        let start_of = |name, unit| start(parameter(controller, name, unit)?);
         parameter(controller, LEAST_DUTY, "%")?;
         let schedule = Self {
             controller: controller.attribute("modelName").to_owned(),
-            nominal_voltage: number("nominal_voltage", "V")?,
-            sample_time: number("sample_time", "s")?,
-            lambda: number(LAMBDA, "s")?,
-            units: controller.units.clone(),
+            nominal_voltage: start_of("nominal_voltage", "V")?,
+            sample_time: start_of("sample_time", "s")?,
+            lambda: start_of(LAMBDA, "s")?,
+            description: controller.clone(),
             engine_speeds,
             boost_references,
             ranges,
@@ -116,15 +117,17 @@ impl Schedule {
         Ok(schedule)
     }
 
-    /// The same controller with other values on its grid.
+    /// The same controller with other values on its grid, and another time constant of the closed loop (s).
     ///
     /// # Errors
-    /// When they are not as many as the controller has, or do not ascend.
-    pub fn with_grid(
+    /// When they are not as many as the controller has, do not ascend, or are not within its ranges.
+    pub fn with(
         mut self,
         engine_speeds: Option<Vec<f64>>,
         boost_references: Option<Vec<f64>>,
+        lambda: Option<f64>,
     ) -> Result<Self> {
+        self.lambda = lambda.unwrap_or(self.lambda);
         for (name, given, own) in [
             ("engine speeds", engine_speeds, &mut self.engine_speeds),
             ("boost references", boost_references, &mut self.boost_references),
@@ -138,6 +141,19 @@ impl Schedule {
         }
         self.check()?;
         Ok(self)
+    }
+
+    /// What is given to the controller before anything is found: the time constant and the grid.
+    pub(super) fn given(&self) -> Vec<(String, f64, &'static str)> {
+        let axes =
+            [(ENGINE_SPEED, &self.engine_speeds, "rpm"), (BOOST_REFERENCE, &self.boost_references, "Pa")];
+        let mut given = vec![(LAMBDA.to_owned(), self.lambda, "s")];
+        for (axis, values, unit) in axes {
+            given.extend(
+                values.iter().zip(1..).map(|(&value, index)| (format!("{axis}[{index}]"), value, unit)),
+            );
+        }
+        given
     }
 
     /// Whether the controller takes a value in a map.
@@ -155,7 +171,11 @@ impl Schedule {
             }
         }
         if self.sample_time <= 0.0 {
-            bail!("the controller's sample_time is {} s", self.sample_time);
+            bail!("the controller's sample_time is {} s", number(self.sample_time));
+        }
+        for (name, value, unit) in self.given() {
+            let variable = parameter(&self.description, &name, unit)?;
+            Value::Real(value, None).check_range(variable)?;
         }
         Ok(())
     }
@@ -227,9 +247,32 @@ mod tests {
     #[test]
     fn a_grid_keeps_its_size_and_ascends() {
         let refusal = |speeds: &[f64]| {
-            Schedule::built_in().unwrap().with_grid(Some(speeds.to_vec()), None).unwrap_err().to_string()
+            let schedule = Schedule::built_in().unwrap().with(Some(speeds.to_vec()), None, None);
+            schedule.unwrap_err().to_string()
         };
         assert_eq!(refusal(&[1000.0, 2000.0]), "2 engine speeds are given; the controller has 7");
         assert!(refusal(&[1.0, 2.0, 3.0, 4.0, 6.0, 5.0, 7.0]).contains("do not ascend"));
+    }
+
+    /// Before hours are spent on what the controller does not take.
+    #[test]
+    fn what_is_given_is_within_the_controllers_ranges() {
+        let with =
+            |speeds, references, lambda| Schedule::built_in().unwrap().with(speeds, references, lambda);
+        let refusal = |speeds, references, lambda| with(speeds, references, lambda).unwrap_err().to_string();
+        for lambda in [1e308, 0.0, -1.0, f64::NAN, f64::INFINITY] {
+            let expected = format!("the value {} of lambda cannot be taken: ", number(lambda));
+            let message = refusal(None, None, Some(lambda));
+            assert!(message.starts_with(&expected), "{message}");
+        }
+        assert_eq!(
+            refusal(None, None, Some(1e308)),
+            "the value 1e308 of lambda cannot be taken: 1e308 is not within 0.001..100"
+        );
+        let speeds = (1..=7).map(|index| 1500.0 * f64::from(index)).collect();
+        assert!(refusal(Some(speeds), None, None).contains("9000 of schedule.engine_speed[6]"));
+        let references = (1..=16).map(|index| 1e5 * f64::from(index)).collect();
+        assert!(refusal(None, Some(references), None).contains("of schedule.boost_reference[11]"));
+        assert!(with(None, None, Some(0.5)).is_ok());
     }
 }

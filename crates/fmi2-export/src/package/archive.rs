@@ -5,18 +5,16 @@
 //! the archive's folder, two entries of one path, entries of unbelievable sizes.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::{self, Read, Seek, Write};
+use std::fs::{self, File};
+use std::io::{self, Cursor, Read, Seek, Write};
+use std::path::Path;
 
-use zip::result::ZipResult;
+use zip::read::ZipFile;
+use zip::result::ZipError;
 use zip::write::{SimpleFileOptions, ZipWriter};
 use zip::{CompressionMethod, DateTime, ZipArchive};
 
-/// What all entries together may claim to hold in bytes; no FMU or system is as large.
-const LARGEST_CONTENT: u64 = 16 << 30;
-/// What all entries together may hold in bytes where all are read at once.
-const LARGEST_FILES: u64 = 2 << 30;
-/// What a single text that is read may hold in bytes; descriptions of the largest models have some 50 MB.
-const LARGEST_TEXT: u64 = 128 << 20;
+use super::reading::{LARGEST_CONTENT, LARGEST_TEXT, up_to, utf_8};
 
 /// Opens the archive of an FMU or a system, after a look at all its entries.
 ///
@@ -24,19 +22,12 @@ const LARGEST_TEXT: u64 = 128 << 20;
 /// When it is no ZIP archive, or an entry would do harm; the message names it.
 pub fn open<R: Read + Seek>(reader: R) -> io::Result<ZipArchive<R>> {
     let mut archive =
-        ZipArchive::new(reader).map_err(|error| broken(format!("it is no ZIP archive: {error}")))?;
-    let mut paths = BTreeSet::new();
+        ZipArchive::new(reader).map_err(|error| broken(format!("it is no ZIP archive: {}", plain(error))))?;
+    let mut paths = Paths::default();
     let mut size = 0_u64;
     for index in 0..archive.len() {
-        let entry = archive.by_index_raw(index).map_err(|error| broken(error.to_string()))?;
-        let path = entry.name().map_err(|error| broken(error.to_string()))?.into_owned();
-        if !is_inside(&path) {
-            return Err(broken(format!("its entry '{path}' would be extracted outside of its folder")));
-        }
-        // Windows and macOS take paths that differ in case for one.
-        if !paths.insert(path.to_lowercase()) {
-            return Err(broken(format!("its entry '{path}' stands twice")));
-        }
+        let entry = archive.by_index_raw(index).map_err(plain)?;
+        paths.add(&path_of(&entry)?)?;
         size = size.saturating_add(entry.size());
         if size > LARGEST_CONTENT {
             return Err(broken(format!("its entries claim to hold more than {LARGEST_CONTENT} bytes")));
@@ -59,34 +50,24 @@ fn read_text_up_to<R: Read + Seek>(
     path: &str,
 ) -> io::Result<String> {
     let entry = archive.by_name(path).map_err(|_| broken(format!("there is no {path} in it")))?;
-    let mut text = String::new();
-    let read = entry
-        .take(largest + 1)
-        .read_to_string(&mut text)
-        .map_err(|error| broken(format!("its {path} cannot be read: {error}")))?;
-    if read as u64 > largest {
-        return Err(broken(format!("its {path} is larger than {largest} bytes")));
-    }
-    Ok(text)
+    up_to(largest, entry)
+        .and_then(utf_8)
+        .map_err(|error| broken(format!("its {path} cannot be read: {error}")))
 }
 
-/// All files of an archive, by their paths.
+/// All files of an archive, by their paths. What they hold is taken off the bytes that are `left`, of which several
+/// archives may share the same: [`LARGEST_CONTENT`] for all that is held at once.
 ///
 /// # Errors
-/// When an entry is no file, damaged, or the files are too large.
-pub fn read_files<R: Read + Seek>(archive: &mut ZipArchive<R>) -> io::Result<BTreeMap<String, Vec<u8>>> {
-    read_files_up_to(LARGEST_FILES, archive)
-}
-
-fn read_files_up_to<R: Read + Seek>(
-    largest: u64,
+/// When an entry is no file, damaged, or the files are larger than what is left.
+pub fn read_files<R: Read + Seek>(
     archive: &mut ZipArchive<R>,
+    left: &mut u64,
 ) -> io::Result<BTreeMap<String, Vec<u8>>> {
     let mut files = BTreeMap::new();
-    let mut left = largest;
     for index in 0..archive.len() {
-        let entry = archive.by_index(index).map_err(|error| broken(error.to_string()))?;
-        let path = entry.name().map_err(|error| broken(error.to_string()))?.into_owned();
+        let entry = archive.by_index(index).map_err(plain)?;
+        let path = path_of(&entry)?;
         if entry.is_symlink() {
             return Err(broken(format!("its entry '{path}' is a link")));
         }
@@ -95,22 +76,80 @@ fn read_files_up_to<R: Read + Seek>(
         }
         let mut content = vec![];
         let read = entry
-            .take(left + 1)
+            .take(*left + 1)
             .read_to_end(&mut content)
             .map_err(|error| broken(format!("its {path} cannot be read: {error}")))?;
-        left = left
-            .checked_sub(read as u64)
-            .ok_or_else(|| broken(format!("its files are larger than {largest} bytes")))?;
+        *left = left.checked_sub(read as u64).ok_or_else(|| {
+            broken(format!("with its {path} more than {LARGEST_CONTENT} bytes would be held at once"))
+        })?;
         files.insert(path, content);
     }
     Ok(files)
+}
+
+/// Extracts an archive that was [opened](open) to an empty folder.
+///
+/// # Errors
+/// When an entry cannot be written, is damaged or is larger than it claims to be; the message names it.
+pub fn extract<R: Read + Seek>(archive: &mut ZipArchive<R>, folder: &Path) -> io::Result<()> {
+    for index in 0..archive.len() {
+        let mut entry = archive.by_index(index).map_err(plain)?;
+        let path = path_of(&entry)?;
+        let target = folder.join(&path);
+        let mut extract = || {
+            if path.ends_with('/') {
+                return fs::create_dir_all(&target);
+            }
+            target.parent().map_or(Ok(()), fs::create_dir_all)?;
+            let size = entry.size();
+            // An entry that holds more than it claims would fill the disk.
+            let copied = io::copy(&mut entry.by_ref().take(size + 1), &mut File::create_new(&target)?)?;
+            if copied == size { Ok(()) } else { Err(broken("its size is not what the archive says")) }
+        };
+        extract().map_err(|error| {
+            io::Error::new(error.kind(), format!("its entry '{path}' cannot be extracted: {error}"))
+        })?;
+    }
+    Ok(())
+}
+
+fn path_of<R: Read>(entry: &ZipFile<'_, R>) -> io::Result<String> {
+    Ok(entry.name().map_err(plain)?.into_owned())
+}
+
+/// The paths of an archive's entries.
+#[derive(Default)]
+struct Paths(BTreeSet<String>);
+
+impl Paths {
+    /// Adds a path, unless it would do harm to whoever extracts it.
+    fn add(&mut self, path: &str) -> io::Result<()> {
+        if !is_inside(path) {
+            return Err(broken(format!("its entry '{path}' would be extracted outside of its folder")));
+        }
+        // Windows and macOS take paths that differ in case for one.
+        if !self.0.insert(path.to_lowercase()) {
+            return Err(broken(format!("its entry '{path}' stands twice")));
+        }
+        Ok(())
+    }
 }
 
 /// Whether a path stays in the folder that it is extracted to, on every system.
 fn is_inside(path: &str) -> bool {
     // A folder's path ends with a slash.
     let path = path.strip_suffix('/').unwrap_or(path);
-    !path.contains(['\\', ':', '\0']) && path.split('/').all(|part| !["", ".", ".."].contains(&part))
+    // Windows leaves out the dots and blanks at the end of a name.
+    let is_name = |part: &str| !part.trim_end_matches(['.', ' ']).is_empty();
+    !path.contains(['\\', ':', '\0']) && path.split('/').all(is_name)
+}
+
+/// The error, without saying twice what the system says.
+fn plain(error: ZipError) -> io::Error {
+    match error {
+        ZipError::Io(error) => error,
+        other => broken(other.to_string()),
+    }
 }
 
 /// What is wrong with a file that was read.
@@ -118,32 +157,36 @@ pub(super) fn broken(message: impl Into<String>) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, message.into())
 }
 
-/// Writes an archive of paths and contents: the order of the entries, their times and permissions are fixed.
-pub(super) fn write(writer: impl Write + Seek, entries: &[(String, &[u8])]) -> ZipResult<()> {
+/// Writes an archive of paths and contents: the order of the entries, their times and permissions are fixed. What
+/// [`open`] would refuse is not written.
+pub(super) fn write(mut writer: impl Write, entries: &[(String, &[u8])]) -> io::Result<()> {
+    let mut paths = Paths::default();
+    entries.iter().try_for_each(|(path, _)| paths.add(path))?;
+    writer.write_all(&zipped(entries).map_err(plain)?)
+}
+
+/// The bytes of an archive. They are made in memory: a `ZipWriter` that is dropped after a failed write tries again,
+/// and prints that this fails, too.
+fn zipped(entries: &[(String, &[u8])]) -> Result<Vec<u8>, ZipError> {
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
         .last_modified_time(DateTime::default())
         .unix_permissions(0o644);
-    let mut zip = ZipWriter::new(writer);
+    let mut zip = ZipWriter::new(Cursor::new(vec![]));
     for (path, content) in entries {
         zip.start_file(path.as_str(), options)?;
         zip.write_all(content)?;
     }
-    zip.finish()?;
-    Ok(())
+    Ok(zip.finish()?.into_inner())
 }
 
 #[cfg(test)]
 mod tests {
-    use std::io::Cursor;
-
     use super::*;
 
     fn archive(paths: &[&str]) -> Cursor<Vec<u8>> {
-        let mut bytes = Cursor::new(vec![]);
         let entries: Vec<_> = paths.iter().map(|&path| (path.to_owned(), b"text".as_slice())).collect();
-        write(&mut bytes, &entries).unwrap();
-        bytes
+        Cursor::new(zipped(&entries).unwrap())
     }
 
     fn refusal(bytes: Cursor<Vec<u8>>) -> String {
@@ -160,9 +203,13 @@ mod tests {
 
     #[test]
     fn what_leads_out_of_the_folder_is_refused() {
-        for path in ["../a", "a/../../b", "/etc/passwd", "a//b", "./a", "C:/a", "a\\..\\b", "a/."] {
+        for path in
+            ["../a", "a/../../b", "/etc/passwd", "a//b", "./a", "C:/a", "a\\..\\b", "a/.", ".. /a", "a/..."]
+        {
             let expected = format!("its entry '{path}' would be extracted outside of its folder");
             assert_eq!(refusal(archive(&["first", path])), expected);
+            let written = write(io::sink(), &[(path.to_owned(), b"")]);
+            assert_eq!(written.unwrap_err().to_string(), expected);
         }
     }
 
@@ -180,11 +227,13 @@ mod tests {
     #[test]
     fn a_text_that_unpacks_to_more_than_is_sane_is_refused() {
         let blanks = vec![b' '; 100_000];
-        let mut bytes = Cursor::new(vec![]);
-        write(&mut bytes, &[("bomb.xml".to_owned(), blanks.as_slice())]).unwrap();
+        let bytes = Cursor::new(zipped(&[("bomb.xml".to_owned(), blanks.as_slice())]).unwrap());
         let read = |largest| read_text_up_to(largest, &mut open(bytes.clone()).unwrap(), "bomb.xml");
         assert_eq!(read(100_000).unwrap().len(), 100_000);
-        assert_eq!(read(99_999).unwrap_err().to_string(), "its bomb.xml is larger than 99999 bytes");
+        assert_eq!(
+            read(99_999).unwrap_err().to_string(),
+            "its bomb.xml cannot be read: it is larger than 99999 bytes"
+        );
     }
 
     #[test]
@@ -196,10 +245,14 @@ mod tests {
             zip.write_all(b"text").unwrap();
         }
         let bytes = zip.finish().unwrap();
-        let read = |largest| read_files_up_to(largest, &mut open(bytes.clone()).unwrap());
+        let read =
+            |mut left| read_files(&mut open(bytes.clone()).unwrap(), &mut left).map(|files| (files, left));
         let expected = ["b", "folder/a"].map(|path| (path.to_owned(), b"text".to_vec()));
-        assert_eq!(read(8).unwrap(), BTreeMap::from(expected));
-        assert_eq!(read(7).unwrap_err().to_string(), "its files are larger than 7 bytes");
+        assert_eq!(read(9).unwrap(), (BTreeMap::from(expected), 1));
+        assert_eq!(
+            read(7).unwrap_err().to_string(),
+            "with its b more than 1073741824 bytes would be held at once"
+        );
     }
 
     #[test]
@@ -207,7 +260,7 @@ mod tests {
         let mut zip = ZipWriter::new(Cursor::new(vec![]));
         zip.add_symlink("a", "/etc/passwd", SimpleFileOptions::default()).unwrap();
         let mut archive = open(zip.finish().unwrap()).unwrap();
-        assert_eq!(read_files(&mut archive).unwrap_err().to_string(), "its entry 'a' is a link");
+        assert_eq!(read_files(&mut archive, &mut 8).unwrap_err().to_string(), "its entry 'a' is a link");
     }
 
     #[test]

@@ -3,9 +3,10 @@
 //!
 //! The same parts give the same bytes.
 
-use std::io::{self, Seek, Write};
+use std::io::{self, Write};
 
 use super::archive;
+use super::model_description::refuse_no_identifier;
 use super::platform::Platform;
 
 /// Where every importer reads what the FMU is.
@@ -28,9 +29,10 @@ impl Fmu<'_> {
     /// Writes the archive.
     ///
     /// # Errors
-    /// When writing fails, two parts have the same path, or a file lies where the standard has no place for
-    /// it.
-    pub fn write(&self, writer: impl Write + Seek) -> io::Result<()> {
+    /// When writing fails, the identifier is not one of C, two parts have the same path, or a file lies where the
+    /// standard has no place for it.
+    pub fn write(&self, writer: impl Write) -> io::Result<()> {
+        refuse_no_identifier(self.model_identifier)?;
         let mut entries = vec![];
         for (path, _) in &self.files {
             refuse_stray(path)?;
@@ -42,8 +44,7 @@ impl Fmu<'_> {
         entries.sort();
         // First what every importer reads first.
         entries.insert(0, (MODEL_DESCRIPTION.to_owned(), self.model_description.as_bytes()));
-        archive::write(writer, &entries)?;
-        Ok(())
+        archive::write(writer, &entries)
     }
 }
 
@@ -107,7 +108,7 @@ mod tests {
             files: vec![("resources/a".to_owned(), vec![]), ("resources/a".to_owned(), vec![])],
         };
         let error = fmu.write(Cursor::new(vec![])).unwrap_err();
-        assert!(error.to_string().contains("Duplicate filename"), "{error}");
+        assert!(error.to_string().contains("its entry 'resources/a' stands twice"), "{error}");
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::io;
 use fat_macho::FatWriter;
 use object::read::elf::{ElfFile, FileHeader};
 use object::read::macho::{FatArch, MachHeader, MachOFatFile32, MachOFatFile64, MachOFile};
-use object::{Endianness, File, FileKind, Object, ObjectKind, macho};
+use object::{Endianness, File, FileKind, Object, ObjectKind, ObjectSegment, macho};
 
 use super::archive::broken;
 use super::platform::Platform;
@@ -95,7 +95,7 @@ impl Library {
 
     /// Reads a library for a single processor.
     fn read_slice(bytes: &[u8]) -> io::Result<Self> {
-        let file = File::parse(bytes).map_err(unreadable)?;
+        let file = whole(bytes).map_err(unreadable)?;
         if file.kind() != ObjectKind::Dynamic {
             return Err(broken("it is no shared library"));
         }
@@ -162,6 +162,28 @@ fn slices(bytes: &[u8]) -> object::Result<Vec<&[u8]>> {
         FileKind::MachOFat64 => all(MachOFatFile64::parse(bytes)?.arches(), bytes),
         _ => Ok(vec![bytes]),
     }
+}
+
+/// The library in bytes, all of whose parts that are loaded are there.
+fn whole(bytes: &[u8]) -> object::Result<File<'_>> {
+    let file = File::parse(bytes)?;
+    file.segments().try_for_each(|segment| segment.data().map(drop))?;
+    Ok(file)
+}
+
+/// Refuses a library that is cut short: whoever loads it is killed when he comes to what is missing (SIGBUS on Unix).
+///
+/// # Errors
+/// When it is. What is no library at all the system refuses to load.
+pub fn refuse_cut_short(bytes: &[u8]) -> io::Result<()> {
+    let is_library =
+        FileKind::parse(bytes).is_ok_and(|kind| !matches!(kind, FileKind::Coff | FileKind::CoffBig));
+    if !is_library {
+        return Ok(());
+    }
+    slices(bytes)
+        .and_then(|slices| slices.into_iter().try_for_each(|slice| whole(slice).map(drop)))
+        .map_err(|error| broken(format!("it is damaged or cut short: {error}")))
 }
 
 /// The version of glibc that has all the symbols it asks for.

@@ -3,8 +3,9 @@
 //! They may be anyone's, so nothing is taken for granted: the descriptions must be the same, each library
 //! must be what its folder says, and what differs otherwise is refused.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::io::{self, Seek, Write};
+use std::io::{self, Write};
 
 use super::archive::{self, broken};
 use super::fmu::MODEL_DESCRIPTION;
@@ -24,32 +25,37 @@ pub struct Part {
 
 /// An FMU with the libraries of all parts.
 #[derive(Clone, Debug)]
-pub struct Merged {
-    files: BTreeMap<String, Vec<u8>>,
+pub struct Merged<'a> {
+    files: BTreeMap<&'a str, Cow<'a, [u8]>>,
     /// Its platforms.
     pub platforms: PlatformList,
 }
 
-impl Merged {
+impl<'a> Merged<'a> {
     /// Merges parts. `runs` tells where libraries were run, beyond what the parts say.
     ///
     /// # Errors
     /// When the parts are of different models, or do not fit together; the message names them.
-    pub fn new(parts: &[Part], runs: &BTreeMap<Platform, String>) -> io::Result<Self> {
+    pub fn new(parts: &'a [Part], runs: &BTreeMap<Platform, String>) -> io::Result<Self> {
         let (first, others) = parts.split_first().ok_or_else(|| broken("there is nothing to merge"))?;
         let mut all_runs = first.runs();
-        let mut files: BTreeMap<&str, (&Part, Vec<u8>)> =
-            first.files.iter().map(|(path, content)| (path.as_str(), (first, content.clone()))).collect();
+        let of_part = |part: &'a Part| {
+            part.files
+                .iter()
+                .map(move |(path, content)| (path.as_str(), (part, Cow::Borrowed(content.as_slice()))))
+        };
+        let mut files: BTreeMap<_, _> = of_part(first).collect();
         for other in others {
             first.refuse_another_model(other)?;
             first.refuse_other_documents(other)?;
-            for (path, content) in &other.files {
-                match files.get_mut(path.as_str()) {
-                    None => drop(files.insert(path, (other, content.clone()))),
-                    Some((_, known)) if known == content || path == PlatformList::PATH => {}
+            for (path, (part, content)) in of_part(other) {
+                match files.get_mut(path) {
+                    None => drop(files.insert(path, (part, content))),
+                    Some((_, known)) if *known == content || path == PlatformList::PATH => {}
                     Some((part, known)) => {
-                        *known = unite(path, known, content)
+                        let united = unite(path, known, &content)
                             .map_err(|error| broken(format!("{} and {}: {error}", part.name, other.name)))?;
+                        *known = Cow::Owned(united);
                     }
                 }
             }
@@ -81,8 +87,8 @@ impl Merged {
             return Err(broken(format!("there is no library for {} that was run", platform.folder())));
         }
         let mut files: BTreeMap<_, _> =
-            files.into_iter().map(|(path, (_, content))| (path.to_owned(), content)).collect();
-        files.insert(PlatformList::PATH.to_owned(), platforms.to_string().into_bytes());
+            files.into_iter().map(|(path, (_, content))| (path, content)).collect();
+        files.insert(PlatformList::PATH, Cow::Owned(platforms.to_string().into_bytes()));
         Ok(Self { files, platforms })
     }
 
@@ -90,12 +96,12 @@ impl Merged {
     ///
     /// # Errors
     /// When writing fails.
-    pub fn write(&self, writer: impl Write + Seek) -> io::Result<()> {
+    pub fn write(&self, writer: impl Write) -> io::Result<()> {
         let mut entries: Vec<_> =
-            self.files.iter().map(|(path, content)| (path.clone(), content.as_slice())).collect();
+            self.files.iter().map(|(path, content)| ((*path).to_owned(), content.as_ref())).collect();
         // First what every importer reads first.
         entries.sort_by_key(|(path, _)| path != MODEL_DESCRIPTION);
-        Ok(archive::write(writer, &entries)?)
+        archive::write(writer, &entries)
     }
 }
 

@@ -3,6 +3,9 @@
 //! Written: [`Fmu`], [`SystemPackage`], [`PlatformList`]. Read, of any maker: [`archive::open`],
 //! [`ModelDescription`] and [`Library`]. Both: [`ParameterSet`], which [fits](ParameterSet::fit) an FMU or does not,
 //! and FMUs that are [`Merged`].
+//!
+//! How files are read and written, and what of them is printed, is the same for all commands: [`reading`], [`writing`],
+//! [`temporary`] and [`terminal`].
 
 pub mod archive;
 mod fmu;
@@ -14,8 +17,12 @@ mod parameter_fit;
 mod parameter_set;
 mod platform;
 mod platform_list;
+pub mod reading;
 mod system_structure;
+pub mod temporary;
+pub mod terminal;
 mod units;
+pub mod writing;
 
 pub use fmu::Fmu;
 pub use library::Library;

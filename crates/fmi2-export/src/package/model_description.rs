@@ -12,10 +12,29 @@ use quick_xml::{Reader, XmlVersion};
 
 use super::archive::{self, broken};
 use super::fmu::MODEL_DESCRIPTION;
+use super::terminal::in_line;
 use super::units::{BaseUnit, DisplayUnit, Unit};
 
 /// How deep elements may lie in each other; schemas of FMI and SSP need a tenth.
 const DEEPEST: usize = 100;
+/// How many elements a document may have; a variable, of which the largest models have 200,000, takes three.
+const MOST_ELEMENTS: usize = 2_000_000;
+/// How many attributes an element may have; schemas of FMI and SSP need a fifth.
+const MOST_ATTRIBUTES: usize = 100;
+
+/// The attribute with the name of the FMU's library.
+const IDENTIFIER: &str = "modelIdentifier";
+
+/// Refuses a model identifier that is not one of C (FMI 2.0.5, section 2.2.1): it becomes the name of files.
+pub(super) fn refuse_no_identifier(text: &str) -> io::Result<()> {
+    let is_letter = |byte: u8| byte.is_ascii_alphabetic() || byte == b'_';
+    if text.bytes().next().is_some_and(is_letter)
+        && text.bytes().all(|byte| is_letter(byte) || byte.is_ascii_digit())
+    {
+        return Ok(());
+    }
+    Err(broken(format!("the modelIdentifier '{}' is not an identifier of C", in_line(text))))
+}
 
 /// What an FMU says of itself.
 #[derive(Clone, Debug, Default)]
@@ -164,6 +183,12 @@ impl ModelDescription {
         if root != "fmiModelDescription" {
             return Err(broken(format!("the root element is {root}, not fmiModelDescription")));
         }
+        // In FMI 1.0 the root element has it.
+        let of_root = description.attributes.iter().filter(|(name, _)| name == IDENTIFIER);
+        of_root
+            .map(|(_, identifier)| identifier.as_str())
+            .chain(description.interfaces.iter().map(|(_, attributes)| text_of(attributes, IDENTIFIER)))
+            .try_for_each(refuse_no_identifier)?;
         description.enumerations.retain(|enumeration| !enumeration.items.is_empty());
         Ok(description)
     }
@@ -183,7 +208,7 @@ impl ModelDescription {
     /// The identifier of the library for co-simulation, if the FMU is for that.
     #[must_use]
     pub fn co_simulation_identifier(&self) -> Option<&str> {
-        self.interface("CoSimulation").map(|attributes| text_of(attributes, "modelIdentifier"))
+        self.interface("CoSimulation").map(|attributes| text_of(attributes, IDENTIFIER))
     }
 
     /// Whether the FMU declares a capability flag for co-simulation, as `canGetAndSetFMUstate`. An XML boolean is
@@ -314,6 +339,9 @@ impl Attributes {
                 .normalized_value(XmlVersion::Implicit1_0)
                 .map_err(|error| broken(error.to_string()))?;
             attributes.push((attribute.key.as_ref().to_owned(), value.into_owned()));
+            if attributes.len() > MOST_ATTRIBUTES {
+                return Err(broken(format!("it has more than {MOST_ATTRIBUTES} attributes")));
+            }
         }
         Ok(Self(attributes))
     }
@@ -353,6 +381,7 @@ pub(super) fn read_elements(
     let mut reader = Reader::from_str(xml);
     let mut path: Vec<String> = vec![];
     let mut root = None;
+    let mut elements = 0;
     loop {
         let event = reader
             .read_event()
@@ -368,6 +397,10 @@ pub(super) fn read_elements(
             Event::Eof => break,
             _ => continue,
         };
+        elements += 1;
+        if elements > MOST_ELEMENTS {
+            return Err(broken(format!("it has more than {MOST_ELEMENTS} elements")));
+        }
         let place = reader.buffer_position();
         let name = element.local_name().as_ref().to_owned();
         let parents: Vec<&str> = path.iter().map(String::as_str).collect();
@@ -395,10 +428,49 @@ mod tests {
     #[test]
     fn a_capability_is_declared_by_word_or_digit() {
         let has = |attributes: &str| {
-            let xml = format!("<fmiModelDescription><CoSimulation {attributes}/></fmiModelDescription>");
+            let xml = format!(
+                r#"<fmiModelDescription><CoSimulation modelIdentifier="a" {attributes}/></fmiModelDescription>"#
+            );
             ModelDescription::parse(&xml).unwrap().has_capability("canGetAndSetFMUstate")
         };
         assert!(has(r#"canGetAndSetFMUstate="true""#) && has(r#"canGetAndSetFMUstate="1""#));
         assert!(!has(r#"canGetAndSetFMUstate="false""#) && !has(r#"canGetAndSetFMUstate="0""#) && !has(""));
+    }
+
+    #[test]
+    fn a_model_identifier_is_one_of_c() {
+        for identifier in ["BoostPlant", "_1", "a"] {
+            assert!(refuse_no_identifier(identifier).is_ok(), "{identifier}");
+        }
+        for (identifier, shown) in [
+            ("", ""),
+            ("1a", "1a"),
+            ("a b", "a b"),
+            ("../a", "../a"),
+            ("\u{e9}", "\u{e9}"),
+            ("a\n\u{1b}[2J", r"a\n\u{1b}[2J"),
+        ] {
+            let refusal = refuse_no_identifier(identifier).unwrap_err().to_string();
+            assert_eq!(refusal, format!("the modelIdentifier '{shown}' is not an identifier of C"));
+        }
+        // Of each interface, and of FMI 1.0.
+        for xml in [
+            r#"<fmiModelDescription modelIdentifier="../a"/>"#,
+            r#"<fmiModelDescription><ModelExchange modelIdentifier="a"/><CoSimulation modelIdentifier="a/b"/></fmiModelDescription>"#,
+            "<fmiModelDescription><CoSimulation/></fmiModelDescription>",
+        ] {
+            assert!(ModelDescription::parse(xml).is_err(), "{xml}");
+        }
+    }
+
+    #[test]
+    fn what_no_description_has_so_many_of_is_refused() {
+        let attributes = (0..200).map(|index| format!(r#"a{index}="" "#)).collect::<Vec<_>>().concat();
+        let refusal = |xml: &str| ModelDescription::parse(xml).unwrap_err().to_string();
+        let message = refusal(&format!("<fmiModelDescription {attributes}/>"));
+        assert!(message.ends_with("it has more than 100 attributes"), "{message}");
+        let elements = "<a/>".repeat(MOST_ELEMENTS);
+        let message = refusal(&format!("<fmiModelDescription>{elements}</fmiModelDescription>"));
+        assert_eq!(message, "it has more than 2000000 elements");
     }
 }

@@ -7,6 +7,7 @@ use super::archive::broken;
 use super::likeness::like;
 use super::model_description::{ModelDescription, Variable};
 use super::parameter_set::{Parameter, ParameterSet, Value};
+use super::terminal;
 use super::units::{Linear, Unit};
 
 impl ParameterSet {
@@ -85,16 +86,20 @@ impl Value {
     }
 
     /// Refuses a number that is outside of a variable's range.
-    fn check_range(&self, variable: &Variable) -> io::Result<()> {
+    ///
+    /// # Errors
+    /// When it is, or is not finite; the message names variable and range.
+    pub fn check_range(&self, variable: &Variable) -> io::Result<()> {
         let number = match self {
             Self::Real(value, _) => *value,
             Self::Integer(value) => f64::from(*value),
             Self::Boolean(_) | Self::String(_) | Self::Enumeration(_) => return Ok(()),
         };
         let (min, max) = variable.range()?;
-        if (min..=max).contains(&number) {
+        if number.is_finite() && (min..=max).contains(&number) {
             Ok(())
         } else {
+            let [min, max] = [min, max].map(terminal::number);
             Err(self.refused(variable, &format!("{self} is not within {min}..{max}")))
         }
     }
@@ -185,6 +190,11 @@ mod tests {
         assert_eq!(
             pressure(201.0, "kPa").unwrap_err(),
             "the value 201000 Pa of pressure cannot be taken: 201000 Pa is not within 0..200000"
+        );
+        // Not with the 309 digits of the number.
+        assert_eq!(
+            pressure(1e308, "Pa").unwrap_err(),
+            "the value 1e308 Pa of pressure cannot be taken: 1e308 Pa is not within 0..200000"
         );
         assert_eq!(
             refusal("count", Value::Integer(5)),

@@ -1,11 +1,14 @@
 //! Parameter sets: the .ssv files of System Structure and Parameterization 1.0 (SSP, section 6).
 
+use std::collections::BTreeSet;
 use std::fmt::{self, Display, Formatter};
+use std::io;
 use std::path::Path;
-use std::{fs, io};
 
 use super::archive::broken;
 use super::model_description::{Attributes, read_elements};
+use super::reading;
+use super::terminal::number;
 use super::units::{Unit, write_units};
 use crate::xml::{XmlWriter, document, element, empty, float};
 
@@ -60,9 +63,8 @@ impl ParameterSet {
     /// When there is no such file, or it is no parameter set; the message names the file.
     pub fn read(file: &Path) -> io::Result<Self> {
         let shown = file.display();
-        let xml = fs::read_to_string(file)
-            .map_err(|error| io::Error::new(error.kind(), format!("cannot read {shown}: {error}")))?;
-        Self::parse(&xml).map_err(|error| broken(format!("{shown} is no parameter set: {error}")))
+        Self::parse(&reading::text(file)?)
+            .map_err(|error| broken(format!("{shown} is no parameter set: {error}")))
     }
 
     /// Reads the text of an .ssv file.
@@ -71,6 +73,7 @@ impl ParameterSet {
     /// When it is no XML, or not that of a parameter set of SSP 1; the message names element or parameter.
     pub fn parse(xml: &str) -> io::Result<Self> {
         let mut set = Self::default();
+        let mut names = BTreeSet::new();
         // A parameter whose value did not come yet.
         let mut open: Option<(String, String)> = None;
         let root = read_elements(xml, |path, name, attributes| {
@@ -88,7 +91,7 @@ impl ParameterSet {
                         return Err(broken(format!("the parameter {name} before it has no value")));
                     }
                     let parameter = attributes.text("name");
-                    if set.parameters.iter().any(|known| known.name == parameter) {
+                    if !names.insert(parameter.clone()) {
                         return Err(broken(format!("the parameter {parameter} stands twice")));
                     }
                     open = Some((parameter, attributes.text("description")));
@@ -196,8 +199,8 @@ impl Value {
 impl Display for Value {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Real(value, Some(unit)) => write!(formatter, "{value} {unit}"),
-            Self::Real(value, None) => write!(formatter, "{value}"),
+            Self::Real(value, Some(unit)) => write!(formatter, "{} {unit}", number(*value)),
+            Self::Real(value, None) => write!(formatter, "{}", number(*value)),
             Self::Integer(value) => write!(formatter, "{value}"),
             Self::Boolean(value) => write!(formatter, "{value}"),
             Self::String(text) | Self::Enumeration(text) => write!(formatter, "{text}"),

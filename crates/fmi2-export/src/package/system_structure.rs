@@ -11,7 +11,7 @@
 //!   alone, hence [`SystemStructure::of_components`];
 //! - FMPy wants every input that is listed to be connected.
 
-use std::io::{self, Seek, Write};
+use std::io::{self, Write};
 use std::iter;
 
 use super::archive;
@@ -331,15 +331,14 @@ impl SystemPackage {
     ///
     /// # Errors
     /// When writing fails, or two parts have the same path.
-    pub fn write(&self, writer: impl Write + Seek) -> io::Result<()> {
+    pub fn write(&self, writer: impl Write) -> io::Result<()> {
         let structures = self.structures().map(|(path, structure)| (path.to_owned(), structure.to_xml()));
         let starts = self.structures().filter_map(|(_, structure)| structure.start_values());
         let texts: Vec<_> = structures.chain(starts.map(|(path, set)| (path, set.to_xml()))).collect();
         let texts = texts.iter().map(|(path, text)| (path.clone(), text.as_bytes()));
         let resources = self.resources.iter().map(|(path, content)| (path.clone(), content.as_slice()));
         let entries: Vec<_> = texts.chain(resources).collect();
-        archive::write(writer, &entries)?;
-        Ok(())
+        archive::write(writer, &entries)
     }
 }
 

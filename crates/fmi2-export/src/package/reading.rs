@@ -1,0 +1,86 @@
+//! Reading files that may be anyone's: never more of one than is sane. The limits on sizes are all here.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+
+use super::archive::broken;
+
+/// What a text may hold in bytes; descriptions of the largest models have some 50 MB.
+pub const LARGEST_TEXT: u64 = 64 << 20;
+/// What an archive may hold in bytes, packed or unpacked, and any other file that is not a text for people.
+pub const LARGEST_CONTENT: u64 = 1 << 30;
+
+/// A text file.
+///
+/// # Errors
+/// When it cannot be read, is too large or is not UTF-8; the message names the file.
+pub fn text(path: &Path) -> io::Result<String> {
+    let read = File::open(path).and_then(|file| up_to(LARGEST_TEXT, file)).and_then(utf_8);
+    read.map_err(|error| cannot_read(path, &error))
+}
+
+/// A file of bytes.
+///
+/// # Errors
+/// When it cannot be read or is too large; the message names the file.
+pub fn bytes(path: &Path) -> io::Result<Vec<u8>> {
+    let read = File::open(path).and_then(|file| up_to(LARGEST_CONTENT, file));
+    read.map_err(|error| cannot_read(path, &error))
+}
+
+/// All that a reader gives.
+///
+/// # Errors
+/// When it fails, or gives more than `largest` bytes.
+pub fn up_to(largest: u64, reader: impl Read) -> io::Result<Vec<u8>> {
+    let mut bytes = vec![];
+    reader.take(largest + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > largest {
+        return Err(broken(format!("it is larger than {largest} bytes")));
+    }
+    Ok(bytes)
+}
+
+/// Bytes as a text.
+///
+/// # Errors
+/// When they are not UTF-8; the message names the line.
+pub fn utf_8(bytes: Vec<u8>) -> io::Result<String> {
+    String::from_utf8(bytes).map_err(|error| {
+        let valid = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+        let line = valid.split(|&byte| byte == b'\n').count();
+        broken(format!("its line {line} is not UTF-8"))
+    })
+}
+
+fn cannot_read(path: &Path, error: &io::Error) -> io::Error {
+    io::Error::new(error.kind(), format!("cannot read {}: {error}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_larger_than_its_limit_is_refused() {
+        assert_eq!(up_to(4, b"text".as_slice()).unwrap(), b"text");
+        assert_eq!(up_to(3, b"text".as_slice()).unwrap_err().to_string(), "it is larger than 3 bytes");
+        assert!(up_to(1000, io::repeat(0)).is_err());
+    }
+
+    #[test]
+    fn what_is_not_utf_8_is_told_by_its_line() {
+        let refusal = utf_8(b"one\ntwo\n\xff".to_vec()).unwrap_err().to_string();
+        assert_eq!(refusal, "its line 3 is not UTF-8");
+    }
+
+    #[test]
+    fn a_missing_file_is_named() {
+        let missing = Path::new("there is no such file");
+        for refusal in [text(missing).unwrap_err(), bytes(missing).unwrap_err()] {
+            assert_eq!(refusal.kind(), io::ErrorKind::NotFound);
+            assert!(refusal.to_string().starts_with("cannot read there is no such file: "), "{refusal}");
+        }
+    }
+}
