@@ -61,15 +61,18 @@ fn random_parameters(random: &mut Random, share: f64) -> Variables {
     }
 }
 
-/// Adds to `impossible` every value that physics does not allow.
+/// Adds to `impossible` what physics does not allow.
+fn check(bench: &Bench, context: &str, impossible: &mut Vec<String>) {
+    check_values(bench, context, impossible);
+    check_flows(bench, context, impossible);
+}
+
+/// Adds to `impossible` every value that is out of its physical bounds.
 fn check_values(bench: &Bench, context: &str, impossible: &mut Vec<String>) {
-    let impossible = std::cell::RefCell::new(impossible);
     let Variables { states, locals, outputs, parameters: p, .. } = &bench.variables;
-    let check = |name: &str, value: f64, least: f64, most: f64| {
+    let mut check = |name: &str, value: f64, least: f64, most: f64| {
         if !(least..=most).contains(&value) {
-            impossible
-                .borrow_mut()
-                .push(format!("{context}: {name} = {value:e} is not between {least:e} and {most:e}"));
+            impossible.push(format!("{context}: {name} = {value:e} is not between {least:e} and {most:e}"));
         }
     };
     let all = f64::MAX;
@@ -121,12 +124,30 @@ fn check_values(bench: &Bench, context: &str, impossible: &mut Vec<String>) {
     let depth = static_depth + (static_depth * (static_depth + 2.0 * a.stroke)).sqrt();
     check("actuator.position", states.actuator.position, -depth, a.stroke + depth);
 
-    // Flows go to the lower pressure.
-    let downhill = |name: &str, flow: f64, from: f64, to: f64| {
+    // The engine takes in air, burns fuel and gives off exhaust gas.
+    for (name, flow) in [
+        ("cylinders.air_mass_flow", locals.cylinders.air_mass_flow),
+        ("cylinders.fuel_mass_flow", locals.cylinders.fuel_mass_flow),
+        ("cylinders.exhaust_mass_flow", locals.cylinders.exhaust_mass_flow),
+        ("air_mass_flow", outputs.air_mass_flow),
+        ("cylinders.indicated_work", locals.cylinders.indicated_work),
+        ("cylinders.friction_mean_effective_pressure", locals.cylinders.friction_mean_effective_pressure),
+    ] {
+        check(name, flow, 0.0, all);
+    }
+    let c = &p.cylinders;
+    let filled = c.volumetric_efficiency_factor * c.compression_ratio / (c.compression_ratio - 1.0);
+    check("cylinders.volumetric_efficiency", locals.cylinders.volumetric_efficiency, 0.0, filled);
+    check("hp_shaft.speed", states.hp_shaft.speed, 0.0, all);
+    check("lp_shaft.speed", states.lp_shaft.speed, 0.0, all);
+}
+
+/// Adds to `impossible` every flow that does not go to the lower pressure.
+fn check_flows(bench: &Bench, context: &str, impossible: &mut Vec<String>) {
+    let Variables { states, locals, .. } = &bench.variables;
+    let mut downhill = |name: &str, flow: f64, from: f64, to: f64| {
         if flow.abs() > NO_FLOW && flow.signum() * (from - to).signum() < 0.0 {
-            impossible
-                .borrow_mut()
-                .push(format!("{context}: {name} = {flow:e} from {from:e} Pa to {to:e} Pa"));
+            impossible.push(format!("{context}: {name} = {flow:e} from {from:e} Pa to {to:e} Pa"));
         }
     };
     let ambient = bench.inputs.ambient_pressure;
@@ -163,23 +184,6 @@ fn check_values(bench: &Bench, context: &str, impossible: &mut Vec<String>) {
         states.exhaust.pressure,
     );
     downhill("exhaust.mass_flow", locals.exhaust.mass_flow, states.exhaust.pressure, ambient);
-
-    // The engine takes in air, burns fuel and gives off exhaust gas.
-    for (name, flow) in [
-        ("cylinders.air_mass_flow", locals.cylinders.air_mass_flow),
-        ("cylinders.fuel_mass_flow", locals.cylinders.fuel_mass_flow),
-        ("cylinders.exhaust_mass_flow", locals.cylinders.exhaust_mass_flow),
-        ("air_mass_flow", outputs.air_mass_flow),
-        ("cylinders.indicated_work", locals.cylinders.indicated_work),
-        ("cylinders.friction_mean_effective_pressure", locals.cylinders.friction_mean_effective_pressure),
-    ] {
-        check(name, flow, 0.0, all);
-    }
-    let c = &p.cylinders;
-    let filled = c.volumetric_efficiency_factor * c.compression_ratio / (c.compression_ratio - 1.0);
-    check("cylinders.volumetric_efficiency", locals.cylinders.volumetric_efficiency, 0.0, filled);
-    check("hp_shaft.speed", states.hp_shaft.speed, 0.0, all);
-    check("lp_shaft.speed", states.lp_shaft.speed, 0.0, all);
 }
 
 /// Whether all values are finite. The runtime hands out no others: asking for them is an error.
@@ -210,7 +214,7 @@ fn every_value_is_physically_possible_or_the_call_is_an_error() {
             refused += 1;
             continue;
         }
-        check_values(&bench, &format!("case {case} at the start"), &mut impossible);
+        check(&bench, &format!("case {case} at the start"), &mut impossible);
         for step in 0..8 {
             bench.inputs = random_inputs(&mut random);
             let size = 10.0_f64.powf(random.between(-6.0, 3.0));
@@ -220,7 +224,7 @@ fn every_value_is_physically_possible_or_the_call_is_an_error() {
                 break;
             }
             steps += 1;
-            check_values(&bench, &format!("case {case} after step {step} of {size} s"), &mut impossible);
+            check(&bench, &format!("case {case} after step {step} of {size} s"), &mut impossible);
         }
     }
     println!("{steps} steps, {refused} refused");
