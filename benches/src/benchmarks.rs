@@ -19,6 +19,7 @@ use crate::direct::Direct;
 use crate::experiment::{Experiment, STEP, Stretch, steps};
 use crate::library::Instance;
 use crate::plant::{Fmu, Plant, RungeKutta, library};
+use crate::random_experiment::RandomExperiment;
 use crate::reference::Reference;
 
 /// What is measured.
@@ -109,6 +110,15 @@ pub fn all() -> Vec<Benchmark> {
             .timed_only(),
         Benchmark::new("plant 12.5 ms slowest", "reference", 1, SlowestStep::<RungeKutta>::new).timed_only(),
     ]);
+    for number in RandomExperiment::NUMBERS {
+        let group = format!("plant 12.5 ms random {number}");
+        let count = RandomExperiment::STEPS as usize;
+        all.extend([
+            Benchmark::new(&group, "fmu", count, move || PlantSteps::<Fmu>::random(number)).timed_only(),
+            Benchmark::new(&group, "reference", count, move || PlantSteps::<RungeKutta>::random(number))
+                .timed_only(),
+        ]);
+    }
     // Between samples: of one a second, as long as the benchmark lasts.
     let default = FeedbackStructure::ModelReference;
     for (group, size, sample_time, structure) in [
@@ -227,7 +237,7 @@ fn states_at(row: usize, exhaust_area: f64) -> States {
     })[row]
 }
 
-/// Steps through a stretch of the recorded experiment.
+/// Steps through a stretch of an experiment.
 struct PlantSteps<P: Plant> {
     plant: P,
     begin: P::Saved,
@@ -246,6 +256,14 @@ impl<P: Plant> PlantSteps<P> {
         pass(&mut plant, &recorded.changes(&before, size), size);
         let begin = plant.save();
         Self { plant, begin, changes: recorded.changes(stretch, size), size }
+    }
+
+    /// Through an experiment in which all inputs move at random.
+    fn random(number: u32) -> Self {
+        let Experiment { states, inputs } = Experiment::random(number);
+        let mut plant = P::given(&states, &inputs[0], 0.0);
+        let begin = plant.save();
+        Self { plant, begin, changes: inputs.into_iter().map(Some).collect(), size: STEP }
     }
 }
 

@@ -1,13 +1,15 @@
-//! The recorded experiment of 40 s, `tests/data/plant_trace.csv`, and stretches of it.
+//! The recorded experiment of 40 s, `tests/data/plant_trace.csv`, and stretches of it; and those of 20 s in which
+//! all inputs move at random.
 //!
-//! Until 20 s a controller is at work (steps of its reference at 2, 10 and 18 s, of the voltage at 8, 12
-//! and 16 s), until 30 s the speed rises, and then the duty goes from rail to rail.
+//! In the recorded one a controller is at work until 20 s (steps of its reference at 2, 10 and 18 s, of the voltage
+//! at 8, 12 and 16 s), until 30 s the speed rises, and then the duty goes from rail to rail.
 
 use std::sync::OnceLock;
 
 use boost_fmu::plant::variables::{Inputs, States};
 
-use crate::bench::{inputs_of, numbers, states_of};
+use crate::bench::{initial_states, inputs_of, numbers};
+use crate::random_experiment::RandomExperiment;
 
 /// The experiment's step in s.
 pub const STEP: f64 = 0.0125;
@@ -30,12 +32,19 @@ impl Experiment {
         static RECORDED: OnceLock<Experiment> = OnceLock::new();
         RECORDED.get_or_init(|| {
             let mut lines = include_str!("../../tests/data/plant_trace.csv").lines();
-            let first = lines.next().and_then(|line| line.strip_prefix("# x0: "));
-            let states = states_of(&numbers(first.expect("the initial state"), ' '));
+            let states = initial_states(lines.next());
             // The heading has no numbers.
             let rows = lines.map(|line| numbers(line, ',')).filter(|row| !row.is_empty());
             Self { states, inputs: rows.map(|row| inputs_of(&row[1..11])).collect() }
         })
+    }
+
+    /// One of the experiments in which all inputs move at random.
+    #[must_use]
+    pub fn random(number: u32) -> Self {
+        let experiment = RandomExperiment::read(number);
+        let states = initial_states(experiment.reference.lines().next());
+        Self { states, inputs: (0..RandomExperiment::STEPS).map(|step| experiment.inputs(step)).collect() }
     }
 
     /// The inputs of a stretch, one for each step of a size in s: those that change.

@@ -22,3 +22,6 @@ mod bench;
 #[cfg(test)]
 #[path = "../../tests/support/random.rs"]
 mod random;
+#[path = "../../tests/plant/random_experiment.rs"]
+#[allow(missing_docs, clippy::pedantic, reason = "written for the plant's tests")]
+mod random_experiment;

@@ -779,6 +779,23 @@ mod tests {
     }
 
     #[test]
+    fn the_intervals_of_a_call_share_its_budget() {
+        let system = system(0.0);
+        let inputs = Inputs::default();
+        let mut states = running(&system, &inputs, 32_500.0).to_array();
+        let (mut pace, budget) = (Pace::default(), Budget::new(1.0));
+        let signal = Signal { at: |_| inputs, is_constant: true };
+        let interval = |_: &u32| {
+            let interval = Interval { from: 0.0, to: 1e-3, tolerance: 1e-4, budget: &budget };
+            pace.advance(&system, &signal, &mut states, interval).is_ok()
+        };
+        // Each needs a step of the actuation and one of the gas path at least.
+        let done = (0..30_000).take_while(interval).count();
+        assert!(done > 20_000, "{done}");
+        assert!(done < 27_000, "{done} intervals with a budget of 52,000 trials");
+    }
+
+    #[test]
     fn what_cannot_be_integrated_is_told() {
         for (exhaust_area, state) in [(0.0, 3), (0.0, 9), (1e-4, 9)] {
             let system = system(exhaust_area);

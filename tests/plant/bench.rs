@@ -173,6 +173,11 @@ pub fn states_of(reference: &[f64]) -> States {
     states
 }
 
+/// The states in the first line of a reference's trace.
+pub fn initial_states(line: Option<&str>) -> States {
+    states_of(&numbers(line.and_then(|line| line.strip_prefix("# x0: ")).expect("the initial states"), ' '))
+}
+
 /// Inputs from the reference's order.
 pub fn inputs_of(reference: &[f64]) -> Inputs {
     let [pwm, voltage, pump, speed, throttle, lp_wastegate, bypass, surge_valve, pressure, temperature] =

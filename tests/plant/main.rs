@@ -10,6 +10,7 @@ mod latch;
 mod physical_bounds;
 #[path = "../support/random.rs"]
 mod random;
+mod random_experiment;
 mod refusals;
 mod start;
 mod steady_states;

@@ -197,6 +197,21 @@ fn largest_membrane_pressure(bench: &Bench) -> f64 {
 }
 
 #[test]
+fn a_pump_that_is_left_on_draws_down_to_its_ultimate_vacuum() {
+    for mass_flow in [6.84e-6, 1e-3] {
+        let inputs = Inputs { vacuum_pump: 1.0, hp_wastegate_pwm: 0.0, ..Inputs::default() };
+        let mut bench =
+            Bench::new(inputs, |parameters: &mut Parameters, _| parameters.pump.mass_flow = mass_flow);
+        for _ in 0..12 {
+            bench.step(200.0);
+            // 10 Pa, reached from above; the tolerance of the tank's pressure is 0.1 Pa.
+            assert!(bench.variables.states.tank.pressure > 9.9, "{}", bench.variables.states.tank.pressure);
+        }
+        assert!(bench.variables.states.tank.pressure < 11.0, "{}", bench.variables.states.tank.pressure);
+    }
+}
+
+#[test]
 fn every_value_is_physically_possible_or_the_call_is_an_error() {
     let cases =
         std::env::var("PHYSICAL_BOUNDS_CASES").map_or(CASES, |cases| cases.parse().expect("a number"));

@@ -2,58 +2,17 @@
 //! closed loop, steps of voltage, a ramp of speed, duty from rail to rail and a step of the throttle, and ten of
 //! 20 s in which all inputs move at random (tests/data/experiments/make.py).
 
-use boost_fmu::plant::variables::{Inputs, States};
+use boost_fmu::plant::variables::Inputs;
 
 use crate::bench::{
-    Bench, FULL_SCALES, OUTPUT_FULL_SCALES, inputs_of, numbers, reference_outputs, reference_states,
-    states_of,
+    Bench, FULL_SCALES, OUTPUT_FULL_SCALES, initial_states, inputs_of, numbers, reference_outputs,
+    reference_states,
 };
-
-/// The communication step of the experiments in s.
-const STEP: f64 = 0.0125;
+use crate::random_experiment::{RandomExperiment, STEP};
 
 /// The places of these among the states, in the order of the reference.
 const ROD_SPEED: usize = 3;
 const FRICTION: usize = 4;
-
-/// The states in the first line of a reference.
-fn initial_states(line: Option<&str>) -> States {
-    states_of(&numbers(line.and_then(|line| line.strip_prefix("# x0: ")).expect("the initial states"), ' '))
-}
-
-/// The inputs of an experiment in the reference's order, each by points of time and value.
-struct Experiment(Vec<Vec<(f64, f64)>>);
-
-impl Experiment {
-    fn new(text: &str) -> Self {
-        let mut inputs: Vec<(&str, Vec<(f64, f64)>)> = Vec::new();
-        for line in text.lines() {
-            let (name, point) = line.split_once(',').expect("a name and numbers");
-            let [time, value] = *<&[f64; 2]>::try_from(&numbers(point, ',')[..]).expect("time and value");
-            match inputs.last_mut().filter(|last| last.0 == name) {
-                Some((_, points)) => points.push((time, value)),
-                None => inputs.push((name, vec![(time, value)])),
-            }
-        }
-        Self(inputs.into_iter().map(|(_, points)| points).collect())
-    }
-
-    /// What the plant sees during a communication step: the values at its begin, linear between the points.
-    fn inputs(&self, step: u32) -> Inputs {
-        let time = f64::from(step) * STEP;
-        let values: Vec<_> = self
-            .0
-            .iter()
-            .map(|points| {
-                let next = points.partition_point(|&(start, _)| start <= time);
-                let (start, first) = points[next - 1];
-                let (end, last) = *points.get(next).unwrap_or(&points[next - 1]);
-                if end > start { first + (last - first) * (time - start) / (end - start) } else { first }
-            })
-            .collect();
-        inputs_of(&values)
-    }
-}
 
 /// The largest errors of states and outputs so far, relative to their full scales.
 struct Errors([f64; 36]);
@@ -115,14 +74,9 @@ fn the_recorded_experiment_is_reproduced() {
 
 #[test]
 fn experiments_in_which_all_inputs_move_are_reproduced() {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/experiments");
-    for number in 1..=10 {
-        let read = |name: &str| {
-            std::fs::read_to_string(format!("{folder}/{number:02}_{name}.csv")).expect("the file is there")
-        };
-        let experiment = Experiment::new(&read("inputs"));
-        let reference = read("reference");
-        let mut lines = reference.lines();
+    for number in RandomExperiment::NUMBERS {
+        let experiment = RandomExperiment::read(number);
+        let mut lines = experiment.reference.lines();
         let mut bench = Bench::given(experiment.inputs(0), initial_states(lines.next()));
         let mut rows = lines.map(|line| numbers(line, ','));
         let mut next = rows.next();
@@ -156,7 +110,7 @@ fn experiments_in_which_all_inputs_move_are_reproduced() {
             }
             next = rows.next();
         }
-        assert_eq!(step, 1600, "20 s");
+        assert_eq!(step, RandomExperiment::STEPS);
         errors.assert_small(&format!("experiment {number}"));
     }
 }
