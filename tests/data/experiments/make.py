@@ -354,8 +354,8 @@ def check(number):
     """Fails where an experiment, made anew, differs from what is kept.
 
     The inputs are the same bytes. The reference may differ by what another version of SciPy or of the
-    system's mathematics rounds differently: by 1e-7 of the largest value of a column, a thousandth of what the
-    plant's tests allow (1e-4).
+    system's mathematics rounds differently: by 1e-7 of the largest value of a column, a thousandth of what
+    the plant's tests allow (1e-4).
     """
     with TemporaryDirectory() as name:
         made = Path(name)

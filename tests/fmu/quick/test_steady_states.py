@@ -113,9 +113,8 @@ def test_settled_start_is_the_running_engines_rest(plant: Make, row: dict[str, f
     friction = running.get("actuator.friction_force")
     preload = running.get("actuator.spring_preload")
     # But for the error that the integration aims at, relative to the full scale, which the Coulomb force is.
-    assert abs(friction) <= running.get("actuator.coulomb_friction") * (
-        1 + running.get("solver.relative_tolerance")
-    )
+    error = running.get("solver.relative_tolerance")
+    assert abs(friction) <= running.get("actuator.coulomb_friction") * (1 + error)
 
     settled = plant()
     inputs = {**inputs_of(row), "actuator.spring_preload": preload + friction}
