@@ -1,5 +1,5 @@
-//! How long everything takes: `cargo bench --package benches`, after `cargo run --release -- export`; a part of
-//! a name measures that alone.
+//! How long everything takes: `cargo bench --profile fmu-library --package benches`, after
+//! `cargo run --release -- export`; a part of a name measures that alone.
 
 use std::time::{Duration, Instant};
 

@@ -12,6 +12,9 @@ use std::str::FromStr;
 use anyhow::{Context, Result, anyhow, bail};
 use fmi2_export::package::Platform;
 
+/// The profile of the libraries. A workspace whose manifest does not define it gets it as its release profile.
+const PROFILE: &str = "fmu-library";
+
 /// What is asked for by `--target`.
 #[derive(Clone, Debug)]
 pub enum Target {
@@ -117,7 +120,7 @@ impl Build {
         self.target.as_deref().map(|target| split(target).0)
     }
 
-    /// The command that builds in release mode; where to, and which packages, is the caller's.
+    /// The command that builds the libraries; where to, and which packages, is the caller's.
     pub fn command(&self) -> Command {
         let mut command = if self.links_with_zig() {
             let mut command = Command::new("cargo-zigbuild");
@@ -128,14 +131,15 @@ impl Build {
             command.arg("build");
             command
         };
-        command.arg("--release");
+        command.args(["--profile", PROFILE]);
+        command.args(["--config", &format!(r#"profile.{PROFILE}.inherits="release""#)]);
         if let Some(target) = &self.target {
             command.args(["--target", target]);
         }
         match self.platform {
             // The library calls itself by its file's name instead of the place where it was built.
             Platform::Darwin64 | Platform::Aarch64Darwin => {
-                command.args(["--config", "profile.release.rpath=true"]);
+                command.args(["--config", &format!("profile.{PROFILE}.rpath=true")]);
             }
             // The run-time library goes into the FMU (FMI 2.0.5, section 2.3: "option MT").
             Platform::Win32 | Platform::Win64 | Platform::Aarch64Windows => {

@@ -55,7 +55,7 @@ def couple(host: Path, fmus: dict[str, Fmu]) -> list[str]:
 def run_coupled(command: list[str], how: str, steps: int, before: tuple[str, ...] = ()) -> list[str]:
     """What both FMUs gave each other at the end."""
     program, name, *of_fmus = command
-    # Both declare canSerializeFMUstate, see test_interface.py.
+    # Both declare canSerializeFMUstate, see quick/test_interface.py.
     whole = [*before, program, name, how, str(steps), "1", *of_fmus]
     result = subprocess.run(whole, capture_output=True, text=True, check=False)
     assert (result.returncode, result.stderr) == (0, "")

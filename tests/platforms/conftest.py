@@ -18,7 +18,9 @@ ROOT = Path(__file__).resolve().parents[2]
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).absolute()
 sys.path.append(str(ROOT / "tests" / "fmu"))
 
-from master import Fmu  # noqa: E402 - it lies beside the tests of the exported FMUs
+# These lie beside the tests of the exported FMUs.
+from c_loop import FLAGS, SOURCE  # noqa: E402
+from master import Fmu  # noqa: E402
 
 NAMES = ["BoostController", "BoostPlant"]
 
@@ -115,10 +117,8 @@ def host(runners: dict[str, Runner], folder: Path) -> Callable[[str], list[str]]
     def build(platform: str) -> list[str]:
         runner = runners[platform]
         program = folder / f"loop-{platform}{runner.suffix}"
-        flags = ["-std=gnu11", "-O1", "-Wall", "-Wextra", "-Werror"]
-        source = Path(__file__).with_name("loop.c")
         libraries = [] if platform == "win64" else ["-ldl"]
-        subprocess.run([*runner.compiler, *flags, source, "-o", program, *libraries], check=True)
+        subprocess.run([*runner.compiler, *FLAGS, SOURCE, "-o", program, *libraries], check=True)
         return [*runner.run, str(program)]
 
     return build

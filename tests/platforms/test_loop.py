@@ -2,37 +2,14 @@
 
 from __future__ import annotations
 
-import struct
-import subprocess
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
+from c_loop import run_loop
 from conftest import NAMES
-from experiments import BOOST_STEPS, BOOST_STEPS_END, ON_TOLERANCE, SAMPLE_TIME, staircase
+from experiments import BOOST_STEPS, ON_TOLERANCE
 from master import Fmu
-
-SUFFIXES = {"linux64": "so", "win64": "dll", "aarch64-linux": "so"}
-
-
-def arguments(fmu: Fmu, other: Fmu, platform: str, extra: list[str]) -> list[str]:
-    """An FMU as the master wants it: what it gives to the other one, takes from it, and what is printed."""
-
-    def references(names: list[str]) -> str:
-        return ",".join(str(fmu.variables[name].valueReference) for name in names)
-
-    name = fmu.description.modelName
-    gives = [output for output in fmu.named("output") if output in other.named("input")]
-    takes = extra + [output for output in other.named("output") if output in fmu.named("input")]
-    library = Path(fmu.folder) / "binaries" / platform / f"{name}.{SUFFIXES[platform]}"
-    return [
-        str(library),
-        fmu.description.guid,
-        references(gives),
-        references(takes),
-        references(fmu.named("output")),
-    ]
 
 
 @pytest.fixture(scope="session")
@@ -42,21 +19,7 @@ def run(host: Callable[[str], list[str]], fmus: dict[str, Fmu]) -> Callable[[str
 
     def run(platform: str) -> np.ndarray:
         if platform not in known:
-            controller, plant = (fmus[name] for name in NAMES)
-            command = [
-                *host(platform),
-                repr(SAMPLE_TIME),
-                *arguments(controller, plant, platform, ["boost_reference"]),
-                *arguments(plant, controller, platform, []),
-            ]
-            reference = staircase(*BOOST_STEPS)
-            steps = round(BOOST_STEPS_END / SAMPLE_TIME)
-            signal = "\n".join(repr(reference(index * SAMPLE_TIME)) for index in range(steps))
-            result = subprocess.run(command, input=signal, capture_output=True, text=True, timeout=600)
-            assert (result.returncode, result.stderr) == (0, "")
-            rows = [bytes.fromhex(line.replace(" ", "")) for line in result.stdout.splitlines()]
-            assert len(rows) == steps
-            known[platform] = np.array([struct.unpack(f">{len(row) // 8}d", row) for row in rows])
+            known[platform] = run_loop(host(platform), platform, *(fmus[name] for name in NAMES))
         return known[platform]
 
     return run
@@ -64,7 +27,7 @@ def run(host: Callable[[str], list[str]], fmus: dict[str, Fmu]) -> Callable[[str
 
 def test_linux64(run: Callable[[str], np.ndarray], fmus: dict[str, Fmu]) -> None:
     """It is the experiment: boost pressure ends at its last reference, within the 2 Pa of
-    tests/fmu/test_boost_steps.py and the tolerance there."""
+    tests/fmu/quick/test_boost_steps.py and the tolerance there."""
     names = [name for fmu in NAMES for name in fmus[fmu].named("output")]
     boost = run("linux64")[:, names.index("boost_pressure")]
     assert abs(boost[-1] - BOOST_STEPS[-1][1]) <= 2 + ON_TOLERANCE

@@ -1,7 +1,9 @@
 """Makes the experiments of this folder: all ten inputs of the plant move at random, and an implementation of
 its equations of its own, with SciPy's DOP853 at a tolerance of 1e-11, says what the plant does.
 
-    python tests/data/experiments/make.py [NUMBER ...]
+    python tests/data/experiments/make.py [--out FOLDER | --check] [NUMBER ...]
+
+It writes the files anew, here or in another folder, or checks those that are here.
 
 The equations are those of src/plant/, which has their sources, transcribed as they are read there; the
 parameters are read from modelDescription/plant.json. Needs Python 3.11 and SciPy; an experiment takes about
@@ -12,12 +14,13 @@ the points; the plant sees the value at the begin of each communication step of 
 the initial states, then states and outputs every 0.1 s, in the order of tests/plant/bench.rs.
 """
 
+import argparse
 import json
 import math
 import random
-import sys
 from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from scipy.integrate import DOP853
 
@@ -304,8 +307,8 @@ class Plant:
         return rates, outputs
 
 
-def make(number):
-    """Writes the two files of an experiment."""
+def make(number, folder):
+    """Writes the two files of an experiment into a folder."""
     plant, points = Plant(), points_of(number)
     # Full precision below the full scale, where the tolerance of the states is an absolute one.
     inputs_at = {
@@ -335,12 +338,53 @@ def make(number):
         if (count + 1) % ROW == 0:
             outputs = plant.evaluate(states, inputs)[1]
             rows.append(",".join(f"{value:.10g}" for value in [end, *states, *outputs]))
-    (FOLDER / f"{number:02}_reference.csv").write_text("\n".join(rows) + "\n")
+    (folder / f"{number:02}_reference.csv").write_text("\n".join(rows) + "\n")
     lines = [f"{name},{time:.10g},{value:.10g}" for name in INPUTS for time, value in points[name]]
-    (FOLDER / f"{number:02}_inputs.csv").write_text("\n".join(lines) + "\n")
+    (folder / f"{number:02}_inputs.csv").write_text("\n".join(lines) + "\n")
+
+
+def rows_of(folder, number):
+    """The numbers of an experiment's reference: the initial states, then row by row."""
+    head, *lines = (folder / f"{number:02}_reference.csv").read_text().splitlines()
+    words = [head.removeprefix("# x0:").split(), *(line.split(",") for line in lines)]
+    return [[float(word) for word in row] for row in words]
+
+
+def check(number):
+    """Fails where an experiment, made anew, differs from what is kept.
+
+    The inputs are the same bytes. The reference may differ by what another version of SciPy or of the
+    system's mathematics rounds differently: by 1e-7 of the largest value of a column, a thousandth of what
+    the plant's tests allow (1e-4).
+    """
+    with TemporaryDirectory() as name:
+        made = Path(name)
+        make(number, made)
+        inputs = f"{number:02}_inputs.csv"
+        if (made / inputs).read_bytes() != (FOLDER / inputs).read_bytes():
+            raise SystemExit(f"{inputs} is not what {Path(__file__).name} makes")
+        (start, *anew), (kept_start, *kept) = rows_of(made, number), rows_of(FOLDER, number)
+    file = f"{number:02}_reference.csv"
+    if start != kept_start or [len(row) for row in anew] != [len(row) for row in kept]:
+        raise SystemExit(f"{file} has other initial states or rows than {Path(__file__).name} makes")
+    columns = zip(zip(*anew, strict=True), zip(*kept, strict=True), strict=True)
+    for column, (ours, theirs) in enumerate(columns):
+        scale = max(map(abs, theirs)) or 1.0
+        worst = max(abs(a - b) for a, b in zip(ours, theirs, strict=True)) / scale
+        if not worst <= 1e-7:
+            raise SystemExit(f"{file}: column {column} differs by {worst:.1e} of its largest value")
 
 
 if __name__ == "__main__":
-    for number in map(int, sys.argv[1:] or map(str, range(1, 11))):
-        make(number)
+    parser = argparse.ArgumentParser()
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--out", type=Path, default=FOLDER, help="the folder that is written to")
+    where.add_argument("--check", action="store_true", help="compare with what is kept instead")
+    parser.add_argument("numbers", type=int, nargs="*", default=range(1, 11))
+    options = parser.parse_args()
+    for number in options.numbers:
+        if options.check:
+            check(number)
+        else:
+            make(number, options.out)
         print(f"experiment {number}")

@@ -4,6 +4,7 @@ this FMU is refused (FMI 2.0.5, section 2.1.8)."""
 from __future__ import annotations
 
 import math
+import os
 import struct
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from pathlib import Path
 
 import pytest
 from c_interface import Caller, Library, Status, library_path
+from conftest import ROOT
 from master import Fmu
 
 STEP = 1 / 80
@@ -162,7 +164,9 @@ def test_another_process_goes_on_identically(
     first = prepare(call(name), fmu)
     (tmp_path / "state").write_bytes(first.serialize(first.save()))
     expected = stir(first, fmu, 57, 150)
-    subprocess.run([sys.executable, __file__, fmu.path, tmp_path], check=True, timeout=60)
+    command = [sys.executable, __file__, fmu.path, tmp_path]
+    modules = {**os.environ, "PYTHONPATH": str(ROOT / "tests" / "fmu")}
+    subprocess.run(command, env=modules, check=True, timeout=60)
     assert (tmp_path / "continuation").read_bytes() == b"".join(expected)
 
 

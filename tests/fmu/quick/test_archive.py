@@ -1,9 +1,7 @@
-"""The exported files: valid, small, reproducible, and with the standard's functions only."""
+"""The exported files: valid, small, and with the standard's functions only."""
 
 from __future__ import annotations
 
-import hashlib
-import os
 import re
 import subprocess
 import tomllib
@@ -124,19 +122,3 @@ def parts(text: str) -> list[tuple[list[str], str]]:
     _, *pieces = text.split(80 * "-" + "\n")
     pairs = zip(pieces[::2], pieces[1::2], strict=True)
     return [(owners.splitlines(), section.strip()) for owners, section in pairs]
-
-
-def test_export_is_reproducible(root: Path, tmp_path: Path) -> None:
-    """The same sources give the same bytes, also when cargo compiles them anew."""
-
-    def export(folder: str) -> dict[str, str]:
-        out = tmp_path / folder
-        command = ["cargo", "run", "--release", "--quiet", "--", "export", "--out", str(out)]
-        subprocess.run(command, cwd=root, check=True, capture_output=True)
-        return {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in out.iterdir()}
-
-    first = export("first")
-    for source in ["build.rs", "src/lib.rs", *root.glob("crates/*/src/lib.rs")]:
-        os.utime(root / source)
-    assert export("second") == first
-    assert sorted(first) == ["Boost.ssp", "BoostController.fmu", "BoostPlant.fmu"]
