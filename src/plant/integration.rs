@@ -37,32 +37,69 @@ use std::cell::Cell;
 use fmi2_export::Error;
 use fmi2_export::persistence::{Archive, Persistent};
 
-use super::system::{ACTUATION, Actuation, Evaluation, GAS_PATH, GAS_PATH_SCALES, GasPath, System, halves};
-use super::variables::{Inputs, States};
+use super::system::{Actuation, Evaluation, GAS_PATH_SCALES, GasPath, System};
+use super::variables::{ActuationStates, GasPathStates, Inputs, States};
 use crate::elementary::power;
 use crate::solver::Trial;
 use crate::solver::cubic::Cubic;
 use crate::solver::rosenbrock::{Begin, Blocks, Linearization, step};
 use crate::solver::step_size::{StepSize, largest_error, relative_error};
 
-/// What counts as 100 % of the actuation's states, in their order and units: for the rod's speed, which is fast
-/// and tiny, ten times what it reaches; for the tank's pressure, which forgets no error, a thirtieth of it.
-const ACTUATION_SCALES: [f64; ACTUATION] = [20.0, 100.0, 1e3, 1e5, 1e-2, 1.0, 0.25];
+const ACTUATION: usize = ActuationStates::COUNT;
+const GAS_PATH: usize = GasPathStates::COUNT;
 
-/// What counts as 100 % of the gas path's states where steps are judged. The flows between the volumes beside a
-/// compressor or a wastegate depend steeply on their pressures, so these count more than their full scales say:
-/// 0.01 % of the flow's full scale is then within reach, too.
-const GAS_PATH_ERROR_SCALES: [f64; GAS_PATH] = [6e4, 6e4, 1.5e5, 2e5, 2e5, 1.2e5, 1e5, 1e5, 2e4, 1e4];
+/// The tank's pressure forgets no error, so it is judged this much more strictly than its full scale says.
+const TANK_STRICTNESS: f64 = 35.0;
+/// The rod's speed is fast and tiny: its errors may be this many times as large.
+const ROD_SPEED_SLACK: f64 = 10.0;
+/// The same for the friction force, which kinks where the rod turns. Where the exhaust pushes the wastegate there is
+/// no slack: the rod creeps with its pressure then, and the errors of many steps add up.
+const FRICTION_SLACK: f64 = 1.25;
 
-/// The least that each state of the actuation can be: no pressure is negative.
-const ACTUATION_LEAST: [f64; ACTUATION] = [UNBOUNDED, UNBOUNDED, 0.0, 0.0, UNBOUNDED, UNBOUNDED, UNBOUNDED];
-/// The same of the gas path: no pressure is negative, and no shaft turns backwards.
-const GAS_PATH_LEAST: [f64; GAS_PATH] = [0.0; GAS_PATH];
-const UNBOUNDED: f64 = f64::NEG_INFINITY;
+/// What counts as 100 % of the actuation's states where steps are judged.
+const ACTUATION_SCALES: ActuationStates = {
+    let mut scales = ActuationStates::NOMINAL;
+    scales.tank.pressure /= TANK_STRICTNESS;
+    scales.actuator.velocity *= ROD_SPEED_SLACK;
+    scales.actuator.friction_force *= FRICTION_SLACK;
+    scales
+};
 
-/// The same of the friction force where the exhaust pushes the wastegate: the rod creeps with its pressure then,
-/// and the errors of many steps add up.
-const PUSHED_FRICTION_SCALE: f64 = 0.2;
+/// The same where the exhaust pushes the wastegate.
+const PUSHED_ACTUATION_SCALES: ActuationStates = {
+    let mut scales = ACTUATION_SCALES;
+    scales.actuator.friction_force = ActuationStates::NOMINAL.actuator.friction_force;
+    scales
+};
+
+/// The flows between the volumes beside a compressor or a wastegate depend steeply on their pressures, so errors of
+/// these count more than their full scales say: 0.01 % of the flow's full scale is then within reach, too. These are
+/// the shares of the full scales that count as 100 %.
+const BEFORE_LP_COMPRESSOR: f64 = 0.6;
+const BETWEEN_COMPRESSORS: f64 = 0.3;
+const BEHIND_HP_COMPRESSOR: f64 = 0.75;
+const BEFORE_HP_WASTEGATE: f64 = 0.6;
+const BETWEEN_WASTEGATES: f64 = 2.0 / 3.0;
+
+/// What counts as 100 % of the gas path's states where steps are judged.
+const GAS_PATH_ERROR_SCALES: GasPathStates = {
+    let mut scales = GAS_PATH_SCALES;
+    scales.air_filter.pressure *= BEFORE_LP_COMPRESSOR;
+    scales.lp_compressor.outlet_pressure *= BETWEEN_COMPRESSORS;
+    scales.hp_compressor.outlet_pressure *= BEHIND_HP_COMPRESSOR;
+    scales.exhaust_manifold.pressure *= BEFORE_HP_WASTEGATE;
+    scales.interstage_exhaust.pressure *= BETWEEN_WASTEGATES;
+    scales
+};
+
+/// The least that each state of the gas path can be: no pressure is negative, and no shaft turns backwards.
+const GAS_PATH_LEAST: GasPathStates = {
+    let mut least = GasPathStates::MIN;
+    least.hp_shaft.speed = 0.0;
+    least.lp_shaft.speed = 0.0;
+    least
+};
+
 /// The share of the tolerance for the error of a single step of the actuation: the errors of several steps
 /// and of the kinks add up, and what the gas path makes of the rod's position is up to three times as much.
 /// Found by experiment, like that of the gas path.
@@ -104,10 +141,6 @@ const TIME_DIFFERENCE: f64 = 1e-3;
 const AREA_DIFFERENCE: f64 = 1e-3;
 /// How many steps the actuation may be ahead.
 const MOST_AHEAD: usize = 16;
-/// The places of the rod's position and of the friction force among the actuation's states.
-const POSITION: usize = 4;
-const FRICTION: usize = 6;
-
 /// What is remembered from one communication step to the next.
 #[derive(Clone, Copy, Debug)]
 pub struct Pace {
@@ -228,8 +261,8 @@ fn gas_path_inputs(inputs: &Inputs) -> [f64; GAS_PATH_INPUTS] {
 pub struct Failure {
     /// The time in s until which they are.
     pub time: f64,
-    /// The state whose error is too large.
-    pub state: usize,
+    /// The name of the state whose error is too large.
+    pub state: &'static str,
 }
 
 /// The steps that a call may still try, so that it ends in bounded time.
@@ -289,7 +322,7 @@ impl Pace {
         &mut self,
         system: &System,
         signal: &Signal<impl Fn(f64) -> Inputs>,
-        states: &mut [f64; States::COUNT],
+        states: &mut States,
         interval: Interval<'_>,
     ) -> Result<Evaluation, Failure> {
         if self.tank_is_frozen != system.is_tank_frozen() {
@@ -308,17 +341,19 @@ impl Pace {
         &mut self,
         system: &System,
         signal: &Signal<impl Fn(f64) -> Inputs>,
-        states: &mut [f64; States::COUNT],
+        states: &mut States,
         interval: Interval<'_>,
     ) -> Result<Evaluation, Failure> {
-        let (actuation, gas_path) = halves(&States::from_array(*states));
+        let (actuation, gas_path) = (ActuationStates::of(states), GasPathStates::of(states));
         let mut ahead = Ahead::new(&mut self.actuation, system, signal, actuation, interval);
         let mut behind = Behind::new((&mut self.gas_path, &mut self.by_area), &ahead, gas_path, interval);
         while behind.course.time < interval.to {
             behind.step(&mut ahead)?;
         }
-        states[..ACTUATION].copy_from_slice(&ahead.course.states);
-        states[ACTUATION..].copy_from_slice(&behind.course.states);
+        *states = States::from_groups(
+            ActuationStates::from_array(ahead.course.states),
+            GasPathStates::from_array(behind.course.states),
+        );
         Ok(Evaluation { gas_path: behind.end(ahead.opening(interval.to)), actuation: ahead.end() })
     }
 
@@ -327,25 +362,24 @@ impl Pace {
         &mut self,
         system: &System,
         signal: &Signal<impl Fn(f64) -> Inputs>,
-        states: &mut [f64; States::COUNT],
+        states: &mut States,
         interval: Interval<'_>,
     ) -> Result<Evaluation, Failure> {
         let inputs = &signal.at;
-        let evaluate =
-            |time: f64, x: &[f64; States::COUNT]| system.evaluate(&inputs(time), &States::from_array(*x));
-        let derivatives = |time: f64, x: &[f64; States::COUNT]| evaluate(time, x).derivatives().to_array();
-        let scales = std::array::from_fn(|i| match i {
-            FRICTION => PUSHED_FRICTION_SCALE,
-            _ if i < ACTUATION => ACTUATION_SCALES[i],
-            _ => GAS_PATH_ERROR_SCALES[i - ACTUATION],
-        });
-        let least = std::array::from_fn(|i| match i {
-            _ if i < ACTUATION => ACTUATION_LEAST[i],
-            _ => GAS_PATH_LEAST[i - ACTUATION],
-        });
-        let slopes = derivatives(interval.from, states);
+        let evaluate = |time: f64, x: &[f64; States::COUNT]| {
+            let (actuation, gas_path) = split(x);
+            system.evaluate(&inputs(time), &States::from_groups(actuation, gas_path))
+        };
+        let derivatives = |time: f64, x: &[f64; States::COUNT]| {
+            let Evaluation { actuation, gas_path } = evaluate(time, x);
+            joined(&actuation.derivatives, &gas_path.derivatives)
+        };
+        let scales = joined(&PUSHED_ACTUATION_SCALES, &GAS_PATH_ERROR_SCALES);
+        let least = joined(&ActuationStates::MIN, &GAS_PATH_LEAST);
+        let begin = joined(&ActuationStates::of(states), &GasPathStates::of(states));
+        let slopes = derivatives(interval.from, &begin);
         let mut course =
-            Course::new(interval, self.actuation.step, (&scales, ACTUATION_SHARE), least, (*states, slopes));
+            Course::new(interval, self.actuation.step, (&scales, ACTUATION_SHARE), least, (begin, slopes));
         loop {
             let (length, end) = course.next();
             self.linearize(system, &inputs(course.time), &course);
@@ -356,13 +390,18 @@ impl Pace {
                 let at_end = |x: &[f64; States::COUNT]| derivatives(end, x);
                 step(&Blocks(actuation, gas_path), derivatives, at_end, &course.begin(&drift), length)
             });
-            if course.settle(trial, length, end)? {
+            let name = |state: usize| match state.checked_sub(ACTUATION) {
+                None => ActuationStates::NAMES[state],
+                Some(state) => GasPathStates::NAMES[state],
+            };
+            if course.settle(trial, length, end, name)? {
                 actuation.count();
                 gas_path.count();
                 if course.time >= interval.to {
-                    *states = course.states;
+                    let (actuation, gas_path) = split(&course.states);
+                    *states = States::from_groups(actuation, gas_path);
                     self.actuation.step = course.steps.next;
-                    return Ok(evaluate(interval.to, states));
+                    return Ok(system.evaluate(&inputs(interval.to), states));
                 }
             } else {
                 actuation.discard();
@@ -373,29 +412,62 @@ impl Pace {
 
     /// Linearizes the halves of everything anew where they are used up.
     fn linearize(&mut self, system: &System, inputs: &Inputs, course: &Course<'_, { States::COUNT }>) {
-        let (actuation, gas_path) = halves(&States::from_array(course.states));
-        let (actuation_slopes, gas_path_slopes) = halves(&States::from_array(course.slopes));
+        let (actuation, gas_path) = split(&course.states);
+        let (actuation_slopes, gas_path_slopes) = split(&course.slopes);
         let (difference, opening) =
-            (System::exhaust_difference(&gas_path), system.actuator.opening(actuation[POSITION]));
+            (System::exhaust_difference(&gas_path), system.actuator.opening(actuation.actuator.position));
         if self.actuation.linearization.is_used_up() {
             self.actuation.linearization.renew(
-                |x| system.actuate(inputs, x, difference).derivatives,
-                &actuation,
-                &actuation_slopes,
-                &ACTUATION_SCALES,
+                |x| actuate(system, inputs, x, difference).derivatives.to_array(),
+                &actuation.to_array(),
+                &actuation_slopes.to_array(),
+                &ACTUATION_SCALES.to_array(),
                 LINEARIZATION_SERVES,
             );
         }
         if self.gas_path.linearization.is_used_up() {
             self.gas_path.linearization.renew(
-                |x| system.breathe(inputs, x, opening).derivatives,
-                &gas_path,
-                &gas_path_slopes,
-                &GAS_PATH_SCALES,
+                |x| follow(system, inputs, x, opening).derivatives.to_array(),
+                &gas_path.to_array(),
+                &gas_path_slopes.to_array(),
+                &GAS_PATH_SCALES.to_array(),
                 LINEARIZATION_SERVES,
             );
         }
     }
+}
+
+/// The states of actuation and gas path one after the other.
+fn joined(actuation: &ActuationStates, gas_path: &GasPathStates) -> [f64; States::COUNT] {
+    let mut states = [0.0; States::COUNT];
+    states[..ACTUATION].copy_from_slice(&actuation.to_array());
+    states[ACTUATION..].copy_from_slice(&gas_path.to_array());
+    states
+}
+
+/// The inverse of [`joined`].
+fn split(states: &[f64; States::COUNT]) -> (ActuationStates, GasPathStates) {
+    (
+        ActuationStates::from_array(std::array::from_fn(|i| states[i])),
+        GasPathStates::from_array(std::array::from_fn(|i| states[ACTUATION + i])),
+    )
+}
+
+/// What the actuation does with states as an array.
+#[inline]
+fn actuate(
+    system: &System,
+    inputs: &Inputs,
+    states: &[f64; ACTUATION],
+    exhaust_difference: f64,
+) -> Actuation {
+    system.actuation(inputs, &ActuationStates::from_array(*states), exhaust_difference)
+}
+
+/// What the gas path does with states as an array, behind an opening of the wastegate.
+#[inline]
+fn follow(system: &System, inputs: &Inputs, states: &[f64; GAS_PATH], opening: f64) -> GasPath {
+    system.gas_path(inputs, &GasPathStates::from_array(*states), opening)
 }
 
 /// The states of a system on their way through an interval.
@@ -461,7 +533,13 @@ impl<'a, const N: usize> Course<'a, N> {
     }
 
     /// Takes a step, or has it tried again with another length. Without a trial there was no way to compute it.
-    fn settle(&mut self, trial: Option<Trial<N>>, length: f64, end: f64) -> Result<bool, Failure> {
+    fn settle(
+        &mut self,
+        trial: Option<Trial<N>>,
+        length: f64,
+        end: f64,
+        name: impl Fn(usize) -> &'static str,
+    ) -> Result<bool, Failure> {
         let (states, mut errors) =
             trial.map_or((self.states, [f64::INFINITY; N]), |trial| (trial.states, trial.error));
         for ((error, state), least) in errors.iter_mut().zip(&states).zip(&self.least) {
@@ -472,7 +550,8 @@ impl<'a, const N: usize> Course<'a, N> {
         let error = relative_error(&states, &errors, &self.weights);
         let taken = self.steps.judge(length, error);
         if self.interval.is_given_up(&self.steps, taken) {
-            return Err(Failure { time: self.time, state: largest_error(&states, &errors, &self.weights) });
+            let state = name(largest_error(&states, &errors, &self.weights));
+            return Err(Failure { time: self.time, state });
         }
         if let Some(trial) = trial
             && taken
@@ -480,6 +559,13 @@ impl<'a, const N: usize> Course<'a, N> {
             (self.time, self.states, self.slopes) = (end, trial.states, trial.slopes);
         }
         Ok(taken)
+    }
+}
+
+impl Course<'_, ACTUATION> {
+    /// The rod's position and speed.
+    fn rod(&self) -> [f64; 2] {
+        [self.states, self.slopes].map(|values| ActuationStates::from_array(values).actuator.position)
     }
 }
 
@@ -501,15 +587,16 @@ impl<'a, F: Fn(f64) -> Inputs> Ahead<'a, F> {
         memory: &'a mut Memory<ACTUATION, ACTUATION_INPUTS>,
         system: &'a System,
         signal: &'a Signal<F>,
-        states: [f64; ACTUATION],
+        states: ActuationStates,
         interval: Interval<'a>,
     ) -> Self {
         let inputs = (signal.at)(interval.from);
         let slopes = memory
             .slopes(&actuation_inputs(&inputs))
-            .unwrap_or_else(|| system.actuate(&inputs, &states, 0.0).derivatives);
-        let scales = (&ACTUATION_SCALES, ACTUATION_SHARE);
-        let mut course = Course::new(interval, memory.step, scales, ACTUATION_LEAST, (states, slopes));
+            .unwrap_or_else(|| system.actuation(&inputs, &states, 0.0).derivatives.to_array());
+        let scales = (&ACTUATION_SCALES.to_array(), ACTUATION_SHARE);
+        let (least, states) = (ActuationStates::MIN.to_array(), states.to_array());
+        let mut course = Course::new(interval, memory.step, scales, least, (states, slopes));
         memory.adapt_to_jump(&mut course, ACTUATION_JUMPS);
         Self {
             course,
@@ -534,33 +621,33 @@ impl<'a, F: Fn(f64) -> Inputs> Ahead<'a, F> {
     /// Tries a step.
     fn step(&mut self) -> Result<(), Failure> {
         let (system, inputs) = (self.system, &self.signal.at);
-        let evaluate = |time: f64, x: &[f64; ACTUATION]| system.actuate(&inputs(time), x, 0.0);
+        let evaluate = |time: f64, x: &[f64; ACTUATION]| actuate(system, &inputs(time), x, 0.0);
         let (course, linearization) = (&mut self.course, &mut self.memory.linearization);
-        let (begin, position, speed) = (course.time, course.states[POSITION], course.slopes[POSITION]);
+        let (begin, at_begin) = (course.time, course.rod());
         if linearization.is_used_up() {
             linearization.renew(
-                |x| evaluate(begin, x).derivatives,
+                |x| evaluate(begin, x).derivatives.to_array(),
                 &course.states,
                 &course.slopes,
-                &ACTUATION_SCALES,
+                &ACTUATION_SCALES.to_array(),
                 LINEARIZATION_SERVES,
             );
         }
         let (length, end) = course.next();
-        let derivatives = |time: f64, x: &[f64; ACTUATION]| evaluate(time, x).derivatives;
+        let derivatives = |time: f64, x: &[f64; ACTUATION]| evaluate(time, x).derivatives.to_array();
         let at_end = |x: &[f64; ACTUATION]| {
             let actuation = evaluate(end, x);
             if end >= course.interval.to {
                 self.actuation = Some(actuation);
             }
-            actuation.derivatives
+            actuation.derivatives.to_array()
         };
         let trial = linearization.prepare(length).then(|| {
             let drift = course.drift(derivatives, length, self.signal.is_constant);
             step(linearization, derivatives, at_end, &course.begin(&drift), length)
         });
-        if course.settle(trial, length, end)? {
-            let (positions, speeds) = ([position, course.states[POSITION]], [speed, course.slopes[POSITION]]);
+        if course.settle(trial, length, end, |state| ActuationStates::NAMES[state])? {
+            let [positions, speeds] = std::array::from_fn(|i| [at_begin[i], course.rod()[i]]);
             self.positions[self.count] = Cubic::new(begin, length, positions, speeds);
             self.count += 1;
             linearization.count();
@@ -573,7 +660,7 @@ impl<'a, F: Fn(f64) -> Inputs> Ahead<'a, F> {
     /// The wastegate's opening at a time between that of the gas path and the own.
     fn opening(&self, time: f64) -> f64 {
         let past = self.positions[..self.count].iter().find(|cubic| time < cubic.end());
-        let position = past.map_or(self.course.states[POSITION], |cubic| cubic.at(time));
+        let position = past.map_or(self.course.rod()[0], |cubic| cubic.at(time));
         self.system.actuator.opening(position)
     }
 
@@ -588,7 +675,7 @@ impl<'a, F: Fn(f64) -> Inputs> Ahead<'a, F> {
     fn end(&mut self) -> Actuation {
         let inputs = (self.signal.at)(self.course.time);
         self.memory.end(&self.course, actuation_inputs(&inputs));
-        self.actuation.unwrap_or_else(|| self.system.actuate(&inputs, &self.course.states, 0.0))
+        self.actuation.unwrap_or_else(|| actuate(self.system, &inputs, &self.course.states, 0.0))
     }
 }
 
@@ -608,16 +695,17 @@ impl<'a, F: Fn(f64) -> Inputs> Behind<'a, F> {
     fn new(
         (memory, by_area): (&'a mut Memory<GAS_PATH, GAS_PATH_INPUTS>, &'a mut [f64; GAS_PATH]),
         ahead: &Ahead<'a, F>,
-        states: [f64; GAS_PATH],
+        states: GasPathStates,
         interval: Interval<'a>,
     ) -> Self {
         let (system, signal) = (ahead.system, ahead.signal);
         let inputs = (signal.at)(interval.from);
-        let slopes = memory
-            .slopes(&gas_path_inputs(&inputs))
-            .unwrap_or_else(|| system.breathe(&inputs, &states, ahead.opening(interval.from)).derivatives);
-        let scales = (&GAS_PATH_ERROR_SCALES, GAS_PATH_SHARE);
-        let mut course = Course::new(interval, memory.step, scales, GAS_PATH_LEAST, (states, slopes));
+        let slopes = memory.slopes(&gas_path_inputs(&inputs)).unwrap_or_else(|| {
+            system.gas_path(&inputs, &states, ahead.opening(interval.from)).derivatives.to_array()
+        });
+        let scales = (&GAS_PATH_ERROR_SCALES.to_array(), GAS_PATH_SHARE);
+        let (least, states) = (GAS_PATH_LEAST.to_array(), states.to_array());
+        let mut course = Course::new(interval, memory.step, scales, least, (states, slopes));
         memory.adapt_to_jump(&mut course, GAS_PATH_JUMPS);
         Self { system, signal, memory, by_area, course, gas_path: None }
     }
@@ -636,20 +724,19 @@ impl<'a, F: Fn(f64) -> Inputs> Behind<'a, F> {
         }
         let drift = self.drift(ahead, length);
         let (linearization, course) = (&mut self.memory.linearization, &mut self.course);
-        let evaluate = |time: f64, x: &[f64; GAS_PATH]| system.breathe(&inputs(time), x, ahead.opening(time));
+        let evaluate = |time: f64, x: &[f64; GAS_PATH]| follow(system, &inputs(time), x, ahead.opening(time));
         let at_end = |x: &[f64; GAS_PATH]| {
             let gas_path = evaluate(end, x);
             if end >= course.interval.to {
                 self.gas_path = Some(gas_path);
             }
-            gas_path.derivatives
+            gas_path.derivatives.to_array()
         };
         let trial = linearization.prepare(length).then(|| {
-            let derivatives = |time: f64, x: &[f64; GAS_PATH]| evaluate(time, x).derivatives;
+            let derivatives = |time: f64, x: &[f64; GAS_PATH]| evaluate(time, x).derivatives.to_array();
             step(linearization, derivatives, at_end, &course.begin(&drift), length)
         });
-        let failure = |failure: Failure| Failure { state: ACTUATION + failure.state, ..failure };
-        if course.settle(trial, length, end).map_err(failure)? {
+        if course.settle(trial, length, end, |state| GasPathStates::NAMES[state])? {
             linearization.count();
             ahead.forget_before(end);
         } else {
@@ -662,17 +749,17 @@ impl<'a, F: Fn(f64) -> Inputs> Behind<'a, F> {
     fn linearize(&mut self, opening: f64) {
         let Self { system, course, .. } = self;
         let inputs = (self.signal.at)(course.time);
-        let derivatives = |x: &[f64; GAS_PATH]| system.breathe(&inputs, x, opening).derivatives;
+        let derivatives = |x: &[f64; GAS_PATH]| follow(system, &inputs, x, opening).derivatives.to_array();
         self.memory.linearization.renew(
             derivatives,
             &course.states,
             &course.slopes,
-            &GAS_PATH_SCALES,
+            &GAS_PATH_SCALES.to_array(),
             LINEARIZATION_SERVES,
         );
         let area = opening * opening;
         let moved = if area < 0.5 { area + AREA_DIFFERENCE } else { area - AREA_DIFFERENCE };
-        let slopes = system.breathe(&inputs, &course.states, moved.sqrt()).derivatives;
+        let slopes = follow(system, &inputs, &course.states, moved.sqrt()).derivatives.to_array();
         *self.by_area = std::array::from_fn(|i| (slopes[i] - course.slopes[i]) / (moved - area));
     }
 
@@ -685,7 +772,7 @@ impl<'a, F: Fn(f64) -> Inputs> Behind<'a, F> {
             self.by_area.map(|slope| slope * (later - area) / difference)
         } else {
             let derivatives = |time: f64, x: &[f64; GAS_PATH]| {
-                self.system.breathe(&(self.signal.at)(time), x, ahead.opening(time)).derivatives
+                follow(self.system, &(self.signal.at)(time), x, ahead.opening(time)).derivatives.to_array()
             };
             self.course.drift(derivatives, length, false)
         }
@@ -695,7 +782,7 @@ impl<'a, F: Fn(f64) -> Inputs> Behind<'a, F> {
     fn end(&mut self, opening: f64) -> GasPath {
         let inputs = (self.signal.at)(self.course.time);
         self.memory.end(&self.course, gas_path_inputs(&inputs));
-        self.gas_path.unwrap_or_else(|| self.system.breathe(&inputs, &self.course.states, opening))
+        self.gas_path.unwrap_or_else(|| follow(self.system, &inputs, &self.course.states, opening))
     }
 }
 
@@ -706,9 +793,9 @@ mod tests {
     use crate::plant::variables::Parameters;
 
     /// The states after 2 s of inputs that change at 0.5 s and 1 s, taken in equal intervals.
-    fn travelled(system: &System, tolerance: f64, intervals: u32) -> [f64; States::COUNT] {
+    fn travelled(system: &System, tolerance: f64, intervals: u32) -> States {
         let mut pace = Pace::default();
-        let mut states = running(system, &Inputs::default(), 32_500.0).to_array();
+        let mut states = running(system, &Inputs::default(), 32_500.0);
         for n in 0..intervals {
             let (from, to) =
                 (2.0 * f64::from(n) / f64::from(intervals), 2.0 * f64::from(n + 1) / f64::from(intervals));
@@ -734,13 +821,15 @@ mod tests {
 
     /// The largest difference relative to the full scales; the rod's speed and the friction force count
     /// where they are compared in the trace alone.
-    fn difference(a: &[f64; States::COUNT], b: &[f64; States::COUNT]) -> f64 {
-        let scale = |i: usize| match i {
-            2 => 3.5e4,
-            _ if i < ACTUATION => ACTUATION_SCALES[i],
-            _ => GAS_PATH_SCALES[i - ACTUATION],
-        };
-        (0..States::COUNT).map(|i| (a[i] - b[i]).abs() / scale(i)).fold(0.0, f64::max)
+    fn difference(a: &States, b: &States) -> f64 {
+        let mut scales = ACTUATION_SCALES;
+        scales.tank.pressure = ActuationStates::NOMINAL.tank.pressure;
+        let scales = States::from_groups(scales, GAS_PATH_SCALES);
+        let mut largest = 0.0_f64;
+        let _ = a.combine(b, &mut |a, b| (a - b).abs()).combine(&scales, &mut |error, scale| {
+            largest = largest.max(error / scale);
+        });
+        largest
     }
 
     fn system(exhaust_area: f64) -> System {
@@ -780,11 +869,14 @@ mod tests {
 
     #[test]
     fn what_cannot_be_integrated_is_told() {
-        for (exhaust_area, state) in [(0.0, 3), (0.0, 9), (1e-4, 9)] {
+        type Damage = fn(&mut States);
+        let chamber: Damage = |states| states.actuator.chamber_pressure = f64::NAN;
+        let intercooler: Damage = |states| states.intercooler.outlet_pressure = f64::NAN;
+        for (exhaust_area, damage) in [(0.0, chamber), (0.0, intercooler), (1e-4, intercooler)] {
             let system = system(exhaust_area);
             let inputs = Inputs::default();
-            let mut states = running(&system, &inputs, 32_500.0).to_array();
-            states[state] = f64::NAN;
+            let mut states = running(&system, &inputs, 32_500.0);
+            damage(&mut states);
             let signal = Signal { at: |_| inputs, is_constant: true };
             let budget = Budget::new(0.5);
             let interval = Interval { from: 0.5, to: 1.0, tolerance: 1e-4, budget: &budget };

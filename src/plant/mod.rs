@@ -152,7 +152,7 @@ impl Model for BoostPlant {
     ) -> Result<(), Error> {
         let parameters = &variables.parameters;
         self.system.freeze_tank(parameters.tank.frozen);
-        let mut states = variables.states.to_array();
+        let mut states = variables.states;
         let tolerance = tolerance(parameters, context.experiment);
         let budget = Budget::new(step.size);
         let mut done = 0.0;
@@ -169,7 +169,7 @@ impl Model for BoostPlant {
         }
         let interval = Interval { from: done, to: step.size, tolerance, budget: &budget };
         let evaluation = self.integrate(&mut states, variables, step, interval)?;
-        variables.states = States::from_array(states);
+        variables.states = states;
         let inputs = self.as_held(variables, step.inputs.at(step.size));
         match evaluation {
             Some(evaluation) => self.show(variables, &inputs, &evaluation),
@@ -251,7 +251,7 @@ impl BoostPlant {
     /// does at its end, unless it is empty.
     fn integrate(
         &mut self,
-        states: &mut [f64; States::COUNT],
+        states: &mut States,
         variables: &Variables,
         step: &Step<'_, Inputs>,
         interval: Interval<'_>,
@@ -278,7 +278,7 @@ impl BoostPlant {
                 "{} cannot be integrated beyond {:?} s: even the shortest steps, or as many as are tried, miss \
                  the tolerance of {:?} of full scale; the equations are too stiff with these parameters and \
                  inputs",
-                States::NAMES[failure.state],
+                failure.state,
                 step.start + failure.time,
                 interval.tolerance
             ))
