@@ -10,7 +10,7 @@ use num_dual::Dual64;
 use super::integration::{Budget, Interval, Pace, Signal};
 use super::scalar::Scalar;
 use super::system::{GAS_PATH_SCALES, System};
-use super::variables::{ActuationStates, GasPathStates, Inputs, Parameters, States};
+use super::variables::{ActuationStates, GasPathStates, Inputs, Parameters, StateGroups, States};
 use crate::solver::linear;
 use crate::solver::steady_state::{self, Failure};
 
@@ -190,7 +190,7 @@ fn settle_gas_path<D: Scalar>(
     actuated: States<D>,
     gas_path: GasPathStates<D>,
 ) -> States<D> {
-    let mut states = States::from_groups(ActuationStates::of(&actuated), gas_path);
+    let mut states = States::from_groups(StateGroups { actuation: ActuationStates::of(&actuated), gas_path });
     states.actuator.position =
         position_at_rest(system, inputs, actuated.actuator.chamber_pressure, &gas_path);
     states

@@ -38,7 +38,7 @@ use fmi2_export::Error;
 use fmi2_export::persistence::{Archive, Persistent};
 
 use super::system::{Actuation, Evaluation, GAS_PATH_SCALES, GasPath, System};
-use super::variables::{ActuationStates, GasPathStates, Inputs, States};
+use super::variables::{ActuationStates, GasPathStates, Inputs, StateGroups, States};
 use crate::elementary::power;
 use crate::solver::Trial;
 use crate::solver::cubic::Cubic;
@@ -350,10 +350,10 @@ impl Pace {
         while behind.course.time < interval.to {
             behind.step(&mut ahead)?;
         }
-        *states = States::from_groups(
-            ActuationStates::from_array(ahead.course.states),
-            GasPathStates::from_array(behind.course.states),
-        );
+        *states = States::from_groups(StateGroups {
+            actuation: ActuationStates::from_array(ahead.course.states),
+            gas_path: GasPathStates::from_array(behind.course.states),
+        });
         Ok(Evaluation { gas_path: behind.end(ahead.opening(interval.to)), actuation: ahead.end() })
     }
 
@@ -368,7 +368,7 @@ impl Pace {
         let inputs = &signal.at;
         let evaluate = |time: f64, x: &[f64; States::COUNT]| {
             let (actuation, gas_path) = split(x);
-            system.evaluate(&inputs(time), &States::from_groups(actuation, gas_path))
+            system.evaluate(&inputs(time), &States::from_groups(StateGroups { actuation, gas_path }))
         };
         let derivatives = |time: f64, x: &[f64; States::COUNT]| {
             let Evaluation { actuation, gas_path } = evaluate(time, x);
@@ -399,7 +399,7 @@ impl Pace {
                 gas_path.count();
                 if course.time >= interval.to {
                     let (actuation, gas_path) = split(&course.states);
-                    *states = States::from_groups(actuation, gas_path);
+                    *states = States::from_groups(StateGroups { actuation, gas_path });
                     self.actuation.step = course.steps.next;
                     return Ok(system.evaluate(&inputs(interval.to), states));
                 }
@@ -824,7 +824,7 @@ mod tests {
     fn difference(a: &States, b: &States) -> f64 {
         let mut scales = ACTUATION_SCALES;
         scales.tank.pressure = ActuationStates::NOMINAL.tank.pressure;
-        let scales = States::from_groups(scales, GAS_PATH_SCALES);
+        let scales = States::from_groups(StateGroups { actuation: scales, gas_path: GAS_PATH_SCALES });
         let mut largest = 0.0_f64;
         let _ = a.combine(b, &mut |a, b| (a - b).abs()).combine(&scales, &mut |error, scale| {
             largest = largest.max(error / scale);

@@ -35,7 +35,7 @@ use super::vacuum_tank::VacuumTank;
 use super::variables::{
     ActuationStates, ActuatorStates, AirFilterStates, CompressorParameters, CompressorStates,
     ExhaustManifoldStates, ExhaustStates, GasPathStates, Inputs, IntakeManifoldStates, IntercoolerStates,
-    InterstageExhaustStates, Parameters, PortParameters, ShaftParameters, ShaftStates, States,
+    InterstageExhaustStates, Parameters, PortParameters, ShaftParameters, ShaftStates, StateGroups, States,
     SupplySensorStates, TankStates, TurbineParameters, ValveStates,
 };
 
@@ -162,7 +162,10 @@ impl<D: Scalar> Evaluation<D> {
     /// The states' derivatives.
     #[must_use]
     pub fn derivatives(&self) -> States<D> {
-        States::from_groups(self.actuation.derivatives, self.gas_path.derivatives)
+        States::from_groups(StateGroups {
+            actuation: self.actuation.derivatives,
+            gas_path: self.gas_path.derivatives,
+        })
     }
 }
 

@@ -15,6 +15,9 @@ use super::resolve::{DataType, Field, Part, Resolved, Role, Start};
 pub(super) const FIXED_NAMES: [&str; 6] =
     ["Parameters", "Inputs", "States", "Locals", "Outputs", "Variables"];
 
+/// The type that holds all groups of states, where there are any.
+const STATE_GROUPS: &str = "StateGroups";
+
 /// The lints that generated code need not obey.
 const ALLOW: &str = "#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]\n";
 
@@ -96,6 +99,7 @@ pub(super) fn struct_names(model: &json::Model, parts: &[Part<'_>]) -> Vec<Strin
         GROUPS.into_iter().filter(|group| group.is_in(part)).map(|group| group.struct_name(part))
     })
     .chain(model.state_groups.iter().map(|group| states_name(&group.name)))
+    .chain((!model.state_groups.is_empty()).then(|| STATE_GROUPS.to_owned()))
     .collect()
 }
 
@@ -354,7 +358,7 @@ impl Generator<'_, '_> {
     fn state_groups(&self) -> String {
         let groups = &self.model.model.state_groups;
         let mut text = String::new();
-        let (mut arguments, mut fields) = (Vec::new(), vec![String::new(); self.model.parts.len()]);
+        let (mut members, mut fields) = (String::new(), vec![String::new(); self.model.parts.len()]);
         for json::Described { name: group, description } in groups {
             let name = states_name(group);
             let is_member = |part: &Part<'_>| part.state_group == Some(group);
@@ -378,8 +382,8 @@ impl Generator<'_, '_> {
                 nested_values(Group::States, &parts, nominal),
                 nested_values(Group::States, &parts, min),
             );
-            let description = format!("The states of a group: {}.", markdown(description));
-            text += &self.group_struct(Group::States, &name, &description, &parts);
+            let title = format!("The states of a group: {}.", markdown(description));
+            text += &self.group_struct(Group::States, &name, &title, &parts);
             text += &self.arrays(&name, &parts, &constants);
             let own: Vec<_> = parts.iter().filter_map(|part| part.name).collect();
             let of: Vec<_> = own.iter().map(|own| format!("            {own}: states.{own},\n")).collect();
@@ -397,27 +401,31 @@ impl Generator<'_, '_> {
 ",
                 of.concat()
             );
-            arguments.push(format!("{group}: {name}<T>"));
+            let _ = writeln!(members, "    /// {}\n    pub {group}: {name}<T>,", markdown(description));
             for (field, part) in fields.iter_mut().zip(&self.model.parts).filter(|(_, part)| is_member(part))
             {
                 let component = part.name.unwrap_or_default();
-                *field = format!("            {component}: {group}.{component},\n");
+                *field = format!("            {component}: groups.{group}.{component},\n");
             }
         }
         if !groups.is_empty() {
             let _ = write!(
                 text,
                 "
+/// All states by their groups.
+{ALLOW}#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct {STATE_GROUPS}<T = f64> {{
+{members}}}
+
 {ALLOW}impl<T: Copy> States<T> {{
     /// All states, from their groups.
     #[must_use]
-    pub fn from_groups({}) -> Self {{
+    pub fn from_groups(groups: {STATE_GROUPS}<T>) -> Self {{
         Self {{
 {}        }}
     }}
 }}
 ",
-                arguments.join(", "),
                 fields.concat()
             );
         }

@@ -24,7 +24,9 @@ mod variables {
     include!("Vessels/variables.rs");
 }
 
-use variables::{FillMode, Parameters, SparePartsStates, States, StoresStates, Variables, VesselStates};
+use variables::{
+    FillMode, Parameters, SparePartsStates, StateGroups, States, StoresStates, Variables, VesselStates,
+};
 
 fn sources() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/build")
@@ -252,7 +254,7 @@ fn groups_of_states_are_converted_by_name() {
     assert_eq!([stores.first.mass, stores.second.mass, spare_parts.settings.reserve], [1.0, 2.0, 3.0]);
     assert_eq!((StoresStates::NAMES, StoresStates::COUNT), (["first.mass", "second.mass"], 2));
     assert_eq!((stores.to_array(), StoresStates::from_array([1.0, 2.0])), ([1.0, 2.0], stores));
-    assert_eq!(States::from_groups(stores, spare_parts), states);
+    assert_eq!(States::from_groups(StateGroups { stores, spare_parts }), states);
     assert_eq!(StoresStates::default().to_array(), [1e-5; 2]);
     // The masses declare a least value, the reserve a nominal one.
     assert_eq!((StoresStates::MIN.to_array(), StoresStates::NOMINAL.to_array()), ([0.0; 2], [1.0; 2]));

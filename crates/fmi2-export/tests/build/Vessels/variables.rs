@@ -744,15 +744,25 @@ impl<T: Copy> SparePartsStates<T> {
     }
 }
 
+/// All states by their groups.
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StateGroups<T = f64> {
+    /// What the vessels hold
+    pub stores: StoresStates<T>,
+    /// What the settings hold
+    pub spare_parts: SparePartsStates<T>,
+}
+
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 impl<T: Copy> States<T> {
     /// All states, from their groups.
     #[must_use]
-    pub fn from_groups(stores: StoresStates<T>, spare_parts: SparePartsStates<T>) -> Self {
+    pub fn from_groups(groups: StateGroups<T>) -> Self {
         Self {
-            first: stores.first,
-            second: stores.second,
-            settings: spare_parts.settings,
+            first: groups.stores.first,
+            second: groups.stores.second,
+            settings: groups.spare_parts.settings,
         }
     }
 }
