@@ -7,10 +7,11 @@
 
 use num_dual::Dual64;
 
-use super::integration::{Budget, Interval, Pace, Signal};
+use super::integration::{Pace, Signal, budget};
 use super::scalar::Scalar;
 use super::system::{GAS_PATH_SCALES, System};
 use super::variables::{ActuationStates, GasPathStates, Inputs, Parameters, StateGroups, States};
+use crate::solver::course::Interval;
 use crate::solver::linear;
 use crate::solver::steady_state::{self, Failure};
 
@@ -204,7 +205,7 @@ fn follow_transient(system: &System, inputs: &Inputs, start: States) -> (States,
     let signal = Signal { at: |_| *inputs, is_constant: true };
     let mut pace = Pace::default();
     let mut states = start;
-    let budget = Budget::new(0.0);
+    let budget = budget(0.0);
     for second in 0..LONGEST_TRANSIENT {
         let slopes = system.evaluate(inputs, &states).derivatives().to_array();
         if slopes

@@ -52,11 +52,12 @@ use num_dual::Dual64;
 
 use self::duty_latch::DutyLatch;
 use self::initialization::{Settled, differentiate_settled, running, settled};
-use self::integration::{Budget, Interval, Pace, Signal};
+use self::integration::{Pace, Signal, budget};
 use self::quantities::quantities;
 use self::system::{Evaluation, System};
 use self::variables::{InitializationMode, Inputs, Parameters, States, Variables};
 use crate::LONGEST_STEP;
+use crate::solver::course::Interval;
 use crate::solver::steady_state::Failure;
 
 /// The largest ratio of Dahl's stiffness to the Coulomb force in 1/m, with a margin for rounding: beyond
@@ -154,7 +155,7 @@ impl Model for BoostPlant {
         self.system.freeze_tank(parameters.tank.frozen);
         let mut states = variables.states;
         let tolerance = tolerance(parameters, context.experiment);
-        let budget = Budget::new(step.size);
+        let budget = budget(step.size);
         let mut done = 0.0;
         if parameters.valve.duty_latch {
             let begin = step.start - context.experiment.start_time;

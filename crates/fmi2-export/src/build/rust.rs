@@ -469,7 +469,7 @@ pub struct {STATE_GROUPS}<T = f64> {{
 
     /// The states as an array, in the order of declaration.
     #[must_use]
-    pub fn to_array(&self) -> [{real}; {count}] {{
+    pub const fn to_array(&self) -> [{real}; {count}] {{
         [
 {values}        ]
     }}

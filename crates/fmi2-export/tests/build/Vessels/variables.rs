@@ -527,7 +527,7 @@ impl<T: Copy> States<T> {
 
     /// The states as an array, in the order of declaration.
     #[must_use]
-    pub fn to_array(&self) -> [T; 3] {
+    pub const fn to_array(&self) -> [T; 3] {
         [
             self.first.mass,
             self.second.mass,
@@ -629,7 +629,7 @@ impl<T: Copy> StoresStates<T> {
 
     /// The states as an array, in the order of declaration.
     #[must_use]
-    pub fn to_array(&self) -> [T; 2] {
+    pub const fn to_array(&self) -> [T; 2] {
         [
             self.first.mass,
             self.second.mass,
@@ -726,7 +726,7 @@ impl<T: Copy> SparePartsStates<T> {
 
     /// The states as an array, in the order of declaration.
     #[must_use]
-    pub fn to_array(&self) -> [T; 1] {
+    pub const fn to_array(&self) -> [T; 1] {
         [
             self.settings.reserve,
         ]
