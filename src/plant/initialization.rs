@@ -7,12 +7,15 @@
 
 use num_dual::Dual64;
 
-use super::integration::{Budget, Interval, Pace, Signal};
+use super::integration::{Pace, Signal, budget};
 use super::scalar::Scalar;
-use super::system::{ACTUATION, GAS_PATH, GAS_PATH_SCALES, System, halves};
-use super::variables::{Inputs, Parameters, States};
+use super::system::{GAS_PATH_SCALES, System};
+use super::variables::{ActuationStates, GasPathStates, Inputs, Parameters, StateGroups, States};
+use crate::solver::course::Interval;
 use crate::solver::linear;
 use crate::solver::steady_state::{self, Failure};
+
+const GAS_PATH: usize = GasPathStates::COUNT;
 
 /// For how long at most the transient is followed when there is no steady state to solve for, in s.
 const LONGEST_TRANSIENT: u32 = 60;
@@ -77,9 +80,11 @@ pub fn settled(parameters: &Parameters, inputs: &Inputs, tank_pressure: f64) -> 
     let rates_along = |unknowns: &[f64; GAS_PATH], position: usize| {
         settled_rates_along(&differentiated, &constant_inputs, chamber_pressure, unknowns, position)
     };
-    match steady_state::find(rates, rates_along, halves(&actuated).1, &GAS_PATH_SCALES) {
+    let guess = GasPathStates::of(&actuated).to_array();
+    match steady_state::find(rates, rates_along, guess, &GAS_PATH_SCALES.to_array()) {
         Ok(unknowns) => {
-            Settled { states: settle_gas_path(&system, inputs, actuated, &unknowns), shortcoming: None }
+            let gas_path = GasPathStates::from_array(unknowns);
+            Settled { states: settle_gas_path(&system, inputs, actuated, gas_path), shortcoming: None }
         }
         Err(failure) => {
             let (states, followed) = follow_transient(&system, inputs, start);
@@ -95,8 +100,9 @@ fn settled_rates<D: Scalar>(
     chamber_pressure: D,
     unknowns: &[D; GAS_PATH],
 ) -> [D; GAS_PATH] {
-    let position = position_at_rest(system, inputs, chamber_pressure, unknowns);
-    system.breathe(inputs, unknowns, system.actuator.opening(position)).derivatives
+    let gas_path = GasPathStates::from_array(*unknowns);
+    let position = position_at_rest(system, inputs, chamber_pressure, &gas_path);
+    system.gas_path(inputs, &gas_path, system.actuator.opening(position)).derivatives.to_array()
 }
 
 /// Their derivatives with respect to the unknown at a position.
@@ -126,9 +132,9 @@ pub fn differentiate_settled(
     let system = System::new(parameters);
     let actuated = settle_actuation(&system, inputs, running(&system, inputs, tank_pressure));
     let chamber_pressure = actuated.actuator.chamber_pressure;
-    let found = halves(settled).1;
+    let (found, scales) = (GasPathStates::of(settled).to_array(), GAS_PATH_SCALES.to_array());
     let along = settled_rates(&system, inputs, chamber_pressure, &found.map(Dual64::from));
-    if (0..GAS_PATH).any(|i| along[i].re.abs() > SETTLED * GAS_PATH_SCALES[i]) {
+    if (0..GAS_PATH).any(|i| along[i].re.abs() > SETTLED * scales[i]) {
         return None;
     }
     // The same without the direction, so that the unknowns alone change.
@@ -138,12 +144,12 @@ pub fn differentiate_settled(
     for column in 0..GAS_PATH {
         let slopes = settled_rates_along(&still, &still_inputs, chamber_pressure.re, &found, column);
         for row in 0..GAS_PATH {
-            jacobian[row][column] = slopes[row] / GAS_PATH_SCALES[row] * GAS_PATH_SCALES[column];
+            jacobian[row][column] = slopes[row] / scales[row] * scales[column];
         }
     }
-    let change = linear::solve(jacobian, std::array::from_fn(|i| -along[i].eps / GAS_PATH_SCALES[i]))?;
-    let unknowns = std::array::from_fn(|i| Dual64::new(found[i], change[i] * GAS_PATH_SCALES[i]));
-    Some(settle_gas_path(&system, inputs, actuated, &unknowns))
+    let change = linear::solve(jacobian, std::array::from_fn(|i| -along[i].eps / scales[i]))?;
+    let unknowns = std::array::from_fn(|i| Dual64::new(found[i], change[i] * scales[i]));
+    Some(settle_gas_path(&system, inputs, actuated, GasPathStates::from_array(unknowns)))
 }
 
 /// Brings the plunger and the chamber to rest.
@@ -164,7 +170,7 @@ fn position_at_rest<D: Scalar>(
     system: &System<D>,
     inputs: &Inputs<D>,
     chamber_pressure: D,
-    gas_path: &[D; GAS_PATH],
+    gas_path: &GasPathStates<D>,
 ) -> D {
     let exhaust_difference = System::exhaust_difference(gas_path);
     let (position, velocity) = (0.0.into(), 0.0.into());
@@ -183,12 +189,11 @@ fn settle_gas_path<D: Scalar>(
     system: &System<D>,
     inputs: &Inputs<D>,
     actuated: States<D>,
-    gas_path: &[D; GAS_PATH],
+    gas_path: GasPathStates<D>,
 ) -> States<D> {
-    let mut states = actuated.to_array();
-    states[ACTUATION..].copy_from_slice(gas_path);
-    let mut states = States::from_array(states);
-    states.actuator.position = position_at_rest(system, inputs, actuated.actuator.chamber_pressure, gas_path);
+    let mut states = States::from_groups(StateGroups { actuation: ActuationStates::of(&actuated), gas_path });
+    states.actuator.position =
+        position_at_rest(system, inputs, actuated.actuator.chamber_pressure, &gas_path);
     states
 }
 
@@ -198,20 +203,23 @@ fn follow_transient(system: &System, inputs: &Inputs, start: States) -> (States,
     // The parameter's default, not its value: a start does not depend on how the steps are integrated.
     let tolerance = Parameters::default().solver.relative_tolerance;
     let signal = Signal { at: |_| *inputs, is_constant: true };
-    let scales = start.to_array().map(|x| x.abs().max(1.0));
     let mut pace = Pace::default();
-    let mut states = start.to_array();
-    let budget = Budget::new(0.0);
+    let mut states = start;
+    let budget = budget(0.0);
     for second in 0..LONGEST_TRANSIENT {
-        let slopes = system.evaluate(inputs, &States::from_array(states)).derivatives().to_array();
-        if (0..States::COUNT).all(|i| slopes[i].abs() < AT_REST * scales[i]) {
-            return (States::from_array(states), f64::from(second));
+        let slopes = system.evaluate(inputs, &states).derivatives().to_array();
+        if slopes
+            .iter()
+            .zip(start.to_array())
+            .all(|(slope, start)| slope.abs() < AT_REST * start.abs().max(1.0))
+        {
+            return (states, f64::from(second));
         }
         let before = states;
         let interval = Interval { from: 0.0, to: 1.0, tolerance, budget: &budget };
         if pace.advance(system, &signal, &mut states, interval).is_err() {
-            return (States::from_array(before), f64::from(second));
+            return (before, f64::from(second));
         }
     }
-    (States::from_array(states), f64::from(LONGEST_TRANSIENT))
+    (states, f64::from(LONGEST_TRANSIENT))
 }

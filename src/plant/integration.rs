@@ -3,271 +3,152 @@
 //! The actuation is cheap, swings and meets kinks (stops, the reversal of friction, the valve's change of
 //! ports); the gas path is several times as expensive, stiff, does not swing, and is smooth. And as long as the
 //! exhaust does not push the wastegate, the actuation drives the gas path but not the other way round. So
-//! each takes the steps that suit it: the actuation goes ahead in small ones, the gas path follows
-//! behind in large ones and finds the rod's position in between by the actuation's cubic interpolation.
-//! Where the exhaust does push, both go together.
+//! each takes the steps that suit it ([`multirate`]). Where the exhaust does push, both go together.
 //!
 //! Both take steps of ROS34PW2, which keep their order with a Jacobian that is out of date. A Jacobian serves for
 //! 25 steps; one from before a jump of the inputs is not used any more, and the first step after the jump is short.
 //!
-//! Tried on the recorded experiment of the tests: 40 s in steps of 12.5 ms, the largest error of all states
-//! and outputs in percent of full scale (without the rod's speed and friction, which have tolerances of their
-//! own). In the last column that of ten experiments in which all inputs move at random.
-//!
-//! | gas path | actuation | recorded | random |
-//! |---|---|---|---|
-//! | Runge-Kutta, fourth order, 1/2400 s | the same | 0.002 | |
-//! | Dormand-Prince 5(4) | the same | 0.012 | |
-//! | Runge-Kutta-Chebyshev of second order | Dormand-Prince 5(4) | 0.010 | |
-//! | Runge-Kutta-Chebyshev of second order | Bogacki-Shampine 3(2) | 0.009 | |
-//! | ROS34PW2, a Jacobian a step | Dormand-Prince 5(4) | 0.014 | |
-//! | ROS2, a Jacobian for 50 steps | ROS2 | 0.009 | |
-//! | ROS2, a Jacobian for 100 steps that each corrects | ROS34PW2 | 0.007 | 0.08 |
-//! | **ROS34PW2, a Jacobian for 25 steps, none beyond a jump** | **the same** | 0.002 | 0.008 |
-//!
-//! The last row is what is here: `cargo test --test plant reproduced -- --nocapture` prints its errors, `benches/run`
-//! what it costs beside the first. The others are records of trials, of which the code is not kept.
-//!
-//! What is remembered from one communication step to the next ([`Pace`]) is the lengths of steps, the
-//! linearizations and the last derivatives; it only saves work, but it belongs to the plant's state, so that
-//! a restored plant goes on bit for bit.
+//! `docs/integration.md` tells which other methods were tried.
 
-use std::cell::Cell;
+use super::system::{Actuation, Evaluation, GAS_PATH_SCALES, GasPath, System};
+use super::variables::{ActuationStates, GasPathStates, Inputs, StateGroups, States};
+use crate::solver::course::{Budget, Course, Failure, Interval, JumpLaw, Memory, Rules};
+use crate::solver::multirate::{self, Fast, Slow, SlowMemory};
+use crate::solver::rosenbrock::{Blocks, step};
 
-use fmi2_export::Error;
-use fmi2_export::persistence::{Archive, Persistent};
+const ACTUATION: usize = ActuationStates::COUNT;
+const GAS_PATH: usize = GasPathStates::COUNT;
 
-use super::system::{ACTUATION, Actuation, Evaluation, GAS_PATH, GAS_PATH_SCALES, GasPath, System, halves};
-use super::variables::{Inputs, States};
-use crate::elementary::power;
-use crate::solver::Trial;
-use crate::solver::cubic::Cubic;
-use crate::solver::rosenbrock::{Begin, Blocks, Linearization, step};
-use crate::solver::step_size::{StepSize, largest_error, relative_error};
+/// The tank's pressure forgets no error, so it is judged this much more strictly than its full scale says.
+const TANK_STRICTNESS: f64 = 35.0;
+/// The rod's speed is fast and tiny: its errors may be this many times as large.
+const ROD_SPEED_SLACK: f64 = 10.0;
+/// The same for the friction force, which kinks where the rod turns. Where the exhaust pushes the wastegate there is
+/// no slack: the rod creeps with its pressure then, and the errors of many steps add up.
+const FRICTION_SLACK: f64 = 1.25;
 
-/// What counts as 100 % of the actuation's states, in their order and units: for the rod's speed, which is fast
-/// and tiny, ten times what it reaches; for the tank's pressure, which forgets no error, a thirtieth of it.
-const ACTUATION_SCALES: [f64; ACTUATION] = [20.0, 100.0, 1e3, 1e5, 1e-2, 1.0, 0.25];
+/// What counts as 100 % of the actuation's states where steps are judged.
+const ACTUATION_SCALES: ActuationStates = {
+    let mut scales = ActuationStates::NOMINAL;
+    scales.tank.pressure /= TANK_STRICTNESS;
+    scales.actuator.velocity *= ROD_SPEED_SLACK;
+    scales.actuator.friction_force *= FRICTION_SLACK;
+    scales
+};
 
-/// What counts as 100 % of the gas path's states where steps are judged. The flows between the volumes beside a
-/// compressor or a wastegate depend steeply on their pressures, so these count more than their full scales say:
-/// 0.01 % of the flow's full scale is then within reach, too.
-const GAS_PATH_ERROR_SCALES: [f64; GAS_PATH] = [6e4, 6e4, 1.5e5, 2e5, 2e5, 1.2e5, 1e5, 1e5, 2e4, 1e4];
+/// The same where the exhaust pushes the wastegate.
+const PUSHED_ACTUATION_SCALES: ActuationStates = {
+    let mut scales = ACTUATION_SCALES;
+    scales.actuator.friction_force = ActuationStates::NOMINAL.actuator.friction_force;
+    scales
+};
 
-/// The least that each state of the actuation can be: no pressure is negative.
-const ACTUATION_LEAST: [f64; ACTUATION] = [UNBOUNDED, UNBOUNDED, 0.0, 0.0, UNBOUNDED, UNBOUNDED, UNBOUNDED];
-/// The same of the gas path: no pressure is negative, and no shaft turns backwards.
-const GAS_PATH_LEAST: [f64; GAS_PATH] = [0.0; GAS_PATH];
-const UNBOUNDED: f64 = f64::NEG_INFINITY;
+/// The flows between the volumes beside a compressor or a wastegate depend steeply on their pressures, so errors of
+/// these count more than their full scales say: 0.01 % of the flow's full scale is then within reach, too. These are
+/// the shares of the full scales that count as 100 %.
+const BEFORE_LP_COMPRESSOR: f64 = 0.6;
+const BETWEEN_COMPRESSORS: f64 = 0.3;
+const BEHIND_HP_COMPRESSOR: f64 = 0.75;
+const BEFORE_HP_WASTEGATE: f64 = 0.6;
+const BETWEEN_WASTEGATES: f64 = 2.0 / 3.0;
 
-/// The same of the friction force where the exhaust pushes the wastegate: the rod creeps with its pressure then,
-/// and the errors of many steps add up.
-const PUSHED_FRICTION_SCALE: f64 = 0.2;
-/// The share of the tolerance for the error of a single step of the actuation: the errors of several steps
-/// and of the kinks add up, and what the gas path makes of the rod's position is up to three times as much.
-/// Found by experiment, like that of the gas path.
-const ACTUATION_SHARE: f64 = 0.1;
-/// The same for the gas path.
-const GAS_PATH_SHARE: f64 = 0.3;
-/// For how many steps at most a linearization serves.
-const LINEARIZATION_SERVES: u32 = 25;
+/// What counts as 100 % of the gas path's states where steps are judged.
+const GAS_PATH_ERROR_SCALES: GasPathStates = {
+    let mut scales = GAS_PATH_SCALES;
+    scales.air_filter.pressure *= BEFORE_LP_COMPRESSOR;
+    scales.lp_compressor.outlet_pressure *= BETWEEN_COMPRESSORS;
+    scales.hp_compressor.outlet_pressure *= BEHIND_HP_COMPRESSOR;
+    scales.exhaust_manifold.pressure *= BEFORE_HP_WASTEGATE;
+    scales.interstage_exhaust.pressure *= BETWEEN_WASTEGATES;
+    scales
+};
 
-/// A jump of the inputs changes the slopes at once. Where this alone would change the states by more than so
-/// many tolerances over the step that was proposed before, the linearization belongs to another place.
-const JUMP_RENEWS: f64 = 100.0;
-/// How the first step after a jump is shortened: by a power of the ratio to so many tolerances. A step that is
-/// long and damps the fast modes would not see that the jump has excited them.
-#[derive(Clone, Copy, Debug)]
-struct JumpLaw {
-    tolerances: f64,
-    exponent: f64,
-}
-
-/// For the actuation, whose rod swings. Found by experiment, like that of the gas path.
-const ACTUATION_JUMPS: JumpLaw = JumpLaw { tolerances: 10.0, exponent: 0.5 };
-/// The same for the gas path.
-const GAS_PATH_JUMPS: JumpLaw = JumpLaw { tolerances: 30.0, exponent: 1.0 / 3.0 };
+/// The least that each state of the gas path can be: no pressure is negative, and no shaft turns backwards.
+const GAS_PATH_LEAST: GasPathStates = {
+    let mut least = GasPathStates::MIN;
+    least.hp_shaft.speed = 0.0;
+    least.lp_shaft.speed = 0.0;
+    least
+};
 
 /// The length of the first steps in s.
 const FIRST_STEP: f64 = 1e-3;
 /// The longest step in s.
 const LONGEST_STEP: f64 = 0.025;
-/// The length in s below which a step that does not meet its tolerance is given up.
-const SMALLEST_STEP: f64 = 1e-9;
+/// For how many steps at most a linearization serves.
+const LINEARIZATION_SERVES: u32 = 25;
 /// How many steps a call may try whatever its length …
 const MOST_TRIALS: f64 = 50_000.0;
 /// … and for each second of it: 20 times as many as where nothing happens.
 const MOST_TRIALS_PER_SECOND: f64 = 2_000.0;
-/// The difference of times, relative to a step, for derivatives with respect to time.
-const TIME_DIFFERENCE: f64 = 1e-3;
 /// The difference of shares of the wastegate's area for derivatives with respect to it.
 const AREA_DIFFERENCE: f64 = 1e-3;
-/// How many steps the actuation may be ahead.
-const MOST_AHEAD: usize = 16;
-/// The places of the rod's position and of the friction force among the actuation's states.
-const POSITION: usize = 4;
-const FRICTION: usize = 6;
 
-/// What is remembered from one communication step to the next.
+/// How the actuation's steps are judged. The errors of several steps and of the kinks add up, and what the gas path
+/// makes of the rod's position is up to three times as much: hence the share. It, and how steps are shortened after
+/// a jump, where the rod swings, were found by experiment, like those of the gas path.
+const ACTUATION_RULES: Rules<ACTUATION> = Rules {
+    names: ActuationStates::NAMES,
+    error_scales: ACTUATION_SCALES.to_array(),
+    magnitudes: ACTUATION_SCALES.to_array(),
+    least: ActuationStates::MIN.to_array(),
+    share: 0.1,
+    jump: JumpLaw { tolerances: 10.0, exponent: 0.5 },
+    longest_step: LONGEST_STEP,
+    linearization_serves: LINEARIZATION_SERVES,
+};
+
+/// How the gas path's steps are judged.
+const GAS_PATH_RULES: Rules<GAS_PATH> = Rules {
+    names: GasPathStates::NAMES,
+    error_scales: GAS_PATH_ERROR_SCALES.to_array(),
+    magnitudes: GAS_PATH_SCALES.to_array(),
+    least: GAS_PATH_LEAST.to_array(),
+    share: 0.3,
+    jump: JumpLaw { tolerances: 30.0, exponent: 1.0 / 3.0 },
+    longest_step: LONGEST_STEP,
+    linearization_serves: LINEARIZATION_SERVES,
+};
+
+/// How the steps of both together are judged.
+const PUSHED_RULES: Rules<{ States::COUNT }> = Rules {
+    names: joined(ActuationStates::NAMES, GasPathStates::NAMES),
+    error_scales: joined(PUSHED_ACTUATION_SCALES.to_array(), GAS_PATH_RULES.error_scales),
+    magnitudes: joined(ACTUATION_RULES.magnitudes, GAS_PATH_RULES.magnitudes),
+    least: joined(ACTUATION_RULES.least, GAS_PATH_RULES.least),
+    share: ACTUATION_RULES.share,
+    jump: ACTUATION_RULES.jump,
+    longest_step: LONGEST_STEP,
+    linearization_serves: LINEARIZATION_SERVES,
+};
+
+/// What is remembered from one communication step to the next: the lengths of steps, the linearizations and the last
+/// derivatives. It only saves work, but it belongs to the plant's state, so that a restored plant goes on bit for
+/// bit.
 #[derive(Clone, Copy, Debug)]
 pub struct Pace {
     actuation: Memory<ACTUATION, ACTUATION_INPUTS>,
-    gas_path: Memory<GAS_PATH, GAS_PATH_INPUTS>,
-    /// The derivatives of the gas path's derivatives with respect to the share of the wastegate's area.
-    by_area: [f64; GAS_PATH],
+    gas_path: SlowMemory<GAS_PATH, GAS_PATH_INPUTS>,
     /// Whether the vacuum tank was held: the actuation's derivatives are others then.
     tank_is_frozen: bool,
 }
 
-fmi2_export::persistent!(Pace { actuation, gas_path, by_area, tank_is_frozen });
+fmi2_export::persistent!(Pace { actuation, gas_path, tank_is_frozen });
 
 impl Default for Pace {
     fn default() -> Self {
         Self {
-            actuation: Memory::default(),
-            gas_path: Memory::default(),
-            by_area: [0.0; GAS_PATH],
+            actuation: Memory::new(FIRST_STEP),
+            gas_path: SlowMemory::new(FIRST_STEP),
             tank_is_frozen: false,
         }
     }
 }
 
-/// What is remembered of a half of the plant, with so many states and inputs.
-#[derive(Clone, Copy, Debug)]
-struct Memory<const STATES: usize, const INPUTS: usize> {
-    /// The length of the next step in s.
-    step: f64,
-    linearization: Linearization<STATES>,
-    /// The derivatives at the end of the last communication step, …
-    slopes: [f64; STATES],
-    /// … and the inputs that they belong to; not numbers where there are none.
-    inputs: [f64; INPUTS],
-}
-
-impl<const STATES: usize, const INPUTS: usize> Persistent for Memory<STATES, INPUTS> {
-    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let Self { step, linearization, slopes, inputs } = self;
-        step.persist(archive)?;
-        linearization.persist(archive)?;
-        slopes.persist(archive)?;
-        inputs.persist(archive)
-    }
-}
-
-impl<const STATES: usize, const INPUTS: usize> Default for Memory<STATES, INPUTS> {
-    fn default() -> Self {
-        Self {
-            step: FIRST_STEP,
-            linearization: Linearization::default(),
-            slopes: [0.0; STATES],
-            inputs: [f64::NAN; INPUTS],
-        }
-    }
-}
-
-impl<const STATES: usize, const INPUTS: usize> Memory<STATES, INPUTS> {
-    /// The derivatives where the last communication step ended, if they are those with these inputs.
-    fn slopes(&self, inputs: &[f64; INPUTS]) -> Option<[f64; STATES]> {
-        let is_same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
-        self.inputs.iter().zip(inputs).all(is_same).then_some(self.slopes)
-    }
-
-    /// Adapts to slopes that have jumped since the last communication step.
-    fn adapt_to_jump(&mut self, course: &mut Course<'_, STATES>, law: JumpLaw) {
-        if self.inputs[0].is_nan() {
-            return;
-        }
-        let (length, _) = course.next();
-        let jump = std::array::from_fn(|i| length * (course.slopes[i] - self.slopes[i]));
-        let jump = relative_error(&course.states, &jump, &course.weights);
-        if jump > JUMP_RENEWS {
-            self.linearization.discard();
-        }
-        if jump > law.tolerances {
-            course.steps.next = length * power(law.tolerances / jump, law.exponent);
-        }
-    }
-
-    /// Remembers where a communication step ends.
-    fn end(&mut self, course: &Course<'_, STATES>, inputs: [f64; INPUTS]) {
-        (self.step, self.slopes, self.inputs) = (course.steps.next, course.slopes, inputs);
-    }
-}
-
-/// How many inputs the actuation has.
-const ACTUATION_INPUTS: usize = 5;
-/// How many inputs the gas path has.
-const GAS_PATH_INPUTS: usize = 7;
-
-/// The inputs that the actuation sees.
-fn actuation_inputs(inputs: &Inputs) -> [f64; ACTUATION_INPUTS] {
-    [
-        inputs.hp_wastegate_pwm,
-        inputs.vacuum_pump,
-        inputs.supply_voltage,
-        inputs.ambient_pressure,
-        inputs.ambient_temperature,
-    ]
-}
-
-/// The inputs that the gas path sees.
-fn gas_path_inputs(inputs: &Inputs) -> [f64; GAS_PATH_INPUTS] {
-    [
-        inputs.engine_speed,
-        inputs.throttle,
-        inputs.lp_wastegate,
-        inputs.hp_bypass,
-        inputs.surge_valve,
-        inputs.ambient_pressure,
-        inputs.ambient_temperature,
-    ]
-}
-
-/// Why the states at the end of an interval are not known.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Failure {
-    /// The time in s until which they are.
-    pub time: f64,
-    /// The state whose error is too large.
-    pub state: usize,
-}
-
-/// The steps that a call may still try, so that it ends in bounded time.
-#[derive(Debug)]
-pub struct Budget(Cell<f64>);
-
-impl Budget {
-    /// The budget of a call that advances the plant by a duration in s.
-    #[must_use]
-    pub fn new(duration: f64) -> Self {
-        Self(Cell::new(MOST_TRIALS + MOST_TRIALS_PER_SECOND * duration))
-    }
-
-    /// Counts a trial. Whether another one is allowed.
-    fn spend(&self) -> bool {
-        self.0.set(self.0.get() - 1.0);
-        self.0.get() > 0.0
-    }
-}
-
-/// An interval of time to go through.
-#[derive(Clone, Copy, Debug)]
-pub struct Interval<'a> {
-    /// Its begin in s.
-    pub from: f64,
-    /// Its end in s.
-    pub to: f64,
-    /// The error that the states may have, relative to their full scales.
-    pub tolerance: f64,
-    /// What the call may spend on this interval and those after it.
-    pub budget: &'a Budget,
-}
-
-impl Interval<'_> {
-    /// Whether no more steps are tried after one that was taken or not.
-    fn is_given_up(&self, steps: &StepSize, taken: bool) -> bool {
-        !self.budget.spend() || !taken && steps.next < SMALLEST_STEP
-    }
+/// The budget of a call that advances the plant by a duration in s.
+#[must_use]
+pub fn budget(duration: f64) -> Budget {
+    Budget::new(MOST_TRIALS + MOST_TRIALS_PER_SECOND * duration)
 }
 
 /// The inputs during an interval.
@@ -277,6 +158,114 @@ pub struct Signal<F> {
     pub at: F,
     /// Whether they are the same at any time.
     pub is_constant: bool,
+}
+
+/// How many inputs the actuation has.
+const ACTUATION_INPUTS: usize = 5;
+/// How many inputs the gas path has.
+const GAS_PATH_INPUTS: usize = 7;
+
+/// A plant whose actuation goes ahead of its gas path.
+struct Apart<'a, F> {
+    system: &'a System,
+    signal: &'a Signal<F>,
+}
+
+impl<F> Clone for Apart<'_, F> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<F> Copy for Apart<'_, F> {}
+
+impl<F: Fn(f64) -> Inputs> Fast<ACTUATION, ACTUATION_INPUTS> for Apart<'_, F> {
+    type Evaluation = Actuation;
+    const RULES: &'static Rules<ACTUATION> = &ACTUATION_RULES;
+
+    fn is_constant(&self) -> bool {
+        self.signal.is_constant
+    }
+
+    fn inputs(&self, time: f64) -> [f64; ACTUATION_INPUTS] {
+        let inputs = (self.signal.at)(time);
+        [
+            inputs.hp_wastegate_pwm,
+            inputs.vacuum_pump,
+            inputs.supply_voltage,
+            inputs.ambient_pressure,
+            inputs.ambient_temperature,
+        ]
+    }
+
+    #[inline]
+    fn evaluate(&self, time: f64, states: &[f64; ACTUATION]) -> Actuation {
+        self.system.actuation(&(self.signal.at)(time), &ActuationStates::from_array(*states), 0.0)
+    }
+
+    #[inline]
+    fn derivatives(actuation: &Actuation) -> [f64; ACTUATION] {
+        actuation.derivatives.to_array()
+    }
+
+    #[inline]
+    fn driver(states: &[f64; ACTUATION]) -> f64 {
+        ActuationStates::from_array(*states).actuator.position
+    }
+}
+
+impl<F: Fn(f64) -> Inputs> Slow<GAS_PATH, GAS_PATH_INPUTS> for Apart<'_, F> {
+    type Evaluation = GasPath;
+    const RULES: &'static Rules<GAS_PATH> = &GAS_PATH_RULES;
+
+    fn is_constant(&self) -> bool {
+        self.signal.is_constant
+    }
+
+    fn inputs(&self, time: f64) -> [f64; GAS_PATH_INPUTS] {
+        let inputs = (self.signal.at)(time);
+        [
+            inputs.engine_speed,
+            inputs.throttle,
+            inputs.lp_wastegate,
+            inputs.hp_bypass,
+            inputs.surge_valve,
+            inputs.ambient_pressure,
+            inputs.ambient_temperature,
+        ]
+    }
+
+    #[inline]
+    fn evaluate(&self, time: f64, states: &[f64; GAS_PATH], position: f64) -> GasPath {
+        let opening = self.system.actuator.opening(position);
+        self.system.gas_path(&(self.signal.at)(time), &GasPathStates::from_array(*states), opening)
+    }
+
+    #[inline]
+    fn derivatives(gas_path: &GasPath) -> [f64; GAS_PATH] {
+        gas_path.derivatives.to_array()
+    }
+
+    /// The share of the wastegate's area.
+    #[inline]
+    fn effect(&self, position: f64) -> f64 {
+        self.system.actuator.opening(position).powi(2)
+    }
+
+    fn by_effect(
+        &self,
+        time: f64,
+        states: &[f64; GAS_PATH],
+        slopes: &[f64; GAS_PATH],
+        position: f64,
+    ) -> [f64; GAS_PATH] {
+        let area = self.effect(position);
+        let moved = if area < 0.5 { area + AREA_DIFFERENCE } else { area - AREA_DIFFERENCE };
+        let states = GasPathStates::from_array(*states);
+        let gas_path = self.system.gas_path(&(self.signal.at)(time), &states, moved.sqrt());
+        let moved_slopes = gas_path.derivatives.to_array();
+        std::array::from_fn(|i| (moved_slopes[i] - slopes[i]) / (moved - area))
+    }
 }
 
 impl Pace {
@@ -289,12 +278,12 @@ impl Pace {
         &mut self,
         system: &System,
         signal: &Signal<impl Fn(f64) -> Inputs>,
-        states: &mut [f64; States::COUNT],
+        states: &mut States,
         interval: Interval<'_>,
     ) -> Result<Evaluation, Failure> {
         if self.tank_is_frozen != system.is_tank_frozen() {
             self.tank_is_frozen = system.is_tank_frozen();
-            self.actuation = Memory { step: self.actuation.step, ..Memory::default() };
+            self.actuation = Memory::new(self.actuation.step);
         }
         if system.actuator.exhaust_area == 0.0 {
             self.advance_apart(system, signal, states, interval)
@@ -308,18 +297,22 @@ impl Pace {
         &mut self,
         system: &System,
         signal: &Signal<impl Fn(f64) -> Inputs>,
-        states: &mut [f64; States::COUNT],
+        states: &mut States,
         interval: Interval<'_>,
     ) -> Result<Evaluation, Failure> {
-        let (actuation, gas_path) = halves(&States::from_array(*states));
-        let mut ahead = Ahead::new(&mut self.actuation, system, signal, actuation, interval);
-        let mut behind = Behind::new((&mut self.gas_path, &mut self.by_area), &ahead, gas_path, interval);
-        while behind.course.time < interval.to {
-            behind.step(&mut ahead)?;
-        }
-        states[..ACTUATION].copy_from_slice(&ahead.course.states);
-        states[ACTUATION..].copy_from_slice(&behind.course.states);
-        Ok(Evaluation { gas_path: behind.end(ahead.opening(interval.to)), actuation: ahead.end() })
+        let mut actuation = ActuationStates::of(states).to_array();
+        let mut gas_path = GasPathStates::of(states).to_array();
+        let evaluations = multirate::advance(
+            Apart { system, signal },
+            (&mut self.actuation, &mut actuation),
+            (&mut self.gas_path, &mut gas_path),
+            interval,
+        )?;
+        *states = States::from_groups(StateGroups {
+            actuation: ActuationStates::from_array(actuation),
+            gas_path: GasPathStates::from_array(gas_path),
+        });
+        Ok(Evaluation { actuation: evaluations.0, gas_path: evaluations.1 })
     }
 
     /// Advances everything with the same steps. What couples the halves is left out of the linearization.
@@ -327,29 +320,26 @@ impl Pace {
         &mut self,
         system: &System,
         signal: &Signal<impl Fn(f64) -> Inputs>,
-        states: &mut [f64; States::COUNT],
+        states: &mut States,
         interval: Interval<'_>,
     ) -> Result<Evaluation, Failure> {
         let inputs = &signal.at;
-        let evaluate =
-            |time: f64, x: &[f64; States::COUNT]| system.evaluate(&inputs(time), &States::from_array(*x));
-        let derivatives = |time: f64, x: &[f64; States::COUNT]| evaluate(time, x).derivatives().to_array();
-        let scales = std::array::from_fn(|i| match i {
-            FRICTION => PUSHED_FRICTION_SCALE,
-            _ if i < ACTUATION => ACTUATION_SCALES[i],
-            _ => GAS_PATH_ERROR_SCALES[i - ACTUATION],
-        });
-        let least = std::array::from_fn(|i| match i {
-            _ if i < ACTUATION => ACTUATION_LEAST[i],
-            _ => GAS_PATH_LEAST[i - ACTUATION],
-        });
-        let slopes = derivatives(interval.from, states);
-        let mut course =
-            Course::new(interval, self.actuation.step, (&scales, ACTUATION_SHARE), least, (*states, slopes));
+        let evaluate = |time: f64, x: &[f64; States::COUNT]| {
+            let (actuation, gas_path) = split(x);
+            system.evaluate(&inputs(time), &States::from_groups(StateGroups { actuation, gas_path }))
+        };
+        let derivatives = |time: f64, x: &[f64; States::COUNT]| {
+            let Evaluation { actuation, gas_path } = evaluate(time, x);
+            joined(actuation.derivatives.to_array(), gas_path.derivatives.to_array())
+        };
+        let begin = joined(ActuationStates::of(states).to_array(), GasPathStates::of(states).to_array());
+        let slopes = derivatives(interval.from, &begin);
+        let mut course = Course::new(interval, self.actuation.step, &PUSHED_RULES, (begin, slopes));
         loop {
             let (length, end) = course.next();
             self.linearize(system, &inputs(course.time), &course);
-            let (actuation, gas_path) = (&mut self.actuation.linearization, &mut self.gas_path.linearization);
+            let (actuation, gas_path) =
+                (&mut self.actuation.linearization, &mut self.gas_path.memory.linearization);
             let is_ready = actuation.prepare(length) && gas_path.prepare(length);
             let trial = is_ready.then(|| {
                 let drift = course.drift(derivatives, length, signal.is_constant);
@@ -360,9 +350,10 @@ impl Pace {
                 actuation.count();
                 gas_path.count();
                 if course.time >= interval.to {
-                    *states = course.states;
+                    let (actuation, gas_path) = split(&course.states);
+                    *states = States::from_groups(StateGroups { actuation, gas_path });
                     self.actuation.step = course.steps.next;
-                    return Ok(evaluate(interval.to, states));
+                    return Ok(system.evaluate(&inputs(interval.to), states));
                 }
             } else {
                 actuation.discard();
@@ -373,330 +364,53 @@ impl Pace {
 
     /// Linearizes the halves of everything anew where they are used up.
     fn linearize(&mut self, system: &System, inputs: &Inputs, course: &Course<'_, { States::COUNT }>) {
-        let (actuation, gas_path) = halves(&States::from_array(course.states));
-        let (actuation_slopes, gas_path_slopes) = halves(&States::from_array(course.slopes));
+        let (actuation, gas_path) = split(&course.states);
+        let (actuation_slopes, gas_path_slopes) = split(&course.slopes);
         let (difference, opening) =
-            (System::exhaust_difference(&gas_path), system.actuator.opening(actuation[POSITION]));
+            (System::exhaust_difference(&gas_path), system.actuator.opening(actuation.actuator.position));
         if self.actuation.linearization.is_used_up() {
             self.actuation.linearization.renew(
-                |x| system.actuate(inputs, x, difference).derivatives,
-                &actuation,
-                &actuation_slopes,
-                &ACTUATION_SCALES,
+                |x| {
+                    system
+                        .actuation(inputs, &ActuationStates::from_array(*x), difference)
+                        .derivatives
+                        .to_array()
+                },
+                &actuation.to_array(),
+                &actuation_slopes.to_array(),
+                &ACTUATION_RULES.magnitudes,
                 LINEARIZATION_SERVES,
             );
         }
-        if self.gas_path.linearization.is_used_up() {
-            self.gas_path.linearization.renew(
-                |x| system.breathe(inputs, x, opening).derivatives,
-                &gas_path,
-                &gas_path_slopes,
-                &GAS_PATH_SCALES,
+        if self.gas_path.memory.linearization.is_used_up() {
+            self.gas_path.memory.linearization.renew(
+                |x| system.gas_path(inputs, &GasPathStates::from_array(*x), opening).derivatives.to_array(),
+                &gas_path.to_array(),
+                &gas_path_slopes.to_array(),
+                &GAS_PATH_RULES.magnitudes,
                 LINEARIZATION_SERVES,
             );
         }
     }
 }
 
-/// The states of a system on their way through an interval.
-struct Course<'a, const N: usize> {
-    interval: Interval<'a>,
-    /// The reciprocals of the errors that a step may have.
-    weights: [f64; N],
-    /// The least that each state can be. A step that leads below it was too long.
-    least: [f64; N],
-    steps: StepSize,
-    /// How far it is.
-    time: f64,
-    states: [f64; N],
-    slopes: [f64; N],
+/// What belongs to actuation and gas path, one after the other.
+const fn joined<T: Copy>(actuation: [T; ACTUATION], gas_path: [T; GAS_PATH]) -> [T; States::COUNT] {
+    let mut joined = [gas_path[0]; States::COUNT];
+    let mut i = 0;
+    while i < States::COUNT {
+        joined[i] = if i < ACTUATION { actuation[i] } else { gas_path[i - ACTUATION] };
+        i += 1;
+    }
+    joined
 }
 
-impl<'a, const N: usize> Course<'a, N> {
-    /// A course from states with their derivatives; a step's error may be a share of the tolerance, relative to
-    /// the scales, and no state falls below its least value.
-    fn new(
-        interval: Interval<'a>,
-        first_step: f64,
-        (scales, share): (&[f64; N], f64),
-        least: [f64; N],
-        (states, slopes): ([f64; N], [f64; N]),
-    ) -> Self {
-        Self {
-            interval,
-            weights: scales.map(|scale| (scale * interval.tolerance * share).recip()),
-            least,
-            steps: StepSize::new(first_step, LONGEST_STEP),
-            time: interval.from,
-            states,
-            slopes,
-        }
-    }
-
-    /// The length of the next step in s, and the time at which it ends.
-    fn next(&self) -> (f64, f64) {
-        let left = self.interval.to - self.time;
-        let length = self.steps.within(left);
-        (length, if length >= left { self.interval.to } else { self.time + length })
-    }
-
-    /// Where the next step begins.
-    fn begin<'b>(&'b self, drift: &'b [f64; N]) -> Begin<'b, N> {
-        Begin { time: self.time, states: &self.states, slopes: &self.slopes, drift }
-    }
-
-    /// How the derivatives change with time alone, at the begin of a step of a length.
-    fn drift(
-        &self,
-        derivatives: impl FnOnce(f64, &[f64; N]) -> [f64; N],
-        length: f64,
-        is_constant: bool,
-    ) -> [f64; N] {
-        if is_constant {
-            return [0.0; N];
-        }
-        let difference = TIME_DIFFERENCE * length;
-        let later = derivatives(self.time + difference, &self.states);
-        std::array::from_fn(|i| (later[i] - self.slopes[i]) / difference)
-    }
-
-    /// Takes a step, or has it tried again with another length. Without a trial there was no way to compute it.
-    fn settle(&mut self, trial: Option<Trial<N>>, length: f64, end: f64) -> Result<bool, Failure> {
-        let (states, mut errors) =
-            trial.map_or((self.states, [f64::INFINITY; N]), |trial| (trial.states, trial.error));
-        for ((error, state), least) in errors.iter_mut().zip(&states).zip(&self.least) {
-            if state < least {
-                *error = f64::INFINITY;
-            }
-        }
-        let error = relative_error(&states, &errors, &self.weights);
-        let taken = self.steps.judge(length, error);
-        if self.interval.is_given_up(&self.steps, taken) {
-            return Err(Failure { time: self.time, state: largest_error(&states, &errors, &self.weights) });
-        }
-        if let Some(trial) = trial
-            && taken
-        {
-            (self.time, self.states, self.slopes) = (end, trial.states, trial.slopes);
-        }
-        Ok(taken)
-    }
-}
-
-/// The actuation, which goes ahead of the gas path.
-struct Ahead<'a, F> {
-    system: &'a System,
-    signal: &'a Signal<F>,
-    memory: &'a mut Memory<ACTUATION, ACTUATION_INPUTS>,
-    course: Course<'a, ACTUATION>,
-    /// What it does at the end of the interval, once a step was tried that leads there.
-    actuation: Option<Actuation>,
-    /// The rod's position over the steps that the gas path has not left behind.
-    positions: [Cubic; MOST_AHEAD],
-    count: usize,
-}
-
-impl<'a, F: Fn(f64) -> Inputs> Ahead<'a, F> {
-    fn new(
-        memory: &'a mut Memory<ACTUATION, ACTUATION_INPUTS>,
-        system: &'a System,
-        signal: &'a Signal<F>,
-        states: [f64; ACTUATION],
-        interval: Interval<'a>,
-    ) -> Self {
-        let inputs = (signal.at)(interval.from);
-        let slopes = memory
-            .slopes(&actuation_inputs(&inputs))
-            .unwrap_or_else(|| system.actuate(&inputs, &states, 0.0).derivatives);
-        let scales = (&ACTUATION_SCALES, ACTUATION_SHARE);
-        let mut course = Course::new(interval, memory.step, scales, ACTUATION_LEAST, (states, slopes));
-        memory.adapt_to_jump(&mut course, ACTUATION_JUMPS);
-        Self {
-            course,
-            system,
-            signal,
-            memory,
-            actuation: None,
-            positions: [Cubic::default(); MOST_AHEAD],
-            count: 0,
-        }
-    }
-
-    /// Goes on at least to a time, or as far as the memory of positions reaches.
-    #[inline(never)]
-    fn go_to(&mut self, time: f64) -> Result<(), Failure> {
-        while self.course.time < time && self.count < MOST_AHEAD {
-            self.step()?;
-        }
-        Ok(())
-    }
-
-    /// Tries a step.
-    fn step(&mut self) -> Result<(), Failure> {
-        let (system, inputs) = (self.system, &self.signal.at);
-        let evaluate = |time: f64, x: &[f64; ACTUATION]| system.actuate(&inputs(time), x, 0.0);
-        let (course, linearization) = (&mut self.course, &mut self.memory.linearization);
-        let (begin, position, speed) = (course.time, course.states[POSITION], course.slopes[POSITION]);
-        if linearization.is_used_up() {
-            linearization.renew(
-                |x| evaluate(begin, x).derivatives,
-                &course.states,
-                &course.slopes,
-                &ACTUATION_SCALES,
-                LINEARIZATION_SERVES,
-            );
-        }
-        let (length, end) = course.next();
-        let derivatives = |time: f64, x: &[f64; ACTUATION]| evaluate(time, x).derivatives;
-        let at_end = |x: &[f64; ACTUATION]| {
-            let actuation = evaluate(end, x);
-            if end >= course.interval.to {
-                self.actuation = Some(actuation);
-            }
-            actuation.derivatives
-        };
-        let trial = linearization.prepare(length).then(|| {
-            let drift = course.drift(derivatives, length, self.signal.is_constant);
-            step(linearization, derivatives, at_end, &course.begin(&drift), length)
-        });
-        if course.settle(trial, length, end)? {
-            let (positions, speeds) = ([position, course.states[POSITION]], [speed, course.slopes[POSITION]]);
-            self.positions[self.count] = Cubic::new(begin, length, positions, speeds);
-            self.count += 1;
-            linearization.count();
-        } else {
-            linearization.discard();
-        }
-        Ok(())
-    }
-
-    /// The wastegate's opening at a time between that of the gas path and the own.
-    fn opening(&self, time: f64) -> f64 {
-        let past = self.positions[..self.count].iter().find(|cubic| time < cubic.end());
-        let position = past.map_or(self.course.states[POSITION], |cubic| cubic.at(time));
-        self.system.actuator.opening(position)
-    }
-
-    /// Forgets the positions before a time.
-    fn forget_before(&mut self, time: f64) {
-        let past = self.positions[..self.count].iter().take_while(|cubic| cubic.end() <= time).count();
-        self.positions.copy_within(past..self.count, 0);
-        self.count -= past;
-    }
-
-    /// Ends the interval. Returns what the actuation does there.
-    fn end(&mut self) -> Actuation {
-        let inputs = (self.signal.at)(self.course.time);
-        self.memory.end(&self.course, actuation_inputs(&inputs));
-        self.actuation.unwrap_or_else(|| self.system.actuate(&inputs, &self.course.states, 0.0))
-    }
-}
-
-/// The gas path, which follows the actuation.
-struct Behind<'a, F> {
-    system: &'a System,
-    signal: &'a Signal<F>,
-    memory: &'a mut Memory<GAS_PATH, GAS_PATH_INPUTS>,
-    /// See [`Pace::by_area`].
-    by_area: &'a mut [f64; GAS_PATH],
-    course: Course<'a, GAS_PATH>,
-    /// What it does at the end of the interval, once a step was tried that leads there.
-    gas_path: Option<GasPath>,
-}
-
-impl<'a, F: Fn(f64) -> Inputs> Behind<'a, F> {
-    fn new(
-        (memory, by_area): (&'a mut Memory<GAS_PATH, GAS_PATH_INPUTS>, &'a mut [f64; GAS_PATH]),
-        ahead: &Ahead<'a, F>,
-        states: [f64; GAS_PATH],
-        interval: Interval<'a>,
-    ) -> Self {
-        let (system, signal) = (ahead.system, ahead.signal);
-        let inputs = (signal.at)(interval.from);
-        let slopes = memory
-            .slopes(&gas_path_inputs(&inputs))
-            .unwrap_or_else(|| system.breathe(&inputs, &states, ahead.opening(interval.from)).derivatives);
-        let scales = (&GAS_PATH_ERROR_SCALES, GAS_PATH_SHARE);
-        let mut course = Course::new(interval, memory.step, scales, GAS_PATH_LEAST, (states, slopes));
-        memory.adapt_to_jump(&mut course, GAS_PATH_JUMPS);
-        Self { system, signal, memory, by_area, course, gas_path: None }
-    }
-
-    /// Tries a step.
-    fn step(&mut self, ahead: &mut Ahead<'_, F>) -> Result<(), Failure> {
-        let (system, inputs, begin) = (self.system, &self.signal.at, self.course.time);
-        if self.memory.linearization.is_used_up() {
-            self.linearize(ahead.opening(begin));
-        }
-        let (mut length, mut end) = self.course.next();
-        ahead.go_to(end)?;
-        if ahead.course.time < end {
-            end = ahead.course.time;
-            length = end - begin;
-        }
-        let drift = self.drift(ahead, length);
-        let (linearization, course) = (&mut self.memory.linearization, &mut self.course);
-        let evaluate = |time: f64, x: &[f64; GAS_PATH]| system.breathe(&inputs(time), x, ahead.opening(time));
-        let at_end = |x: &[f64; GAS_PATH]| {
-            let gas_path = evaluate(end, x);
-            if end >= course.interval.to {
-                self.gas_path = Some(gas_path);
-            }
-            gas_path.derivatives
-        };
-        let trial = linearization.prepare(length).then(|| {
-            let derivatives = |time: f64, x: &[f64; GAS_PATH]| evaluate(time, x).derivatives;
-            step(linearization, derivatives, at_end, &course.begin(&drift), length)
-        });
-        let failure = |failure: Failure| Failure { state: ACTUATION + failure.state, ..failure };
-        if course.settle(trial, length, end).map_err(failure)? {
-            linearization.count();
-            ahead.forget_before(end);
-        } else {
-            linearization.discard();
-        }
-        Ok(())
-    }
-
-    /// Linearizes the gas path where it is, at an opening of the wastegate.
-    fn linearize(&mut self, opening: f64) {
-        let Self { system, course, .. } = self;
-        let inputs = (self.signal.at)(course.time);
-        let derivatives = |x: &[f64; GAS_PATH]| system.breathe(&inputs, x, opening).derivatives;
-        self.memory.linearization.renew(
-            derivatives,
-            &course.states,
-            &course.slopes,
-            &GAS_PATH_SCALES,
-            LINEARIZATION_SERVES,
-        );
-        let area = opening * opening;
-        let moved = if area < 0.5 { area + AREA_DIFFERENCE } else { area - AREA_DIFFERENCE };
-        let slopes = system.breathe(&inputs, &course.states, moved.sqrt()).derivatives;
-        *self.by_area = std::array::from_fn(|i| (slopes[i] - course.slopes[i]) / (moved - area));
-    }
-
-    /// How the derivatives change with time alone, at the begin of a step of a length.
-    fn drift(&self, ahead: &Ahead<'_, F>, length: f64) -> [f64; GAS_PATH] {
-        let Course { time, .. } = self.course;
-        if self.signal.is_constant {
-            let difference = TIME_DIFFERENCE * length;
-            let [area, later] = [time, time + difference].map(|time| ahead.opening(time).powi(2));
-            self.by_area.map(|slope| slope * (later - area) / difference)
-        } else {
-            let derivatives = |time: f64, x: &[f64; GAS_PATH]| {
-                self.system.breathe(&(self.signal.at)(time), x, ahead.opening(time)).derivatives
-            };
-            self.course.drift(derivatives, length, false)
-        }
-    }
-
-    /// Ends the interval. Returns what the gas path does there.
-    fn end(&mut self, opening: f64) -> GasPath {
-        let inputs = (self.signal.at)(self.course.time);
-        self.memory.end(&self.course, gas_path_inputs(&inputs));
-        self.gas_path.unwrap_or_else(|| self.system.breathe(&inputs, &self.course.states, opening))
-    }
+/// The inverse for states.
+fn split(states: &[f64; States::COUNT]) -> (ActuationStates, GasPathStates) {
+    (
+        ActuationStates::from_array(std::array::from_fn(|i| states[i])),
+        GasPathStates::from_array(std::array::from_fn(|i| states[ACTUATION + i])),
+    )
 }
 
 #[cfg(test)]
@@ -706,9 +420,9 @@ mod tests {
     use crate::plant::variables::Parameters;
 
     /// The states after 2 s of inputs that change at 0.5 s and 1 s, taken in equal intervals.
-    fn travelled(system: &System, tolerance: f64, intervals: u32) -> [f64; States::COUNT] {
+    fn travelled(system: &System, tolerance: f64, intervals: u32) -> States {
         let mut pace = Pace::default();
-        let mut states = running(system, &Inputs::default(), 32_500.0).to_array();
+        let mut states = running(system, &Inputs::default(), 32_500.0);
         for n in 0..intervals {
             let (from, to) =
                 (2.0 * f64::from(n) / f64::from(intervals), 2.0 * f64::from(n + 1) / f64::from(intervals));
@@ -725,7 +439,7 @@ mod tests {
                 system,
                 &signal,
                 &mut states,
-                Interval { from, to, tolerance, budget: &Budget::new(1.0) },
+                Interval { from, to, tolerance, budget: &budget(1.0) },
             )
             .unwrap();
         }
@@ -734,13 +448,15 @@ mod tests {
 
     /// The largest difference relative to the full scales; the rod's speed and the friction force count
     /// where they are compared in the trace alone.
-    fn difference(a: &[f64; States::COUNT], b: &[f64; States::COUNT]) -> f64 {
-        let scale = |i: usize| match i {
-            2 => 3.5e4,
-            _ if i < ACTUATION => ACTUATION_SCALES[i],
-            _ => GAS_PATH_SCALES[i - ACTUATION],
-        };
-        (0..States::COUNT).map(|i| (a[i] - b[i]).abs() / scale(i)).fold(0.0, f64::max)
+    fn difference(a: &States, b: &States) -> f64 {
+        let mut scales = ACTUATION_SCALES;
+        scales.tank.pressure = ActuationStates::NOMINAL.tank.pressure;
+        let scales = States::from_groups(StateGroups { actuation: scales, gas_path: GAS_PATH_SCALES });
+        let mut largest = 0.0_f64;
+        let _ = a.combine(b, &mut |a, b| (a - b).abs()).combine(&scales, &mut |error, scale| {
+            largest = largest.max(error / scale);
+        });
+        largest
     }
 
     fn system(exhaust_area: f64) -> System {
@@ -797,13 +513,16 @@ mod tests {
 
     #[test]
     fn what_cannot_be_integrated_is_told() {
-        for (exhaust_area, state) in [(0.0, 3), (0.0, 9), (1e-4, 9)] {
+        type Damage = fn(&mut States);
+        let chamber: Damage = |states| states.actuator.chamber_pressure = f64::NAN;
+        let intercooler: Damage = |states| states.intercooler.outlet_pressure = f64::NAN;
+        for (exhaust_area, damage) in [(0.0, chamber), (0.0, intercooler), (1e-4, intercooler)] {
             let system = system(exhaust_area);
             let inputs = Inputs::default();
-            let mut states = running(&system, &inputs, 32_500.0).to_array();
-            states[state] = f64::NAN;
+            let mut states = running(&system, &inputs, 32_500.0);
+            damage(&mut states);
             let signal = Signal { at: |_| inputs, is_constant: true };
-            let budget = Budget::new(0.5);
+            let budget = budget(0.5);
             let interval = Interval { from: 0.5, to: 1.0, tolerance: 1e-4, budget: &budget };
             let failure = Pace::default().advance(&system, &signal, &mut states, interval).unwrap_err();
             assert!((failure.time - 0.5).abs() < f64::EPSILON, "{failure:?}");

@@ -52,11 +52,12 @@ use num_dual::Dual64;
 
 use self::duty_latch::DutyLatch;
 use self::initialization::{Settled, differentiate_settled, running, settled};
-use self::integration::{Budget, Interval, Pace, Signal};
+use self::integration::{Pace, Signal, budget};
 use self::quantities::quantities;
 use self::system::{Evaluation, System};
 use self::variables::{InitializationMode, Inputs, Parameters, States, Variables};
 use crate::LONGEST_STEP;
+use crate::solver::course::Interval;
 use crate::solver::steady_state::Failure;
 
 /// The largest ratio of Dahl's stiffness to the Coulomb force in 1/m, with a margin for rounding: beyond
@@ -152,9 +153,9 @@ impl Model for BoostPlant {
     ) -> Result<(), Error> {
         let parameters = &variables.parameters;
         self.system.freeze_tank(parameters.tank.frozen);
-        let mut states = variables.states.to_array();
+        let mut states = variables.states;
         let tolerance = tolerance(parameters, context.experiment);
-        let budget = Budget::new(step.size);
+        let budget = budget(step.size);
         let mut done = 0.0;
         if parameters.valve.duty_latch {
             let begin = step.start - context.experiment.start_time;
@@ -169,7 +170,7 @@ impl Model for BoostPlant {
         }
         let interval = Interval { from: done, to: step.size, tolerance, budget: &budget };
         let evaluation = self.integrate(&mut states, variables, step, interval)?;
-        variables.states = States::from_array(states);
+        variables.states = states;
         let inputs = self.as_held(variables, step.inputs.at(step.size));
         match evaluation {
             Some(evaluation) => self.show(variables, &inputs, &evaluation),
@@ -251,7 +252,7 @@ impl BoostPlant {
     /// does at its end, unless it is empty.
     fn integrate(
         &mut self,
-        states: &mut [f64; States::COUNT],
+        states: &mut States,
         variables: &Variables,
         step: &Step<'_, Inputs>,
         interval: Interval<'_>,
@@ -278,7 +279,7 @@ impl BoostPlant {
                 "{} cannot be integrated beyond {:?} s: even the shortest steps, or as many as are tried, miss \
                  the tolerance of {:?} of full scale; the equations are too stiff with these parameters and \
                  inputs",
-                States::NAMES[failure.state],
+                failure.state,
                 step.start + failure.time,
                 interval.tolerance
             ))

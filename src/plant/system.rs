@@ -33,7 +33,10 @@ use super::supply::Supply;
 use super::turbine::{Expansion, Turbine};
 use super::vacuum_tank::VacuumTank;
 use super::variables::{
-    CompressorParameters, Inputs, Parameters, PortParameters, ShaftParameters, States, TurbineParameters,
+    ActuationStates, ActuatorStates, AirFilterStates, CompressorParameters, CompressorStates,
+    ExhaustManifoldStates, ExhaustStates, GasPathStates, Inputs, IntakeManifoldStates, IntercoolerStates,
+    InterstageExhaustStates, Parameters, PortParameters, ShaftParameters, ShaftStates, StateGroups, States,
+    SupplySensorStates, TankStates, TurbineParameters, ValveStates,
 };
 
 /// The pressure in Pa from which states are seen in the equations: a solver's trial states may be at or
@@ -73,21 +76,20 @@ pub struct System<D = f64> {
     lp_shaft: Shaft<D>,
 }
 
-/// How many states the actuation has: the first ones of [`States`] (sensor, plunger, tank, chamber,
-/// position, velocity, friction).
-pub const ACTUATION: usize = 7;
-/// How many states the gas path has: the rest of [`States`] (pressures in the direction of the flow, then
-/// the shafts of high and low pressure).
-pub const GAS_PATH: usize = 10;
-/// What counts as 100 % of each, in Pa and rad/s.
-pub const GAS_PATH_SCALES: [f64; GAS_PATH] = [1e5, 2e5, 2e5, 2e5, 2e5, 2e5, 1.5e5, 1e5, 2e4, 1e4];
-const _: () = assert!(ACTUATION + GAS_PATH == States::COUNT);
+/// The full scale of the high-pressure shaft's speed over the nominal value that both shafts have.
+const HP_SHAFT_SCALE: f64 = 2.0;
+/// What counts as 100 % of the gas path's states.
+pub const GAS_PATH_SCALES: GasPathStates = {
+    let mut scales = GasPathStates::NOMINAL;
+    scales.hp_shaft.speed *= HP_SHAFT_SCALE;
+    scales
+};
 
 /// What the actuation does at an instant.
 #[derive(Clone, Copy, Debug)]
 pub struct Actuation<D = f64> {
     /// The states' derivatives.
-    pub derivatives: [D; ACTUATION],
+    pub derivatives: ActuationStates<D>,
     /// Voltage at the valve in V.
     pub voltage: D,
     /// Duty in percent at nominal voltage that the commanded one is worth.
@@ -108,7 +110,7 @@ pub struct Actuation<D = f64> {
 #[derive(Clone, Copy, Debug)]
 pub struct GasPath<D = f64> {
     /// The states' derivatives.
-    pub derivatives: [D; GAS_PATH],
+    pub derivatives: GasPathStates<D>,
     /// Flow through the air filter in kg/s.
     pub air_filter: D,
     /// The low-pressure compressor.
@@ -160,10 +162,10 @@ impl<D: Scalar> Evaluation<D> {
     /// The states' derivatives.
     #[must_use]
     pub fn derivatives(&self) -> States<D> {
-        let (actuation, gas_path) = (self.actuation.derivatives, self.gas_path.derivatives);
-        States::from_array(std::array::from_fn(|i| {
-            if i < ACTUATION { actuation[i] } else { gas_path[i - ACTUATION] }
-        }))
+        States::from_groups(StateGroups {
+            actuation: self.actuation.derivatives,
+            gas_path: self.gas_path.derivatives,
+        })
     }
 }
 
@@ -257,31 +259,34 @@ impl<D: Scalar> System<D> {
     /// Everything at an instant.
     #[must_use]
     pub fn evaluate(&self, inputs: &Inputs<D>, states: &States<D>) -> Evaluation<D> {
-        let (actuation, gas_path) = halves(states);
-        let actuation = self.actuate(inputs, &actuation, Self::exhaust_difference(&gas_path));
-        let gas_path = self.breathe(inputs, &gas_path, actuation.hp_wastegate_opening);
+        let gas_path = GasPathStates::of(states);
+        let actuation =
+            self.actuation(inputs, &ActuationStates::of(states), Self::exhaust_difference(&gas_path));
+        let gas_path = self.gas_path(inputs, &gas_path, actuation.hp_wastegate_opening);
         Evaluation { actuation, gas_path }
     }
 
     /// The pressure difference in Pa across the high-pressure wastegate, for the states of the gas path.
     #[must_use]
-    pub fn exhaust_difference(states: &[D; GAS_PATH]) -> D {
-        let [_, _, _, _, _, p_em, p_it, ..] = states.map(|pressure| pressure.at_least(LOWEST_PRESSURE));
-        p_em - p_it
+    pub fn exhaust_difference(states: &GasPathStates<D>) -> D {
+        let [upstream, downstream] = [states.exhaust_manifold.pressure, states.interstage_exhaust.pressure];
+        upstream.at_least(LOWEST_PRESSURE) - downstream.at_least(LOWEST_PRESSURE)
     }
 
     /// The actuation (fig. 3) at an instant. Of the gas path it knows the pressure difference in Pa across
     /// the high-pressure wastegate alone.
     #[must_use]
-    pub fn actuate(
+    pub fn actuation(
         &self,
         inputs: &Inputs<D>,
-        states: &[D; ACTUATION],
+        states: &ActuationStates<D>,
         exhaust_difference: D,
     ) -> Actuation<D> {
         let ambient = (inputs.ambient_pressure, inputs.ambient_temperature);
-        let [measured, plunger_duty, p_tank, p_act, x, v, friction_force] = *states;
-        let (p_tank, p_act) = (p_tank.at_least(LOWEST_PRESSURE), p_act.at_least(LOWEST_PRESSURE));
+        let plunger_duty = states.valve.plunger_duty;
+        let ActuatorStates { chamber_pressure, position: x, velocity: v, friction_force } = states.actuator;
+        let (p_tank, p_act) =
+            (states.tank.pressure.at_least(LOWEST_PRESSURE), chamber_pressure.at_least(LOWEST_PRESSURE));
 
         let (voltage, commanded_duty) = self.command(inputs);
         let valve = self.valve.flows(plunger_duty, ambient, p_act, p_tank);
@@ -289,15 +294,27 @@ impl<D: Scalar> System<D> {
         let chamber_volume = self.actuator.volume(x);
         let forces = self.actuator.forces(x, v, ambient.0, p_act, exhaust_difference);
         Actuation {
-            derivatives: [
-                self.supply.measured_rate(voltage, measured),
-                self.valve.plunger_rate(commanded_duty, plunger_duty),
-                self.tank.pressure_rate(ambient.1, valve.leakage + valve.tank - pumped),
-                self.actuator.pressure_rate(p_act, ambient.1, chamber_volume, v, valve.ambient - valve.tank),
-                v,
-                self.actuator.acceleration(&forces, friction_force, v),
-                self.actuator.friction_rate(friction_force, v),
-            ],
+            derivatives: ActuationStates {
+                supply_sensor: SupplySensorStates {
+                    voltage: self.supply.measured_rate(voltage, states.supply_sensor.voltage),
+                },
+                valve: ValveStates { plunger_duty: self.valve.plunger_rate(commanded_duty, plunger_duty) },
+                tank: TankStates {
+                    pressure: self.tank.pressure_rate(ambient.1, valve.leakage + valve.tank - pumped),
+                },
+                actuator: ActuatorStates {
+                    chamber_pressure: self.actuator.pressure_rate(
+                        p_act,
+                        ambient.1,
+                        chamber_volume,
+                        v,
+                        valve.ambient - valve.tank,
+                    ),
+                    position: v,
+                    velocity: self.actuator.acceleration(&forces, friction_force, v),
+                    friction_force: self.actuator.friction_rate(friction_force, v),
+                },
+            },
             voltage,
             commanded_duty,
             valve,
@@ -312,11 +329,25 @@ impl<D: Scalar> System<D> {
     /// (0 … 1) alone.
     #[must_use]
     #[allow(clippy::too_many_lines)] // One line a component: the figure above in words.
-    pub fn breathe(&self, inputs: &Inputs<D>, states: &[D; GAS_PATH], hp_wastegate_opening: D) -> GasPath<D> {
+    pub fn gas_path(
+        &self,
+        inputs: &Inputs<D>,
+        states: &GasPathStates<D>,
+        hp_wastegate_opening: D,
+    ) -> GasPath<D> {
         let ambient = (inputs.ambient_pressure, inputs.ambient_temperature);
-        let [p_af, p_1, p_2, p_ic, p_im, p_em, p_it, p_t, ..] =
-            states.map(|pressure| pressure.at_least(LOWEST_PRESSURE));
-        let [.., w_hp, w_lp] = *states;
+        let [p_af, p_1, p_2, p_ic, p_im, p_em, p_it, p_t] = [
+            states.air_filter.pressure,
+            states.lp_compressor.outlet_pressure,
+            states.hp_compressor.outlet_pressure,
+            states.intercooler.outlet_pressure,
+            states.intake_manifold.pressure,
+            states.exhaust_manifold.pressure,
+            states.interstage_exhaust.pressure,
+            states.exhaust.pressure,
+        ]
+        .map(|pressure| pressure.at_least(LOWEST_PRESSURE));
+        let (w_hp, w_lp) = (states.hp_shaft.speed, states.lp_shaft.speed);
 
         // The powers of all pressure ratios at once, so that none waits for another: the ratios of temperatures
         // in isentropic flow, of volumes for the residual gas, and the drops that drive the turbines.
@@ -379,30 +410,51 @@ impl<D: Scalar> System<D> {
         let exhaust = self.exhaust.mass_flow((p_t, t_t), ambient);
 
         // The balances of the volumes and the shafts.
-        let derivatives = [
-            self.air_filter_volume.pressure_rate(ambient.1, air_filter - lpc.mass_flow),
-            self.lp_compressor.outlet_volume.pressure_rate(
-                lpc.outlet_temperature,
-                lpc.mass_flow - hpc.mass_flow - bypass.mass_flow + surge_valve.mass_flow,
-            ),
-            self.hp_compressor
-                .outlet_volume
-                .pressure_rate(t_2m, hpc.mass_flow + bypass.mass_flow - intercooler),
-            self.intercooler
-                .volume
-                .pressure_rate(t_ic, intercooler - throttle.mass_flow - surge_valve.mass_flow),
-            self.intake_manifold_volume.pressure_rate(t_ic, throttle.mass_flow - cylinders.air),
-            self.exhaust_manifold
-                .volume
-                .pressure_rate(t_em, cylinders.exhaust - hpt.mass_flow - hp_wastegate.mass_flow),
-            self.interstage_volume.pressure_rate(
-                t_it,
-                hpt.mass_flow + hp_wastegate.mass_flow - lpt.mass_flow - lp_wastegate.mass_flow,
-            ),
-            self.exhaust_volume.pressure_rate(t_t, lpt.mass_flow + lp_wastegate.mass_flow - exhaust),
-            self.hp_shaft.acceleration(w_hp, hpt.power, hpc.power),
-            self.lp_shaft.acceleration(w_lp, lpt.power, lpc.power),
-        ];
+        let derivatives = GasPathStates {
+            air_filter: AirFilterStates {
+                pressure: self.air_filter_volume.pressure_rate(ambient.1, air_filter - lpc.mass_flow),
+            },
+            lp_compressor: CompressorStates {
+                outlet_pressure: self.lp_compressor.outlet_volume.pressure_rate(
+                    lpc.outlet_temperature,
+                    lpc.mass_flow - hpc.mass_flow - bypass.mass_flow + surge_valve.mass_flow,
+                ),
+            },
+            hp_compressor: CompressorStates {
+                outlet_pressure: self
+                    .hp_compressor
+                    .outlet_volume
+                    .pressure_rate(t_2m, hpc.mass_flow + bypass.mass_flow - intercooler),
+            },
+            intercooler: IntercoolerStates {
+                outlet_pressure: self
+                    .intercooler
+                    .volume
+                    .pressure_rate(t_ic, intercooler - throttle.mass_flow - surge_valve.mass_flow),
+            },
+            intake_manifold: IntakeManifoldStates {
+                pressure: self.intake_manifold_volume.pressure_rate(t_ic, throttle.mass_flow - cylinders.air),
+            },
+            exhaust_manifold: ExhaustManifoldStates {
+                pressure: self
+                    .exhaust_manifold
+                    .volume
+                    .pressure_rate(t_em, cylinders.exhaust - hpt.mass_flow - hp_wastegate.mass_flow),
+            },
+            interstage_exhaust: InterstageExhaustStates {
+                pressure: self.interstage_volume.pressure_rate(
+                    t_it,
+                    hpt.mass_flow + hp_wastegate.mass_flow - lpt.mass_flow - lp_wastegate.mass_flow,
+                ),
+            },
+            exhaust: ExhaustStates {
+                pressure: self
+                    .exhaust_volume
+                    .pressure_rate(t_t, lpt.mass_flow + lp_wastegate.mass_flow - exhaust),
+            },
+            hp_shaft: ShaftStates { speed: self.hp_shaft.acceleration(w_hp, hpt.power, hpc.power) },
+            lp_shaft: ShaftStates { speed: self.lp_shaft.acceleration(w_lp, lpt.power, lpc.power) },
+        };
         GasPath {
             derivatives,
             air_filter,
@@ -425,12 +477,6 @@ impl<D: Scalar> System<D> {
             exhaust,
         }
     }
-}
-
-/// The states of the actuation and of the gas path.
-pub(super) fn halves<D: Scalar>(states: &States<D>) -> ([D; ACTUATION], [D; GAS_PATH]) {
-    let states = states.to_array();
-    (std::array::from_fn(|i| states[i]), std::array::from_fn(|i| states[ACTUATION + i]))
 }
 
 fn valve<D: Scalar>(p: &Parameters<D>, orifice: Orifice<D>) -> SolenoidValve<D> {

@@ -2,10 +2,12 @@
 //! plant's communication steps and the solver of its steady state. They know nothing of engines.
 //!
 //! The integrators of [`rosenbrock`] are single steps; [`step_size`] judges a step's error and says how long the
-//! next one should be.
+//! next one should be; [`course`] makes a way through an interval of them, [`multirate`] of a system in two parts.
 
+pub mod course;
 pub mod cubic;
 pub mod linear;
+pub mod multirate;
 pub mod rosenbrock;
 pub mod steady_state;
 pub mod step_size;

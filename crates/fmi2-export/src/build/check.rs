@@ -71,6 +71,11 @@ fn names(model: &json::Model) -> Result<(), Refusal> {
     for component_type in &model.component_types {
         type_name("component type", &component_type.name)?;
     }
+    unique("state group", model.state_groups.iter().map(|group| group.name.as_str()))?;
+    for group in &model.state_groups {
+        let name = &group.name;
+        field_name(name).map_err(|reason| Refusal::new(format!("state group '{name}': {reason}")))?;
+    }
     unique("component", model.components.iter().map(|component| component.name.as_str()))?;
     for component in &model.components {
         let name = &component.name;
@@ -100,6 +105,7 @@ fn texts(model: &json::Model) -> Result<(), Refusal> {
         texts.extend(enumeration.items.iter().map(|item| (item.name.as_str(), &item.description)));
     }
     texts.extend(model.components.iter().map(|component| (component.name.as_str(), &component.description)));
+    texts.extend(model.state_groups.iter().map(|group| (group.name.as_str(), &group.description)));
     for (name, text) in texts {
         one_line(text).map_err(|reason| Refusal::new(format!("'{name}': {reason}")))?;
     }
@@ -476,10 +482,42 @@ pub(super) fn unit_file(units: &[json::Unit]) -> Result<(), Refusal> {
     Ok(())
 }
 
+/// Each state belongs to one of the groups, where there are any, and each group has states.
+pub(super) fn state_groups(model: &json::Model, parts: &[Part<'_>]) -> Result<(), Refusal> {
+    let state = |part: &Part<'_>| {
+        part.fields.iter().find(|field| field.role == Role::State).map(|field| field.json.name.clone())
+    };
+    for part in parts {
+        let component = part.name.unwrap_or_default();
+        match (part.state_group, state(part)) {
+            (Some(group), _) if model.state_groups.iter().all(|known| known.name != group) => {
+                return Err(Refusal::new(format!(
+                    "component '{component}': state_group '{group}' is not among the state_groups"
+                )));
+            }
+            (Some(group), None) => {
+                return Err(Refusal::new(format!(
+                    "component '{component}': it is in the state group '{group}', but has no states"
+                )));
+            }
+            (None, Some(state)) if !model.state_groups.is_empty() => {
+                let name = part.name.map_or(state.clone(), |component| format!("{component}.{state}"));
+                return Err(Refusal::of(name, "it is a state whose component has no 'state_group'"));
+            }
+            _ => {}
+        }
+    }
+    let is_empty = |name: &str| parts.iter().all(|part| part.state_group != Some(name));
+    match model.state_groups.iter().find(|group| is_empty(&group.name)) {
+        Some(group) => Err(Refusal::new(format!("state group '{}' has no component", group.name))),
+        None => Ok(()),
+    }
+}
+
 /// The generated types must have different names.
 pub(super) fn type_names(model: &json::Model, parts: &[Part<'_>]) -> Result<(), Refusal> {
     let mut names: Vec<_> = model.enumerations.iter().map(|enumeration| enumeration.name.clone()).collect();
-    names.extend(rust::struct_names(parts));
+    names.extend(rust::struct_names(model, parts));
     names.extend(rust::FIXED_NAMES.map(str::to_owned));
     unique("the generated type", names.iter().map(String::as_str))
 }

@@ -42,6 +42,9 @@ pub(super) struct Model {
     pub(super) component_types: Vec<ComponentType>,
     #[serde(default)]
     pub(super) components: Vec<Component>,
+    /// Groups of components whose states a model treats as one.
+    #[serde(default)]
+    pub(super) state_groups: Vec<Described>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -181,6 +184,8 @@ pub(super) struct Component {
     pub(super) variables: Option<Vec<Variable>>,
     #[serde(rename = "type")]
     pub(super) component_type: Option<String>,
+    /// The group that its states belong to.
+    pub(super) state_group: Option<String>,
     /// Start values of the type's variables that hold for this component.
     #[serde(default, deserialize_with = "without_duplicates")]
     pub(super) start: BTreeMap<String, Value>,

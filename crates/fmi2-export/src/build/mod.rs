@@ -47,6 +47,9 @@
 //! Beside `components` with variables of their own there are `component_types`, whose variables several
 //! components share; such a component has a `"type"`, its own `"start"` values, and `"connections"`, by
 //! which a `"{placeholder}"` in the type's `reads` stands for a variable of another component.
+//! `state_groups`, each with name and description, split the states where a model integrates them apart: a
+//! component with states then names its `"state_group"`. For a group `gas_path` there is a struct `GasPathStates`
+//! with conversions from all states and arrays, and the constants `NOMINAL` and `MIN`.
 //! `enumerations` declare types whose items have the values 1, 2, …. A variable with `"dimensions"` is
 //! an array; its `"unit"` may be a list, with one for each element. The value reference 0 is `time`; the others follow in the order of declaration, each
 //! derivative `der(x)` directly after its state.

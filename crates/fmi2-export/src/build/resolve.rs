@@ -29,6 +29,7 @@ pub(super) struct Resolved<'a> {
 pub(super) struct Part<'a> {
     pub(super) name: Option<&'a str>,
     pub(super) component_type: Option<&'a str>,
+    pub(super) state_group: Option<&'a str>,
     pub(super) description: &'a str,
     pub(super) fields: Vec<Field<'a>>,
 }
@@ -152,7 +153,9 @@ pub(super) fn resolve<'a>(
 ) -> Result<Resolved<'a>, Refusal> {
     check::model(model)?;
     let mut flattening = Flattening::new(model);
-    flattening.add_part(None, None, "", &model.variables, &BTreeMap::new())?;
+    let interface =
+        Part { name: None, component_type: None, state_group: None, description: "", fields: vec![] };
+    flattening.add_part(interface, &model.variables, &BTreeMap::new())?;
     for component in &model.components {
         flattening.add_component(component)?;
     }
@@ -160,6 +163,7 @@ pub(super) fn resolve<'a>(
     flattening.look_up_reads()?;
     let Flattening { parts, variables, .. } = flattening;
     let units = check::units(model, &variables, units)?;
+    check::state_groups(model, &parts)?;
     check::type_names(model, &parts)?;
     check::outputs(&variables)?;
     dependencies::refuse_cycles(&variables)?;
@@ -246,23 +250,27 @@ impl<'a> Flattening<'a> {
                 return Err(Refusal::of(format!("{name}.{started}"), reason));
             }
         }
-        self.add_part(Some(name), component_type, &component.description, variables, &component.start)
+        let part = Part {
+            name: Some(name),
+            component_type,
+            state_group: component.state_group.as_deref(),
+            description: &component.description,
+            fields: Vec::new(),
+        };
+        self.add_part(part, variables, &component.start)
     }
 
     fn add_part(
         &mut self,
-        name: Option<&'a str>,
-        component_type: Option<&'a str>,
-        description: &'a str,
+        mut part: Part<'a>,
         variables: &'a [json::Variable],
         starts: &BTreeMap<String, Value>,
     ) -> Result<(), Refusal> {
-        let mut fields = Vec::new();
         for variable in variables {
             let start = starts.get(&variable.name).or(variable.start.as_ref());
-            fields.push(self.add_field(name, description, variable, start)?);
+            part.fields.push(self.add_field(part.name, part.description, variable, start)?);
         }
-        self.parts.push(Part { name, component_type, description, fields });
+        self.parts.push(part);
         Ok(())
     }
 

@@ -15,6 +15,9 @@ use super::resolve::{DataType, Field, Part, Resolved, Role, Start};
 pub(super) const FIXED_NAMES: [&str; 6] =
     ["Parameters", "Inputs", "States", "Locals", "Outputs", "Variables"];
 
+/// The type that holds all groups of states, where there are any.
+const STATE_GROUPS: &str = "StateGroups";
+
 /// The lints that generated code need not obey.
 const ALLOW: &str = "#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]\n";
 
@@ -85,8 +88,8 @@ impl Group {
     }
 }
 
-/// The names of the structs for the variables of components.
-pub(super) fn struct_names(parts: &[Part<'_>]) -> Vec<String> {
+/// The names of the structs for the variables of components and for groups of states.
+pub(super) fn struct_names(model: &json::Model, parts: &[Part<'_>]) -> Vec<String> {
     let first_of_type = |&(position, part): &(usize, &Part<'_>)| {
         part.component_type.is_none()
             || parts[..position].iter().all(|other| other.component_type != part.component_type)
@@ -95,7 +98,14 @@ pub(super) fn struct_names(parts: &[Part<'_>]) -> Vec<String> {
     own.flat_map(|(_, part)| {
         GROUPS.into_iter().filter(|group| group.is_in(part)).map(|group| group.struct_name(part))
     })
+    .chain(model.state_groups.iter().map(|group| states_name(&group.name)))
+    .chain((!model.state_groups.is_empty()).then(|| STATE_GROUPS.to_owned()))
     .collect()
+}
+
+/// The struct that holds the states of a group.
+fn states_name(group: &str) -> String {
+    pascal_case(group) + Group::States.type_name()
 }
 
 /// `hp_compressor` as `HpCompressor`.
@@ -126,9 +136,12 @@ pub(super) fn generate(model: &Resolved<'_>, guid: &str) -> String {
                 text += &generator.component_struct(group, part);
             }
         }
-        text += &generator.group_struct(group);
+        let parts: Vec<_> = model.parts.iter().filter(|part| group.is_in(part)).collect();
+        let description = format!("{} of the model.", group.description());
+        text += &generator.group_struct(group, group.type_name(), &description, &parts);
     }
     text += &generator.states_impl();
+    text += &generator.state_groups();
     text += VARIABLES;
     text += &generator.inputs_impl();
     text += &generator.variables_impl();
@@ -241,28 +254,27 @@ impl Generator<'_, '_> {
             self.model.parts.iter().filter(|other| {
                 other.name.is_some() && group.is_in(other) && group.struct_name(other) == name
             });
-        let body = |part: &Part<'_>| self.starts(group, part, "            ");
+        let start = |position| self.start(position);
+        let body = |part: &Part<'_>| values(group, part, "            ", start);
         if alike.map(body).collect::<BTreeSet<_>>().len() == 1 {
             text += &default(&name, &body(part));
         }
         text
     }
 
-    /// The struct for all variables of a group.
-    fn group_struct(&self, group: Group) -> String {
-        let name = group.type_name();
-        let mut text = format!("\n/// {} of the model.\n", group.description());
+    /// The struct for the variables of some parts.
+    fn group_struct(&self, group: Group, name: &str, description: &str, parts: &[&Part<'_>]) -> String {
+        let mut text = format!("\n/// {description}\n");
         text += ALLOW;
-        let generic = self.model.parts.iter().any(|part| group.is_real_in(part));
-        text += &derive(self.model.parts.iter().flat_map(|part| group.fields(part)));
+        let generic = parts.iter().any(|part| group.is_real_in(part));
+        text += &derive(parts.iter().flat_map(|part| group.fields(part)));
         text += &format!("pub struct {name}{} {{\n", if generic { "<T = f64>" } else { "" });
-        let (mut starts, mut combinations) = (String::new(), String::new());
-        for part in self.model.parts.iter().filter(|part| group.is_in(part)) {
+        let mut combinations = String::new();
+        for part in parts {
             let Some(component) = part.name else {
                 for field in group.fields(part) {
                     text += &self.field(field);
                 }
-                starts += &self.starts(group, part, "            ");
                 combinations.extend(group.fields(part).map(combined));
                 continue;
             };
@@ -278,14 +290,11 @@ impl Generator<'_, '_> {
                 "    /// {}\n    pub {component}: {part_name}{of},",
                 markdown(part.description)
             );
-            let inner = self.starts(group, part, "                ");
-            let _ = writeln!(starts, "            {component}: {part_name} {{\n{inner}            }},");
         }
         text += "}\n";
-        let parts = self.model.parts.iter().filter(|part| group.is_in(part));
         text += &persistent(
             name,
-            parts.flat_map(|part| match part.name {
+            parts.iter().flat_map(|part| match part.name {
                 Some(component) => vec![component],
                 None => group.fields(part).map(|field| field.json.name.as_str()).collect(),
             }),
@@ -293,7 +302,7 @@ impl Generator<'_, '_> {
         if generic {
             text += &combination(name, &combinations);
         }
-        text + &default(name, &starts)
+        text + &default(name, &nested_values(group, parts, |position| self.start(position)))
     }
 
     fn field(&self, field: &Field<'_>) -> String {
@@ -315,16 +324,6 @@ impl Generator<'_, '_> {
             data_type = format!("[{data_type}; {size}]");
         }
         format!("    /// {description}{unit}\n    pub {}: {data_type},\n", field.json.name)
-    }
-
-    /// The start values of a part's variables, as the fields of a struct expression.
-    fn starts(&self, group: Group, part: &Part<'_>, indent: &str) -> String {
-        let mut text = String::new();
-        for field in group.fields(part) {
-            let values: Vec<_> = field.positions.iter().map(|&position| self.start(position)).collect();
-            let _ = writeln!(text, "{indent}{}: {},", field.json.name, nest(&field.json.dimensions, &values));
-        }
-        text
     }
 
     /// A variable's start value, or where it is calculated, one that stands until then.
@@ -349,52 +348,118 @@ impl Generator<'_, '_> {
         format!("{}::{}", enumeration.name, pascal_case(&enumeration.items[item].name))
     }
 
-    /// The states as an array, for solvers.
+    /// All states as an array, for solvers.
     fn states_impl(&self) -> String {
-        let states: Vec<_> =
-            self.model.of_role(Role::State).map(|position| &self.model.variables[position]).collect();
+        let parts: Vec<_> = self.model.parts.iter().filter(|part| Group::States.is_in(part)).collect();
+        self.arrays(Group::States.type_name(), &parts, "")
+    }
+
+    /// The structs that hold the states of a group each.
+    fn state_groups(&self) -> String {
+        let groups = &self.model.model.state_groups;
+        let mut text = String::new();
+        let (mut members, mut fields) = (String::new(), vec![String::new(); self.model.parts.len()]);
+        for json::Described { name: group, description } in groups {
+            let name = states_name(group);
+            let is_member = |part: &Part<'_>| part.state_group == Some(group);
+            let parts: Vec<_> = self.model.parts.iter().filter(|part| is_member(part)).collect();
+            let nominal =
+                |position: usize| format!("{:?}", self.model.variables[position].nominal.unwrap_or(1.0));
+            let min = |position: usize| match self.model.variables[position].min {
+                Some(min) => format!("{min:?}"),
+                None => "f64::NEG_INFINITY".to_owned(),
+            };
+            let constants = format!(
+                "
+    /// The states' nominal values; 1 where none is declared.
+    pub const NOMINAL: Self = Self {{
+{}    }};
+
+    /// The smallest values that are declared.
+    pub const MIN: Self = Self {{
+{}    }};
+",
+                nested_values(Group::States, &parts, nominal),
+                nested_values(Group::States, &parts, min),
+            );
+            let title = format!("The states of a group: {}.", markdown(description));
+            text += &self.group_struct(Group::States, &name, &title, &parts);
+            text += &self.arrays(&name, &parts, &constants);
+            let own: Vec<_> = parts.iter().filter_map(|part| part.name).collect();
+            let of: Vec<_> = own.iter().map(|own| format!("            {own}: states.{own},\n")).collect();
+            let _ = write!(
+                text,
+                "
+{ALLOW}impl<T: Copy> {name}<T> {{
+    /// Those among all states.
+    #[must_use]
+    pub fn of(states: &States<T>) -> Self {{
+        Self {{
+{}        }}
+    }}
+}}
+",
+                of.concat()
+            );
+            let _ = writeln!(members, "    /// {}\n    pub {group}: {name}<T>,", markdown(description));
+            for (field, part) in fields.iter_mut().zip(&self.model.parts).filter(|(_, part)| is_member(part))
+            {
+                let component = part.name.unwrap_or_default();
+                *field = format!("            {component}: groups.{group}.{component},\n");
+            }
+        }
+        if !groups.is_empty() {
+            let _ = write!(
+                text,
+                "
+/// All states by their groups.
+{ALLOW}#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct {STATE_GROUPS}<T = f64> {{
+{members}}}
+
+{ALLOW}impl<T: Copy> States<T> {{
+    /// All states, from their groups.
+    #[must_use]
+    pub fn from_groups(groups: {STATE_GROUPS}<T>) -> Self {{
+        Self {{
+{}        }}
+    }}
+}}
+",
+                fields.concat()
+            );
+        }
+        text
+    }
+
+    /// The states of some parts as an array, with further constants.
+    fn arrays(&self, name: &str, parts: &[&Part<'_>], constants: &str) -> String {
+        let fields = parts.iter().flat_map(|part| Group::States.fields(part));
+        let positions: Vec<_> = fields.flat_map(|field| field.positions.iter().copied()).collect();
+        let states: Vec<_> = positions.iter().map(|&position| &self.model.variables[position]).collect();
         let names: Vec<_> = states.iter().map(|state| format!("        {:?},\n", state.name)).collect();
         let values: Vec<_> =
             states.iter().map(|state| format!("            self.{},\n", state.path)).collect();
-        let mut next = 0;
-        let mut fields = String::new();
-        for part in self.model.parts.iter().filter(|part| Group::States.is_in(part)) {
-            let indent = if part.name.is_some() { "                " } else { "            " };
-            let mut inner = String::new();
-            for field in Group::States.fields(part) {
-                let elements: Vec<_> =
-                    (next..next + field.positions.len()).map(|number| format!("values[{number}]")).collect();
-                next += field.positions.len();
-                let _ = writeln!(
-                    inner,
-                    "{indent}{}: {},",
-                    field.json.name,
-                    nest(&field.json.dimensions, &elements)
-                );
-            }
-            fields += &match part.name {
-                None => inner,
-                Some(component) => {
-                    let part_name = Group::States.struct_name(part);
-                    format!("            {component}: {part_name} {{\n{inner}            }},\n")
-                }
-            };
-        }
+        let element = |position| {
+            let place = positions.iter().position(|&other| other == position).expect("it is one of them");
+            format!("values[{place}]")
+        };
+        let fields = nested_values(Group::States, parts, element);
         let argument = if states.is_empty() { "_" } else { "values" };
         let (of, to, real) = if states.is_empty() { ("", "", "f64") } else { ("<T: Copy>", "<T>", "T") };
         let count = states.len();
         format!(
             "
-{ALLOW}impl States {{
+{ALLOW}impl {name} {{
     /// The number of states.
-    pub const COUNT: usize = {};
+    pub const COUNT: usize = {count};
 
     /// The names of the states, in the order of the arrays.
     pub const NAMES: [&'static str; Self::COUNT] = [
 {names}    ];
-}}
+{constants}}}
 
-{ALLOW}impl{of} States{to} {{
+{ALLOW}impl{of} {name}{to} {{
     /// The states from an array, in the order of declaration.
     #[must_use]
     pub fn from_array({argument}: [{real}; {count}]) -> Self {{
@@ -404,17 +469,42 @@ impl Generator<'_, '_> {
 
     /// The states as an array, in the order of declaration.
     #[must_use]
-    pub fn to_array(&self) -> [{real}; {count}] {{
+    pub const fn to_array(&self) -> [{real}; {count}] {{
         [
 {values}        ]
     }}
 }}
 ",
-            count,
             names = names.concat(),
             values = values.concat(),
         )
     }
+}
+
+/// A part's variables as the fields of a struct expression, from the values of their scalars.
+fn values(group: Group, part: &Part<'_>, indent: &str, value: impl Fn(usize) -> String) -> String {
+    let mut text = String::new();
+    for field in group.fields(part) {
+        let values: Vec<_> = field.positions.iter().map(|&position| value(position)).collect();
+        let _ = writeln!(text, "{indent}{}: {},", field.json.name, nest(&field.json.dimensions, &values));
+    }
+    text
+}
+
+/// The same for several parts, each component in a struct of its own.
+fn nested_values(group: Group, parts: &[&Part<'_>], value: impl Fn(usize) -> String) -> String {
+    let mut text = String::new();
+    for part in parts {
+        match part.name {
+            None => text += &values(group, part, "            ", &value),
+            Some(component) => {
+                let name = group.struct_name(part);
+                let inner = values(group, part, "                ", &value);
+                let _ = writeln!(text, "            {component}: {name} {{\n{inner}            }},");
+            }
+        }
+    }
+    text
 }
 
 /// A field of a struct whose numbers are combined from two others'; what is no Real is the first one's.

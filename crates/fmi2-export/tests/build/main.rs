@@ -24,7 +24,9 @@ mod variables {
     include!("Vessels/variables.rs");
 }
 
-use variables::{FillMode, Parameters, States, Variables, VesselStates};
+use variables::{
+    FillMode, Parameters, SparePartsStates, StateGroups, States, StoresStates, Variables, VesselStates,
+};
 
 fn sources() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/build")
@@ -175,7 +177,7 @@ fn xml_says_what_the_json_says() {
         (
             "first.mass",
             r#"valueReference="7" description="First vessel: Contents" causality="local" variability="continuous" initial="approx""#,
-            r#"<Real unit="kg" start="1e-5"/>"#,
+            r#"<Real unit="kg" min="0.0" start="1e-5"/>"#,
         ),
         (
             "der(first.mass)",
@@ -243,6 +245,21 @@ fn structs_start_with_the_start_values() {
     let states = States::from_array([1.0, 2.0, 3.0]);
     assert_eq!(states.second, VesselStates { mass: 2.0 });
     assert_eq!(states.to_array(), [1.0, 2.0, 3.0]);
+}
+
+#[test]
+fn groups_of_states_are_converted_by_name() {
+    let states = States::from_array([1.0, 2.0, 3.0]);
+    let (stores, spare_parts) = (StoresStates::of(&states), SparePartsStates::of(&states));
+    assert_eq!([stores.first.mass, stores.second.mass, spare_parts.settings.reserve], [1.0, 2.0, 3.0]);
+    assert_eq!((StoresStates::NAMES, StoresStates::COUNT), (["first.mass", "second.mass"], 2));
+    assert_eq!((stores.to_array(), StoresStates::from_array([1.0, 2.0])), ([1.0, 2.0], stores));
+    assert_eq!(States::from_groups(StateGroups { stores, spare_parts }), states);
+    assert_eq!(StoresStates::default().to_array(), [1e-5; 2]);
+    // The masses declare a least value, the reserve a nominal one.
+    assert_eq!((StoresStates::MIN.to_array(), StoresStates::NOMINAL.to_array()), ([0.0; 2], [1.0; 2]));
+    let (least, nominal) = (SparePartsStates::MIN.to_array(), SparePartsStates::NOMINAL.to_array());
+    assert_eq!((least, nominal), ([f64::NEG_INFINITY], [4.0]));
 }
 
 #[test]

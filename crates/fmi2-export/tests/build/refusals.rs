@@ -537,6 +537,38 @@ fn wrong_models_are_refused() {
     assert_eq!(no_outputs, "vessels.json: there is no variable with causality 'output'");
 }
 
+#[test]
+fn wrong_groups_of_states_are_refused() {
+    let (first, settings) = ("/components/0", "/components/2");
+    let unknown = "component 'first': state_group 'stock' is not among the state_groups";
+    assert_refused(first, &json!({"state_group": "stock"}), unknown);
+    let missing = "variable 'first.mass': it is a state whose component has no 'state_group'";
+    assert_refused(first, &json!({"state_group": null}), missing);
+    let interface = json!({
+        "causality": "local", "reads": null, "start": 1, "initial": "exact", "derivative": {"reads": []}
+    });
+    let missing = "variable 'level': it is a state whose component has no 'state_group'";
+    assert_refused(at::LEVEL, &interface, missing);
+    let empty = "state group 'spare_parts' has no component";
+    assert_refused(settings, &json!({"state_group": "stores"}), empty);
+    let stateless = refusal("stateless", |model| {
+        model["components"][2]["variables"].as_array_mut().expect("there are variables").pop();
+    });
+    let expected = "component 'settings': it is in the state group 'spare_parts', but has no states";
+    assert_eq!(stateless, format!("vessels.json: {expected}"));
+    let place = "/state_groups/1";
+    assert_refused(place, &json!({"name": "stores"}), "state group 'stores' is declared twice");
+    let name = "state group 'Spare': the name is not made of lower-case letters, digits and underscores";
+    assert_refused(place, &json!({"name": "Spare"}), name);
+    assert_refused(place, &json!({"description": ""}), "'spare_parts': its text is empty");
+    let type_name = "the generated type 'SettingsStates' is declared twice";
+    let same = refusal("same type", |model| {
+        model["state_groups"][1]["name"] = json!("settings");
+        model["components"][2]["state_group"] = json!("settings");
+    });
+    assert_eq!(same, format!("vessels.json: {type_name}"));
+}
+
 /// Where in a text the first character of a part stands, in the words of serde.
 fn place(text: &str, part: &str) -> String {
     let (before, _) = text.split_once(part).unwrap_or_else(|| panic!("{part} is not in the text"));

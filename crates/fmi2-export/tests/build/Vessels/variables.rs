@@ -527,12 +527,243 @@ impl<T: Copy> States<T> {
 
     /// The states as an array, in the order of declaration.
     #[must_use]
-    pub fn to_array(&self) -> [T; 3] {
+    pub const fn to_array(&self) -> [T; 3] {
         [
             self.first.mass,
             self.second.mass,
             self.settings.reserve,
         ]
+    }
+}
+
+/// The states of a group: What the vessels hold.
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StoresStates<T = f64> {
+    /// First vessel
+    pub first: VesselStates<T>,
+    /// Second vessel
+    pub second: VesselStates<T>,
+}
+
+::fmi2_export::persistent!(StoresStates { first, second });
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl<T: Copy> StoresStates<T> {
+    /// Each number from this one's and the other's.
+    #[must_use]
+    pub fn combine<S: Copy, U>(&self, other: &StoresStates<S>, function: &mut impl FnMut(T, S) -> U) -> StoresStates<U> {
+        StoresStates {
+            first: self.first.combine(&other.first, function),
+            second: self.second.combine(&other.second, function),
+        }
+    }
+
+    /// Each number from this one's.
+    #[must_use]
+    pub fn map<U>(&self, mut function: impl FnMut(T) -> U) -> StoresStates<U> {
+        self.combine(self, &mut |number, _| function(number))
+    }
+}
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl Default for StoresStates {
+    fn default() -> Self {
+        Self {
+            first: VesselStates {
+                mass: 1e-5,
+            },
+            second: VesselStates {
+                mass: 1e-5,
+            },
+        }
+    }
+}
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl StoresStates {
+    /// The number of states.
+    pub const COUNT: usize = 2;
+
+    /// The names of the states, in the order of the arrays.
+    pub const NAMES: [&'static str; Self::COUNT] = [
+        "first.mass",
+        "second.mass",
+    ];
+
+    /// The states' nominal values; 1 where none is declared.
+    pub const NOMINAL: Self = Self {
+            first: VesselStates {
+                mass: 1.0,
+            },
+            second: VesselStates {
+                mass: 1.0,
+            },
+    };
+
+    /// The smallest values that are declared.
+    pub const MIN: Self = Self {
+            first: VesselStates {
+                mass: 0.0,
+            },
+            second: VesselStates {
+                mass: 0.0,
+            },
+    };
+}
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl<T: Copy> StoresStates<T> {
+    /// The states from an array, in the order of declaration.
+    #[must_use]
+    pub fn from_array(values: [T; 2]) -> Self {
+        Self {
+            first: VesselStates {
+                mass: values[0],
+            },
+            second: VesselStates {
+                mass: values[1],
+            },
+        }
+    }
+
+    /// The states as an array, in the order of declaration.
+    #[must_use]
+    pub const fn to_array(&self) -> [T; 2] {
+        [
+            self.first.mass,
+            self.second.mass,
+        ]
+    }
+}
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl<T: Copy> StoresStates<T> {
+    /// Those among all states.
+    #[must_use]
+    pub fn of(states: &States<T>) -> Self {
+        Self {
+            first: states.first,
+            second: states.second,
+        }
+    }
+}
+
+/// The states of a group: What the settings hold.
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SparePartsStates<T = f64> {
+    /// Settings
+    pub settings: SettingsStates<T>,
+}
+
+::fmi2_export::persistent!(SparePartsStates { settings });
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl<T: Copy> SparePartsStates<T> {
+    /// Each number from this one's and the other's.
+    #[must_use]
+    pub fn combine<S: Copy, U>(&self, other: &SparePartsStates<S>, function: &mut impl FnMut(T, S) -> U) -> SparePartsStates<U> {
+        SparePartsStates {
+            settings: self.settings.combine(&other.settings, function),
+        }
+    }
+
+    /// Each number from this one's.
+    #[must_use]
+    pub fn map<U>(&self, mut function: impl FnMut(T) -> U) -> SparePartsStates<U> {
+        self.combine(self, &mut |number, _| function(number))
+    }
+}
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl Default for SparePartsStates {
+    fn default() -> Self {
+        Self {
+            settings: SettingsStates {
+                reserve: 3.0,
+            },
+        }
+    }
+}
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl SparePartsStates {
+    /// The number of states.
+    pub const COUNT: usize = 1;
+
+    /// The names of the states, in the order of the arrays.
+    pub const NAMES: [&'static str; Self::COUNT] = [
+        "settings.reserve",
+    ];
+
+    /// The states' nominal values; 1 where none is declared.
+    pub const NOMINAL: Self = Self {
+            settings: SettingsStates {
+                reserve: 4.0,
+            },
+    };
+
+    /// The smallest values that are declared.
+    pub const MIN: Self = Self {
+            settings: SettingsStates {
+                reserve: f64::NEG_INFINITY,
+            },
+    };
+}
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl<T: Copy> SparePartsStates<T> {
+    /// The states from an array, in the order of declaration.
+    #[must_use]
+    pub fn from_array(values: [T; 1]) -> Self {
+        Self {
+            settings: SettingsStates {
+                reserve: values[0],
+            },
+        }
+    }
+
+    /// The states as an array, in the order of declaration.
+    #[must_use]
+    pub const fn to_array(&self) -> [T; 1] {
+        [
+            self.settings.reserve,
+        ]
+    }
+}
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl<T: Copy> SparePartsStates<T> {
+    /// Those among all states.
+    #[must_use]
+    pub fn of(states: &States<T>) -> Self {
+        Self {
+            settings: states.settings,
+        }
+    }
+}
+
+/// All states by their groups.
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StateGroups<T = f64> {
+    /// What the vessels hold
+    pub stores: StoresStates<T>,
+    /// What the settings hold
+    pub spare_parts: SparePartsStates<T>,
+}
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+impl<T: Copy> States<T> {
+    /// All states, from their groups.
+    #[must_use]
+    pub fn from_groups(groups: StateGroups<T>) -> Self {
+        Self {
+            first: groups.stores.first,
+            second: groups.stores.second,
+            settings: groups.spare_parts.settings,
+        }
     }
 }
 
@@ -807,7 +1038,7 @@ static DESCRIPTION: ::fmi2_export::description::ModelDescription = {
             causality: Causality::Local,
             variability: Variability::Continuous,
             initial: Initial::Approx,
-            min: f64::NEG_INFINITY,
+            min: 0.0,
             max: f64::INFINITY,
             real_input: None,
         },
@@ -847,7 +1078,7 @@ static DESCRIPTION: ::fmi2_export::description::ModelDescription = {
             causality: Causality::Local,
             variability: Variability::Continuous,
             initial: Initial::Approx,
-            min: f64::NEG_INFINITY,
+            min: 0.0,
             max: f64::INFINITY,
             real_input: None,
         },
@@ -969,7 +1200,7 @@ static DESCRIPTION: ::fmi2_export::description::ModelDescription = {
     ];
     ModelDescription {
         model_identifier: "Vessels",
-        guid: "{547a54e5-ebec-573a-84be-54c95fdad94f}",
+        guid: "{9140debd-e787-5959-8469-66c1383c611c}",
         variables: &VARIABLES,
         log_categories: &LOG_CATEGORIES,
         capabilities: Capabilities {

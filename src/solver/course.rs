@@ -1,0 +1,257 @@
+//! The course of a system's states through an interval of time, in steps of [`rosenbrock`](super::rosenbrock) whose
+//! length follows from their errors, and what is remembered from one interval to the next.
+
+use std::cell::Cell;
+
+use fmi2_export::Error;
+use fmi2_export::persistence::{Archive, Persistent};
+
+use super::Trial;
+use super::rosenbrock::{Begin, Linearization};
+use super::step_size::{StepSize, largest_error, relative_error};
+use crate::elementary::power;
+
+/// The length in s below which a step that does not meet its tolerance is given up.
+const SMALLEST_STEP: f64 = 1e-9;
+/// The difference of times, relative to a step, for derivatives with respect to time.
+pub(super) const TIME_DIFFERENCE: f64 = 1e-3;
+/// A jump of the inputs changes the slopes at once. Where this alone would change the states by more than so
+/// many tolerances over the step that was proposed before, the linearization belongs to another place.
+const JUMP_RENEWS: f64 = 100.0;
+/// How the first step after a jump is shortened: by a power of the ratio to so many tolerances. A step that is
+/// long and damps the fast modes would not see that the jump has excited them.
+#[derive(Clone, Copy, Debug)]
+pub struct JumpLaw {
+    /// The change in tolerances from which on the step is shortened.
+    pub tolerances: f64,
+    /// The exponent of the ratio.
+    pub exponent: f64,
+}
+
+/// How the steps of a system are judged.
+#[derive(Clone, Copy, Debug)]
+pub struct Rules<const N: usize> {
+    /// The states' names.
+    pub names: [&'static str; N],
+    /// What counts as 100 % of each state where the error of a step is judged.
+    pub error_scales: [f64; N],
+    /// The magnitude of each state, for the differences that linearizations are made of.
+    pub magnitudes: [f64; N],
+    /// The least that each state can be. A step that leads below it was too long.
+    pub least: [f64; N],
+    /// The share of the tolerance for the error of a single step.
+    pub share: f64,
+    /// How the first step after a jump of the inputs is shortened.
+    pub jump: JumpLaw,
+    /// The longest step in s.
+    pub longest_step: f64,
+    /// For how many steps at most a linearization serves.
+    pub linearization_serves: u32,
+}
+
+/// Why the states at the end of an interval are not known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Failure {
+    /// The time in s until which they are.
+    pub time: f64,
+    /// The name of the state whose error is too large.
+    pub state: &'static str,
+}
+
+/// The steps that may still be tried, so that an integration ends in bounded time.
+#[derive(Debug)]
+pub struct Budget(Cell<f64>);
+
+impl Budget {
+    /// A budget of so many trials.
+    #[must_use]
+    pub fn new(trials: f64) -> Self {
+        Self(Cell::new(trials))
+    }
+
+    /// Counts a trial. Whether another one is allowed.
+    fn spend(&self) -> bool {
+        self.0.set(self.0.get() - 1.0);
+        self.0.get() > 0.0
+    }
+}
+
+/// An interval of time to go through.
+#[derive(Clone, Copy, Debug)]
+pub struct Interval<'a> {
+    /// Its begin in s.
+    pub from: f64,
+    /// Its end in s.
+    pub to: f64,
+    /// The error that the states may have, relative to their full scales.
+    pub tolerance: f64,
+    /// What may be spent on this interval and those after it.
+    pub budget: &'a Budget,
+}
+
+impl Interval<'_> {
+    /// Whether no more steps are tried after one that was taken or not.
+    fn is_given_up(&self, steps: &StepSize, taken: bool) -> bool {
+        !self.budget.spend() || !taken && steps.next < SMALLEST_STEP
+    }
+}
+
+/// What is remembered of a system from one interval to the next. It only saves work.
+#[derive(Clone, Copy, Debug)]
+pub struct Memory<const STATES: usize, const INPUTS: usize> {
+    /// The length of the next step in s.
+    pub step: f64,
+    /// What the steps are solved with.
+    pub linearization: Linearization<STATES>,
+    /// The derivatives at the end of the last interval, …
+    slopes: [f64; STATES],
+    /// … and the inputs that they belong to; not numbers where there are none.
+    inputs: [f64; INPUTS],
+}
+
+impl<const STATES: usize, const INPUTS: usize> Persistent for Memory<STATES, INPUTS> {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        let Self { step, linearization, slopes, inputs } = self;
+        step.persist(archive)?;
+        linearization.persist(archive)?;
+        slopes.persist(archive)?;
+        inputs.persist(archive)
+    }
+}
+
+impl<const STATES: usize, const INPUTS: usize> Memory<STATES, INPUTS> {
+    /// Nothing remembered but the length of the first step in s.
+    #[must_use]
+    pub fn new(first_step: f64) -> Self {
+        Self {
+            step: first_step,
+            linearization: Linearization::default(),
+            slopes: [0.0; STATES],
+            inputs: [f64::NAN; INPUTS],
+        }
+    }
+
+    /// The derivatives where the last interval ended, if they are those with these inputs.
+    #[must_use]
+    pub fn slopes(&self, inputs: &[f64; INPUTS]) -> Option<[f64; STATES]> {
+        let is_same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
+        self.inputs.iter().zip(inputs).all(is_same).then_some(self.slopes)
+    }
+
+    /// Adapts to slopes that have jumped since the last interval.
+    pub fn adapt_to_jump(&mut self, course: &mut Course<'_, STATES>) {
+        if self.inputs[0].is_nan() {
+            return;
+        }
+        let (length, _) = course.next();
+        let jump = std::array::from_fn(|i| length * (course.slopes[i] - self.slopes[i]));
+        let jump = relative_error(&course.states, &jump, &course.weights);
+        if jump > JUMP_RENEWS {
+            self.linearization.discard();
+        }
+        let law = course.rules.jump;
+        if jump > law.tolerances {
+            course.steps.next = length * power(law.tolerances / jump, law.exponent);
+        }
+    }
+
+    /// Remembers where an interval ends.
+    pub fn end(&mut self, course: &Course<'_, STATES>, inputs: [f64; INPUTS]) {
+        (self.step, self.slopes, self.inputs) = (course.steps.next, course.slopes, inputs);
+    }
+}
+
+/// The states of a system on their way through an interval.
+#[derive(Debug)]
+pub struct Course<'a, const N: usize> {
+    /// The interval.
+    pub interval: Interval<'a>,
+    rules: &'a Rules<N>,
+    /// The reciprocals of the errors that a step may have.
+    weights: [f64; N],
+    /// The length of the next step.
+    pub steps: StepSize,
+    /// The time that is reached.
+    pub time: f64,
+    /// The states there.
+    pub states: [f64; N],
+    /// Their derivatives.
+    pub slopes: [f64; N],
+}
+
+impl<'a, const N: usize> Course<'a, N> {
+    /// A course from states with their derivatives.
+    #[must_use]
+    pub fn new(
+        interval: Interval<'a>,
+        first_step: f64,
+        rules: &'a Rules<N>,
+        (states, slopes): ([f64; N], [f64; N]),
+    ) -> Self {
+        Self {
+            interval,
+            rules,
+            weights: rules.error_scales.map(|scale| (scale * interval.tolerance * rules.share).recip()),
+            steps: StepSize::new(first_step, rules.longest_step),
+            time: interval.from,
+            states,
+            slopes,
+        }
+    }
+
+    /// The length of the next step in s, and the time at which it ends.
+    #[must_use]
+    pub fn next(&self) -> (f64, f64) {
+        let left = self.interval.to - self.time;
+        let length = self.steps.within(left);
+        (length, if length >= left { self.interval.to } else { self.time + length })
+    }
+
+    /// Where the next step begins.
+    #[must_use]
+    pub fn begin<'b>(&'b self, drift: &'b [f64; N]) -> Begin<'b, N> {
+        Begin { time: self.time, states: &self.states, slopes: &self.slopes, drift }
+    }
+
+    /// How the derivatives change with time alone, at the begin of a step of a length.
+    pub fn drift(
+        &self,
+        derivatives: impl FnOnce(f64, &[f64; N]) -> [f64; N],
+        length: f64,
+        is_constant: bool,
+    ) -> [f64; N] {
+        if is_constant {
+            return [0.0; N];
+        }
+        let difference = TIME_DIFFERENCE * length;
+        let later = derivatives(self.time + difference, &self.states);
+        std::array::from_fn(|i| (later[i] - self.slopes[i]) / difference)
+    }
+
+    /// Takes a step, or has it tried again with another length. Without a trial its linear equations had no
+    /// solution.
+    ///
+    /// # Errors
+    /// When no more steps are tried.
+    pub fn settle(&mut self, trial: Option<Trial<N>>, length: f64, end: f64) -> Result<bool, Failure> {
+        let (states, mut errors) =
+            trial.map_or((self.states, [f64::INFINITY; N]), |trial| (trial.states, trial.error));
+        for ((error, state), least) in errors.iter_mut().zip(&states).zip(&self.rules.least) {
+            if state < least {
+                *error = f64::INFINITY;
+            }
+        }
+        let error = relative_error(&states, &errors, &self.weights);
+        let taken = self.steps.judge(length, error);
+        if self.interval.is_given_up(&self.steps, taken) {
+            let state = self.rules.names[largest_error(&states, &errors, &self.weights)];
+            return Err(Failure { time: self.time, state });
+        }
+        if let Some(trial) = trial
+            && taken
+        {
+            (self.time, self.states, self.slopes) = (end, trial.states, trial.slopes);
+        }
+        Ok(taken)
+    }
+}
