@@ -12,99 +12,66 @@
 
 use super::gas::Gas;
 use super::scalar::Scalar;
+use super::variables::{ActuatorLocals, ActuatorParameters};
 
 /// A wastegate actuator.
 #[derive(Clone, Copy, Debug)]
 pub struct Actuator<D = f64> {
-    /// Area of the membrane in m².
-    pub membrane_area: D,
-    /// Volume of the chamber in m³ at position 0.
-    pub chamber_volume: D,
-    /// Moving mass in kg.
-    pub mass: D,
-    /// Viscous damping in N s/m.
-    pub damping: D,
-    /// Spring force in N at position 0.
-    pub spring_preload: D,
-    /// Linear spring stiffness in N/m.
-    pub spring_stiffness: D,
-    /// Coefficient of the spring's 7th power in N/m⁷.
-    pub spring_hardening: D,
-    /// Distance between the stops in m.
-    pub stroke: D,
-    /// Stiffness of the stops in N/m.
-    pub stop_stiffness: D,
-    /// Damping of the stops in N s/m.
-    pub stop_damping: D,
-    /// Depth in m at which the stops damp fully.
-    pub stop_damping_depth: D,
-    /// Coulomb friction in N.
-    pub coulomb_friction: D,
-    /// Dahl's stiffness σ in N/m.
-    pub friction_stiffness: D,
-    /// Dahl's exponent α.
-    pub friction_exponent: D,
-    /// Area in m² on which the exhaust pushes the wastegate open.
-    pub exhaust_area: D,
+    /// Its parameters.
+    pub parameters: ActuatorParameters<D>,
     /// The gas in the chamber.
     pub air: Gas<D>,
 }
 
-/// The forces on the rod in N.
-#[derive(Clone, Copy, Debug)]
-pub struct Forces<D = f64> {
-    /// Ambient against chamber on the membrane; opens.
-    pub membrane: D,
-    /// Exhaust on the wastegate's plate; opens.
-    pub exhaust: D,
-    /// Spring; shuts.
-    pub spring: D,
-    /// Stops; against an opening motion where positive.
-    pub stop: D,
-}
-
 impl<D: Scalar> Actuator<D> {
-    /// The forces at a position (m) and speed (m/s), for ambient and chamber pressure (Pa) and the
+    /// The chamber's volume and the forces on the rod at a position (m) and speed (m/s), for ambient and chamber pressure (Pa) and the
     /// pressure difference (Pa) across the wastegate.
     #[must_use]
-    pub fn forces(
+    pub fn evaluate(
         &self,
         position: D,
         velocity: D,
         ambient_pressure: D,
         chamber_pressure: D,
         exhaust_difference: D,
-    ) -> Forces<D> {
-        Forces {
-            membrane: (ambient_pressure - chamber_pressure) * self.membrane_area,
-            exhaust: self.exhaust_area * exhaust_difference,
-            spring: self.spring_force(position),
-            stop: self.stop_force(position, velocity),
+    ) -> ActuatorLocals<D> {
+        ActuatorLocals {
+            volume: self.volume(position),
+            membrane_force: (ambient_pressure - chamber_pressure) * self.parameters.membrane_area,
+            exhaust_force: self.parameters.exhaust_area * exhaust_difference,
+            spring_force: self.spring_force(position),
+            stop_force: self.stop_force(position, velocity),
         }
     }
 
     /// Eq. (4): acceleration in m/s².
     #[must_use]
-    pub fn acceleration(&self, forces: &Forces<D>, friction_force: D, velocity: D) -> D {
-        let opening = forces.membrane + forces.exhaust - forces.spring - forces.stop;
-        (opening - friction_force - self.damping * velocity) / self.mass
+    pub fn acceleration(&self, forces: &ActuatorLocals<D>, friction_force: D, velocity: D) -> D {
+        let opening = forces.membrane_force + forces.exhaust_force - forces.spring_force - forces.stop_force;
+        (opening - friction_force - self.parameters.damping * velocity) / self.parameters.mass
     }
 
     /// The spring's force in N at a position in m.
     #[must_use]
     pub fn spring_force(&self, position: D) -> D {
-        self.spring_preload + self.spring_stiffness * position + self.spring_hardening * position.powi(7)
+        self.parameters.spring_preload
+            + self.parameters.spring_stiffness * position
+            + self.parameters.spring_hardening * position.powi(7)
     }
 
     /// The stops' force in N at a position (m) and speed (m/s).
     #[must_use]
     pub fn stop_force(&self, position: D, velocity: D) -> D {
-        let damped = |depth: D| self.stop_damping * velocity * (depth / self.stop_damping_depth).at_most(1.0);
+        let damped = |depth: D| {
+            self.parameters.stop_damping
+                * velocity
+                * (depth / self.parameters.stop_damping_depth).at_most(1.0)
+        };
         if position < 0.0 {
-            self.stop_stiffness * position + damped(-position)
-        } else if position > self.stroke {
-            let depth = position - self.stroke;
-            self.stop_stiffness * depth + damped(depth)
+            self.parameters.stop_stiffness * position + damped(-position)
+        } else if position > self.parameters.stroke {
+            let depth = position - self.parameters.stroke;
+            self.parameters.stop_stiffness * depth + damped(depth)
         } else {
             0.0.into()
         }
@@ -114,22 +81,23 @@ impl<D: Scalar> Actuator<D> {
     #[must_use]
     pub fn friction_rate(&self, friction_force: D, velocity: D) -> D {
         let direction = if velocity < 0.0 { -1.0 } else { 1.0 };
-        let margin = -friction_force / self.coulomb_friction * direction + 1.0;
-        let share = if (self.friction_exponent - 1.0).vanishes() {
+        let margin = -friction_force / self.parameters.coulomb_friction * direction + 1.0;
+        let share = if (self.parameters.friction_exponent - 1.0).vanishes() {
             margin
         } else if margin < 0.0 {
-            -(-margin).power(self.friction_exponent)
+            -(-margin).power(self.parameters.friction_exponent)
         } else {
-            margin.power(self.friction_exponent)
+            margin.power(self.parameters.friction_exponent)
         };
-        self.friction_stiffness * share * velocity
+        self.parameters.friction_stiffness * share * velocity
     }
 
     /// Volume of the chamber in m³ at a position in m. The floor is for trial states of solvers; the
     /// stops keep the rod far from it.
     #[must_use]
     pub fn volume(&self, position: D) -> D {
-        (self.chamber_volume - self.membrane_area * position).at_least(self.chamber_volume * 1e-3)
+        (self.parameters.chamber_volume - self.parameters.membrane_area * position)
+            .at_least(self.parameters.chamber_volume * 1e-3)
     }
 
     /// Eq. (3) for a moving wall: rate of change of the chamber's pressure (Pa) in Pa/s, when `mass_flow`
@@ -137,13 +105,13 @@ impl<D: Scalar> Actuator<D> {
     #[must_use]
     pub fn pressure_rate(&self, pressure: D, temperature: D, volume: D, velocity: D, mass_flow: D) -> D {
         let inflow = self.air.gas_constant * temperature * mass_flow;
-        (inflow + pressure * self.membrane_area * velocity) / volume
+        (inflow + pressure * self.parameters.membrane_area * velocity) / volume
     }
 
     /// How far the wastegate is open, from 0 to 1.
     #[must_use]
     pub fn opening(&self, position: D) -> D {
-        (position / self.stroke).at_least(0.0).at_most(1.0)
+        (position / self.parameters.stroke).at_least(0.0).at_most(1.0)
     }
 
     /// The position in m at which spring and stops hold a force in N that opens, without friction.
@@ -154,10 +122,12 @@ impl<D: Scalar> Actuator<D> {
     pub fn position_at_rest(&self, opening_force: D) -> D {
         let excess =
             |x: f64| self.spring_force(x.into()) + self.stop_force(x.into(), 0.0.into()) - opening_force;
-        let (stroke, stop_stiffness) = (self.stroke.re(), self.stop_stiffness.re());
+        let (stroke, stop_stiffness) = (self.parameters.stroke.re(), self.parameters.stop_stiffness.re());
         let stiffness = |x: f64| {
             let stop = if (0.0..=stroke).contains(&x) { 0.0 } else { stop_stiffness };
-            self.spring_stiffness.re() + 7.0 * self.spring_hardening.re() * x.powi(6) + stop
+            self.parameters.spring_stiffness.re()
+                + 7.0 * self.parameters.spring_hardening.re() * x.powi(6)
+                + stop
         };
         let mut low = (-excess(0.0).re()).min(0.0) / stop_stiffness;
         let mut high = stroke + (-excess(stroke).re()).max(0.0) / stop_stiffness;
@@ -217,7 +187,8 @@ mod tests {
     #[test]
     fn the_general_exponent_contains_the_linear_case() {
         let linear = actuator();
-        let general = Actuator { friction_exponent: 1.0 + 1e-12, ..linear };
+        let mut general = linear;
+        general.parameters.friction_exponent = 1.0 + 1e-12;
         for (force, velocity) in [(0.1, 0.02), (-0.15, 0.01), (0.25, 0.01), (0.05, -0.03)] {
             let difference = general.friction_rate(force, velocity) - linear.friction_rate(force, velocity);
             // 1e-12 times the logarithm of the share, times rates of up to 24 N/s.

@@ -7,52 +7,50 @@
 //! continued as an odd function, which is the back flow of surge. Efficiency is a parabola over Φ, and
 //! "effective": mechanical and heat losses are in it.
 
+use std::f64::consts::PI;
+
 use super::gas::{Gas, Volume, signed_root, smooth_max};
 use super::scalar::Scalar;
+use super::variables::{CompressorLocals, CompressorParameters};
 
 /// A compressor.
 #[derive(Clone, Copy, Debug)]
 pub struct Compressor<D = f64> {
+    parameters: CompressorParameters<D>,
     /// Radius of the impeller in m.
-    pub radius: D,
+    radius: D,
     /// Area of the impeller's circle over the gas constant, in m² kg K/J.
-    pub inlet_area_by_gas_constant: D,
+    inlet_area_by_gas_constant: D,
     /// Twice the specific heat over the head coefficient at zero flow, `2·c_p/Ψ_m`, in J/(kg K).
-    pub head_slope: D,
-    /// Flow coefficient at zero head, `Φ_m`.
-    pub peak_flow_coefficient: D,
-    /// Best efficiency.
-    pub peak_efficiency: D,
+    head_slope: D,
     /// Reciprocal of the flow coefficient of the best efficiency.
-    pub by_peak_efficiency_flow_coefficient: D,
-    /// Smallest efficiency.
-    pub minimum_efficiency: D,
-    /// Width in m²/s² of the transition between forward and backward flow.
-    pub head_smoothing: D,
+    by_peak_efficiency_flow_coefficient: D,
     /// The volume behind the compressor.
     pub outlet_volume: Volume<D>,
     /// The gas.
     pub air: Gas<D>,
 }
 
-/// What a compressor does at an instant.
-#[derive(Clone, Copy, Debug)]
-pub struct Compression<D = f64> {
-    /// Flow in kg/s; negative: backwards.
-    pub mass_flow: D,
-    /// Efficiency.
-    pub efficiency: D,
-    /// Temperature at the outlet in K.
-    pub outlet_temperature: D,
-    /// Power taken up in W.
-    pub power: D,
-}
-
 impl<D: Scalar> Compressor<D> {
+    /// A compressor of a gas.
+    #[must_use]
+    pub fn new(parameters: CompressorParameters<D>, air: Gas<D>) -> Self {
+        let p = &parameters;
+        Self {
+            radius: p.diameter * 0.5,
+            inlet_area_by_gas_constant: p.diameter * p.diameter * (0.25 * PI) / air.gas_constant,
+            head_slope: air.specific_heat * 2.0 / p.peak_head_coefficient,
+            by_peak_efficiency_flow_coefficient: p.peak_efficiency_flow_coefficient.recip(),
+            outlet_volume: air.volume(p.outlet_volume),
+            parameters,
+            air,
+        }
+    }
+
     /// The flow from the inlet (pressure in Pa, temperature in K) at a shaft speed (rad/s), where isentropic
     /// compression to the outlet's pressure raises the temperature by a ratio.
     #[must_use]
-    pub fn compress(&self, inlet: (D, D), temperature_ratio: D, speed: D) -> Compression<D> {
+    pub fn compress(&self, inlet: (D, D), temperature_ratio: D, speed: D) -> CompressorLocals<D> {
         let (pressure, temperature) = inlet;
         let specific_heat = self.air.specific_heat;
         let tip_speed_squared = (self.radius * speed).powi(2);
@@ -60,19 +58,20 @@ impl<D: Scalar> Compressor<D> {
         let rise = temperature * (temperature_ratio - 1.0);
         // The square of (tip speed times Φ/Φ_m), by the parabola of the speed lines.
         let flow_speed_squared = tip_speed_squared - self.head_slope * rise;
-        let flow_speed = self.peak_flow_coefficient * signed_root(flow_speed_squared, self.head_smoothing);
+        let flow_speed = self.parameters.peak_flow_coefficient
+            * signed_root(flow_speed_squared, self.parameters.head_smoothing);
         let mass_flow = pressure / temperature * self.inlet_area_by_gas_constant * flow_speed;
 
         // 10 m/s keeps the flow coefficient finite at standstill.
         let flow_coefficient = flow_speed * (tip_speed_squared + 100.0).sqrt().recip();
         let off_peak = flow_coefficient * self.by_peak_efficiency_flow_coefficient - 1.0;
         let efficiency = smooth_max(
-            self.peak_efficiency * (-off_peak * off_peak + 1.0),
-            self.minimum_efficiency,
+            self.parameters.peak_efficiency * (-off_peak * off_peak + 1.0),
+            self.parameters.minimum_efficiency,
             0.02.into(),
         );
         let actual_rise = smooth_max(rise, 0.0.into(), 1.0.into()) / efficiency;
-        Compression {
+        CompressorLocals {
             mass_flow,
             efficiency,
             outlet_temperature: temperature + actual_rise,

@@ -7,40 +7,15 @@ use std::f64::consts::PI;
 
 use super::gas::Gas;
 use super::scalar::Scalar;
+use super::variables::CylindersParameters;
 
 /// The cylinders of an engine with four strokes.
 #[derive(Clone, Copy, Debug)]
 pub struct Cylinders<D = f64> {
-    /// Displacement in m³.
-    pub displacement: D,
-    /// Compression ratio.
-    pub compression_ratio: D,
-    /// Bore in m.
-    pub bore: D,
-    /// Stroke in m.
-    pub stroke: D,
-    /// Factor of the volumetric efficiency.
-    pub volumetric_efficiency_factor: D,
+    /// Its parameters.
+    pub parameters: CylindersParameters<D>,
     /// Fuel per air in a stoichiometric mixture.
     pub fuel_air_ratio: D,
-    /// Lower heating value of the fuel in J/kg.
-    pub lower_heating_value: D,
-    /// Indicated efficiency.
-    pub indicated_efficiency: D,
-    /// Share of the work lost to retarded ignition at 1 bar of boost.
-    pub ignition_retard_loss: D,
-    /// Factor of friction for the layout of the engine.
-    pub friction_boost_layout: D,
-    /// Factor of friction and auxiliaries.
-    pub friction_auxiliary_factor: D,
-    /// Brake mean effective pressure at zero intake pressure in Pa, in the friction model.
-    pub mean_effective_pressure_offset: D,
-    /// Its slope over intake pressure.
-    pub mean_effective_pressure_slope: D,
-    /// Exhaust temperature at zero flow in K.
-    pub exhaust_temperature_offset: D,
-    /// Its slope over the exhaust flow in K s/kg.
-    pub exhaust_temperature_slope: D,
     /// The gas taken in.
     pub air: Gas<D>,
     /// Exponent of the pressure ratio with which residual gas expands.
@@ -81,12 +56,12 @@ impl<D: Scalar> Cylinders<D> {
     #[must_use]
     pub fn flows(&self, engine_speed: D, intake: (D, D), residual: D) -> CylinderFlows<D> {
         let (pressure, temperature) = intake;
-        let volumetric_efficiency = self.volumetric_efficiency_factor
-            * (self.compression_ratio - residual).at_least(0.0)
-            / (self.compression_ratio - 1.0);
+        let volumetric_efficiency = self.parameters.volumetric_efficiency_factor
+            * (self.parameters.compression_ratio - residual).at_least(0.0)
+            / (self.parameters.compression_ratio - 1.0);
         let density = pressure / (self.air.gas_constant * temperature);
         // One filling in two revolutions: rpm / 120 cycles a second.
-        let air = volumetric_efficiency * self.displacement * engine_speed / 120.0 * density;
+        let air = volumetric_efficiency * self.parameters.displacement * engine_speed / 120.0 * density;
         let fuel = air * self.fuel_air_ratio;
         let exhaust = air + fuel;
         CylinderFlows {
@@ -94,7 +69,8 @@ impl<D: Scalar> Cylinders<D> {
             air,
             fuel,
             exhaust,
-            exhaust_temperature: self.exhaust_temperature_offset + self.exhaust_temperature_slope * exhaust,
+            exhaust_temperature: self.parameters.exhaust_temperature_offset
+                + self.parameters.exhaust_temperature_slope * exhaust,
         }
     }
 
@@ -107,17 +83,19 @@ impl<D: Scalar> Cylinders<D> {
         // The floor of 1 rpm is for standstill, where no fuel flows either.
         let cycles_per_second = engine_speed.at_least(1.0) / 120.0;
         let boost = (intake_pressure / 1e5 - 1.0).at_least(0.0);
-        let retarded = (-self.ignition_retard_loss * boost * boost + 1.0).at_least(0.0);
-        let efficiency = self.indicated_efficiency * retarded;
-        let indicated = fuel / cycles_per_second * self.lower_heating_value * efficiency;
-        let piston_speed = self.stroke * 2.0 * engine_speed / 60.0;
-        let load = self.mean_effective_pressure_offset + self.mean_effective_pressure_slope * intake_pressure;
-        let motored = (piston_speed.power(1.8.into()) * 0.0072 + 0.464) * self.friction_boost_layout * 1e5;
-        let friction_pressure = self.friction_auxiliary_factor
+        let retarded = (-self.parameters.ignition_retard_loss * boost * boost + 1.0).at_least(0.0);
+        let efficiency = self.parameters.indicated_efficiency * retarded;
+        let indicated = fuel / cycles_per_second * self.parameters.lower_heating_value * efficiency;
+        let piston_speed = self.parameters.stroke * 2.0 * engine_speed / 60.0;
+        let load = self.parameters.mean_effective_pressure_offset
+            + self.parameters.mean_effective_pressure_slope * intake_pressure;
+        let motored =
+            (piston_speed.power(1.8.into()) * 0.0072 + 0.464) * self.parameters.friction_boost_layout * 1e5;
+        let friction_pressure = self.parameters.friction_auxiliary_factor
             * (motored + load.at_least(0.0) * 0.0215)
-            * (self.bore.recip() * 0.075).sqrt();
+            * (self.parameters.bore.recip() * 0.075).sqrt();
         let pumping_pressure = exhaust_pressure - intake_pressure;
-        let net = indicated - self.displacement * (pumping_pressure + friction_pressure);
+        let net = indicated - self.parameters.displacement * (pumping_pressure + friction_pressure);
         Work { indicated, friction_pressure, torque: net / (4.0 * PI) }
     }
 }

@@ -174,14 +174,14 @@ fn position_at_rest<D: Scalar>(
 ) -> D {
     let exhaust_difference = System::exhaust_difference(gas_path);
     let (position, velocity) = (0.0.into(), 0.0.into());
-    let forces = system.actuator.forces(
+    let forces = system.actuator.evaluate(
         position,
         velocity,
         inputs.ambient_pressure,
         chamber_pressure,
         exhaust_difference,
     );
-    system.actuator.position_at_rest(forces.membrane + forces.exhaust)
+    system.actuator.position_at_rest(forces.membrane_force + forces.exhaust_force)
 }
 
 /// The states with the gas path at rest, and with it the rod.

@@ -285,7 +285,7 @@ impl Pace {
             self.tank_is_frozen = system.is_tank_frozen();
             self.actuation = Memory::new(self.actuation.step);
         }
-        if system.actuator.exhaust_area == 0.0 {
+        if system.actuator.parameters.exhaust_area == 0.0 {
             self.advance_apart(system, signal, states, interval)
         } else {
             self.advance_together(system, signal, states, interval)

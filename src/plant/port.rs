@@ -2,6 +2,7 @@
 
 use super::orifice::Orifice;
 use super::scalar::Scalar;
+use super::variables::PortLocals;
 
 /// A valve in the gas path.
 #[derive(Clone, Copy, Debug)]
@@ -12,29 +13,23 @@ pub struct Port<D = f64> {
     pub orifice: Orifice<D>,
 }
 
-/// What a valve does at an instant.
-#[derive(Clone, Copy, Debug)]
-pub struct PortFlow<D = f64> {
-    /// Effective area in m².
-    pub area: D,
-    /// Flow in kg/s; negative: backwards.
-    pub mass_flow: D,
-}
-
 impl<D: Scalar> Port<D> {
     /// The flow at an opening (0 … 1) from the first to the second side, each given by pressure (Pa) and
     /// temperature (K). The area is proportional to the opening.
     #[must_use]
-    pub fn flow(&self, opening: D, first: (D, D), second: (D, D)) -> PortFlow<D> {
-        let area = opening * self.open_area;
-        PortFlow { area, mass_flow: self.orifice.mass_flow(area, first, second) }
+    pub fn flow(&self, opening: D, first: (D, D), second: (D, D)) -> PortLocals<D> {
+        let effective_area = opening * self.open_area;
+        PortLocals { effective_area, mass_flow: self.orifice.mass_flow(effective_area, first, second) }
     }
 
     /// The same where it is known by which ratio isentropic flow from the first to the second side changes the
     /// temperature.
     #[must_use]
-    pub fn flow_at(&self, opening: D, first: (D, D), second: (D, D), temperature_ratio: D) -> PortFlow<D> {
-        let area = opening * self.open_area;
-        PortFlow { area, mass_flow: self.orifice.mass_flow_at(area, first, second, temperature_ratio) }
+    pub fn flow_at(&self, opening: D, first: (D, D), second: (D, D), temperature_ratio: D) -> PortLocals<D> {
+        let effective_area = opening * self.open_area;
+        PortLocals {
+            effective_area,
+            mass_flow: self.orifice.mass_flow_at(effective_area, first, second, temperature_ratio),
+        }
     }
 }

@@ -2,15 +2,11 @@
 
 use std::f64::consts::PI;
 
-use super::compressor::Compression;
-use super::port::PortFlow;
 use super::scalar::Scalar;
 use super::system::{Evaluation, System};
-use super::turbine::Expansion;
 use super::variables::{
-    ActuatorLocals, AirFilterLocals, CompressorLocals, CylindersLocals, ExhaustLocals, ExhaustManifoldLocals,
-    HpWastegatePortLocals, Inputs, IntercoolerLocals, InterstageExhaustLocals, Locals, Outputs, PortLocals,
-    PumpLocals, States, ThrottleBodyLocals, TurbineLocals, ValveLocals,
+    AirFilterLocals, CylindersLocals, ExhaustLocals, ExhaustManifoldLocals, HpWastegatePortLocals, Inputs,
+    IntercoolerLocals, InterstageExhaustLocals, Locals, Outputs, PumpLocals, States, ThrottleBodyLocals,
 };
 
 /// The outputs and locals that belong to inputs, states and their evaluation.
@@ -46,37 +42,23 @@ pub fn quantities<D: Scalar>(
         charge_temperature: gas_path.charge_temperature,
     };
     let locals = Locals {
-        valve: ValveLocals {
-            voltage: actuation.voltage,
-            commanded_duty: actuation.commanded_duty,
-            pressure: actuation.valve.pressure,
-            opening: actuation.valve.opening,
-            tank_mass_flow: actuation.valve.tank,
-            ambient_mass_flow: actuation.valve.ambient,
-            leakage_mass_flow: actuation.valve.leakage,
-        },
+        valve: actuation.valve,
         pump: PumpLocals { drawn_mass_flow: actuation.pumped },
-        actuator: ActuatorLocals {
-            volume: actuation.chamber_volume,
-            membrane_force: actuation.forces.membrane,
-            exhaust_force: actuation.forces.exhaust,
-            spring_force: actuation.forces.spring,
-            stop_force: actuation.forces.stop,
-        },
+        actuator: actuation.actuator,
         hp_wastegate_port: HpWastegatePortLocals {
-            effective_area: gas_path.hp_wastegate.area,
+            effective_area: gas_path.hp_wastegate.effective_area,
             mass_flow: gas_path.hp_wastegate.mass_flow,
         },
         air_filter: AirFilterLocals { mass_flow: gas_path.air_filter },
-        lp_compressor: compressor(&gas_path.lp_compressor),
-        hp_compressor: compressor(&gas_path.hp_compressor),
-        hp_bypass_port: port(gas_path.hp_bypass),
+        lp_compressor: gas_path.lp_compressor,
+        hp_compressor: gas_path.hp_compressor,
+        hp_bypass_port: gas_path.hp_bypass,
         intercooler: IntercoolerLocals {
             inlet_temperature: gas_path.intercooler_inlet_temperature,
             mass_flow: gas_path.intercooler,
             outlet_temperature: gas_path.charge_temperature,
         },
-        surge_valve_port: port(gas_path.surge_valve),
+        surge_valve_port: gas_path.surge_valve,
         throttle_body: ThrottleBodyLocals { mass_flow: gas_path.throttle.mass_flow },
         cylinders: CylindersLocals {
             volumetric_efficiency: gas_path.cylinders.volumetric_efficiency,
@@ -88,34 +70,11 @@ pub fn quantities<D: Scalar>(
             friction_mean_effective_pressure: work.friction_pressure,
         },
         exhaust_manifold: ExhaustManifoldLocals { temperature: gas_path.exhaust_temperature },
-        hp_turbine: turbine(&gas_path.hp_turbine),
+        hp_turbine: gas_path.hp_turbine,
         interstage_exhaust: InterstageExhaustLocals { temperature: gas_path.interstage_temperature },
-        lp_turbine: turbine(&gas_path.lp_turbine),
-        lp_wastegate_port: port(gas_path.lp_wastegate),
+        lp_turbine: gas_path.lp_turbine,
+        lp_wastegate_port: gas_path.lp_wastegate,
         exhaust: ExhaustLocals { temperature: gas_path.tail_temperature, mass_flow: gas_path.exhaust },
     };
     (outputs, locals)
-}
-
-fn compressor<D: Scalar>(compression: &Compression<D>) -> CompressorLocals<D> {
-    CompressorLocals {
-        mass_flow: compression.mass_flow,
-        efficiency: compression.efficiency,
-        outlet_temperature: compression.outlet_temperature,
-        power: compression.power,
-    }
-}
-
-fn port<D: Scalar>(flow: PortFlow<D>) -> PortLocals<D> {
-    PortLocals { effective_area: flow.area, mass_flow: flow.mass_flow }
-}
-
-fn turbine<D: Scalar>(expansion: &Expansion<D>) -> TurbineLocals<D> {
-    TurbineLocals {
-        mass_flow: expansion.mass_flow,
-        speed_ratio: expansion.speed_ratio,
-        efficiency: expansion.efficiency,
-        outlet_temperature: expansion.outlet_temperature,
-        power: expansion.power,
-    }
 }

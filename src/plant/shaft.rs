@@ -2,17 +2,25 @@
 
 use super::gas::smooth_max;
 use super::scalar::Scalar;
+use super::variables::ShaftParameters;
 
 /// A shaft.
 #[derive(Clone, Copy, Debug)]
 pub struct Shaft<D = f64> {
     /// Moment of inertia in kg m².
-    pub inertia: D,
+    inertia: D,
     /// Viscous friction of the bearings over the moment of inertia, in 1/s.
-    pub damping_by_inertia: D,
+    damping_by_inertia: D,
 }
 
 impl<D: Scalar> Shaft<D> {
+    /// A shaft.
+    #[must_use]
+    pub fn new(parameters: ShaftParameters<D>) -> Self {
+        let ShaftParameters { inertia, bearing_damping } = parameters;
+        Self { inertia, damping_by_inertia: bearing_damping / inertia }
+    }
+
     /// Angular acceleration in rad/s² at a speed (rad/s), for the powers (W) of turbine and compressor.
     ///
     /// Torque is power over speed, kept finite below 100 rad/s. There the compressor's power fades: what

@@ -15,28 +15,26 @@
 //! Volumes between the components carry pressures as states; temperatures are static, those of the gas
 //! that flows in.
 
-use std::f64::consts::PI;
-
-use super::actuator::{Actuator, Forces};
-use super::compressor::{Compression, Compressor};
+use super::actuator::Actuator;
+use super::compressor::Compressor;
 use super::cylinders::{CylinderFlows, Cylinders};
 use super::exhaust_manifold::ExhaustManifold;
 use super::flow_resistance::FlowResistance;
 use super::gas::{Gas, Volume, mixed_temperature};
 use super::intercooler::Intercooler;
 use super::orifice::Orifice;
-use super::port::{Port, PortFlow};
+use super::port::Port;
 use super::scalar::Scalar;
 use super::shaft::Shaft;
-use super::solenoid_valve::{SolenoidValve, ValveFlows};
+use super::solenoid_valve::SolenoidValve;
 use super::supply::Supply;
-use super::turbine::{Expansion, Turbine};
+use super::turbine::Turbine;
 use super::vacuum_tank::VacuumTank;
 use super::variables::{
-    ActuationStates, ActuatorStates, AirFilterStates, CompressorParameters, CompressorStates,
+    ActuationStates, ActuatorLocals, ActuatorStates, AirFilterStates, CompressorLocals, CompressorStates,
     ExhaustManifoldStates, ExhaustStates, GasPathStates, Inputs, IntakeManifoldStates, IntercoolerStates,
-    InterstageExhaustStates, Parameters, PortParameters, ShaftParameters, ShaftStates, StateGroups, States,
-    SupplySensorStates, TankStates, TurbineParameters, ValveStates,
+    InterstageExhaustStates, Parameters, PortLocals, PortParameters, ShaftStates, StateGroups, States,
+    SupplySensorStates, TankStates, TurbineLocals, ValveLocals, ValveStates,
 };
 
 /// The pressure in Pa from which states are seen in the equations: a solver's trial states may be at or
@@ -90,18 +88,12 @@ pub const GAS_PATH_SCALES: GasPathStates = {
 pub struct Actuation<D = f64> {
     /// The states' derivatives.
     pub derivatives: ActuationStates<D>,
-    /// Voltage at the valve in V.
-    pub voltage: D,
-    /// Duty in percent at nominal voltage that the commanded one is worth.
-    pub commanded_duty: D,
     /// The solenoid valve.
-    pub valve: ValveFlows<D>,
+    pub valve: ValveLocals<D>,
     /// Flow that the vacuum pump draws in kg/s.
     pub pumped: D,
-    /// Volume of the actuator's chamber in m³.
-    pub chamber_volume: D,
-    /// The forces on the actuator's rod.
-    pub forces: Forces<D>,
+    /// The actuator.
+    pub actuator: ActuatorLocals<D>,
     /// Opening of the high-pressure wastegate, from 0 to 1.
     pub hp_wastegate_opening: D,
 }
@@ -114,11 +106,11 @@ pub struct GasPath<D = f64> {
     /// Flow through the air filter in kg/s.
     pub air_filter: D,
     /// The low-pressure compressor.
-    pub lp_compressor: Compression<D>,
+    pub lp_compressor: CompressorLocals<D>,
     /// The high-pressure compressor.
-    pub hp_compressor: Compression<D>,
+    pub hp_compressor: CompressorLocals<D>,
     /// The bypass of the high-pressure compressor.
-    pub hp_bypass: PortFlow<D>,
+    pub hp_bypass: PortLocals<D>,
     /// Temperature in K before the intercooler.
     pub intercooler_inlet_temperature: D,
     /// Flow through the intercooler in kg/s.
@@ -126,23 +118,23 @@ pub struct GasPath<D = f64> {
     /// Temperature in K behind the intercooler.
     pub charge_temperature: D,
     /// The surge valve.
-    pub surge_valve: PortFlow<D>,
+    pub surge_valve: PortLocals<D>,
     /// The throttle.
-    pub throttle: PortFlow<D>,
+    pub throttle: PortLocals<D>,
     /// The cylinders.
     pub cylinders: CylinderFlows<D>,
     /// Temperature in K in the exhaust manifold.
     pub exhaust_temperature: D,
     /// The high-pressure turbine.
-    pub hp_turbine: Expansion<D>,
+    pub hp_turbine: TurbineLocals<D>,
     /// The high-pressure wastegate.
-    pub hp_wastegate: PortFlow<D>,
+    pub hp_wastegate: PortLocals<D>,
     /// Temperature in K between the turbines.
     pub interstage_temperature: D,
     /// The low-pressure turbine.
-    pub lp_turbine: Expansion<D>,
+    pub lp_turbine: TurbineLocals<D>,
     /// The low-pressure wastegate.
-    pub lp_wastegate: PortFlow<D>,
+    pub lp_wastegate: PortLocals<D>,
     /// Temperature in K before the catalyst.
     pub tail_temperature: D,
     /// Flow through the catalyst in kg/s.
@@ -187,20 +179,23 @@ impl<D: Scalar> System<D> {
                 pump_voltage_drop: p.pump.voltage_drop,
                 sensor_time_constant: p.supply_sensor.time_constant,
             },
-            valve: valve(p, Orifice::new(air, p.valve.linear_pressure_ratio)),
+            valve: SolenoidValve {
+                parameters: p.valve,
+                orifice: Orifice::new(air, p.valve.linear_pressure_ratio),
+            },
             tank: VacuumTank {
                 volume: air.volume(p.tank.volume),
                 frozen: p.tank.frozen,
                 pump_mass_flow: p.pump.mass_flow,
             },
-            actuator: actuator(p, air),
+            actuator: Actuator { parameters: p.actuator, air },
             air_filter: FlowResistance {
                 resistance: p.air_filter.flow_resistance,
                 linear_pressure: p.air_filter.linear_pressure,
             },
             air_filter_volume: air.volume(p.air_filter.volume),
-            lp_compressor: compressor(&p.lp_compressor, air),
-            hp_compressor: compressor(&p.hp_compressor, air),
+            lp_compressor: Compressor::new(p.lp_compressor, air),
+            hp_compressor: Compressor::new(p.hp_compressor, air),
             hp_bypass: port(&p.hp_bypass_port, air_orifice),
             intercooler: Intercooler {
                 resistance: FlowResistance {
@@ -213,27 +208,32 @@ impl<D: Scalar> System<D> {
             surge_valve: port(&p.surge_valve_port, air_orifice),
             throttle: Port { open_area: p.throttle_body.area, orifice: air_orifice },
             intake_manifold_volume: air.volume(p.intake_manifold.volume),
-            cylinders: cylinders(p, air, exhaust_gas),
+            cylinders: Cylinders {
+                parameters: p.cylinders,
+                fuel_air_ratio: p.cylinders.stoichiometric_air_fuel_ratio.recip(),
+                air,
+                residual_exponent: exhaust_gas.heat_capacity_ratio.recip(),
+            },
             exhaust_manifold: ExhaustManifold {
                 heat_transfer: p.exhaust_manifold.heat_transfer,
                 volume: exhaust_gas.volume(p.exhaust_manifold.volume),
                 specific_heat: p.exhaust_gas.specific_heat,
             },
-            hp_turbine: turbine(&p.hp_turbine, exhaust_gas),
+            hp_turbine: Turbine::new(p.hp_turbine, exhaust_gas),
             hp_wastegate: Port {
                 open_area: p.hp_wastegate_port.area * p.hp_wastegate_port.discharge_coefficient,
                 orifice: exhaust_orifice,
             },
             interstage_volume: exhaust_gas.volume(p.interstage_exhaust.volume),
-            lp_turbine: turbine(&p.lp_turbine, exhaust_gas),
+            lp_turbine: Turbine::new(p.lp_turbine, exhaust_gas),
             lp_wastegate: port(&p.lp_wastegate_port, exhaust_orifice),
             exhaust: FlowResistance {
                 resistance: p.exhaust.flow_resistance,
                 linear_pressure: p.exhaust.linear_pressure,
             },
             exhaust_volume: exhaust_gas.volume(p.exhaust.volume),
-            hp_shaft: shaft(&p.hp_shaft),
-            lp_shaft: shaft(&p.lp_shaft),
+            hp_shaft: Shaft::new(p.hp_shaft),
+            lp_shaft: Shaft::new(p.lp_shaft),
         }
     }
 
@@ -288,39 +288,39 @@ impl<D: Scalar> System<D> {
         let (p_tank, p_act) =
             (states.tank.pressure.at_least(LOWEST_PRESSURE), chamber_pressure.at_least(LOWEST_PRESSURE));
 
-        let (voltage, commanded_duty) = self.command(inputs);
-        let valve = self.valve.flows(plunger_duty, ambient, p_act, p_tank);
+        let command = self.command(inputs);
+        let valve = self.valve.flows(command, plunger_duty, ambient, p_act, p_tank);
         let pumped = self.tank.drawn_mass_flow(inputs.vacuum_pump, p_tank);
-        let chamber_volume = self.actuator.volume(x);
-        let forces = self.actuator.forces(x, v, ambient.0, p_act, exhaust_difference);
+        let actuator = self.actuator.evaluate(x, v, ambient.0, p_act, exhaust_difference);
         Actuation {
             derivatives: ActuationStates {
                 supply_sensor: SupplySensorStates {
-                    voltage: self.supply.measured_rate(voltage, states.supply_sensor.voltage),
+                    voltage: self.supply.measured_rate(valve.voltage, states.supply_sensor.voltage),
                 },
-                valve: ValveStates { plunger_duty: self.valve.plunger_rate(commanded_duty, plunger_duty) },
+                valve: ValveStates {
+                    plunger_duty: self.valve.plunger_rate(valve.commanded_duty, plunger_duty),
+                },
                 tank: TankStates {
-                    pressure: self.tank.pressure_rate(ambient.1, valve.leakage + valve.tank - pumped),
+                    pressure: self
+                        .tank
+                        .pressure_rate(ambient.1, valve.leakage_mass_flow + valve.tank_mass_flow - pumped),
                 },
                 actuator: ActuatorStates {
                     chamber_pressure: self.actuator.pressure_rate(
                         p_act,
                         ambient.1,
-                        chamber_volume,
+                        actuator.volume,
                         v,
-                        valve.ambient - valve.tank,
+                        valve.ambient_mass_flow - valve.tank_mass_flow,
                     ),
                     position: v,
-                    velocity: self.actuator.acceleration(&forces, friction_force, v),
+                    velocity: self.actuator.acceleration(&actuator, friction_force, v),
                     friction_force: self.actuator.friction_rate(friction_force, v),
                 },
             },
-            voltage,
-            commanded_duty,
             valve,
             pumped,
-            chamber_volume,
-            forces,
+            actuator,
             hp_wastegate_opening: self.actuator.opening(x),
         }
     }
@@ -362,9 +362,9 @@ impl<D: Scalar> System<D> {
                 intake * by_air,
                 overlap * self.cylinders.residual_exponent,
                 hpt_fall * by_exhaust,
-                hpt_fall * self.hp_turbine.flow_exponent,
+                hpt_fall * self.hp_turbine.parameters.flow_exponent,
                 lpt_fall * by_exhaust,
-                lpt_fall * self.lp_turbine.flow_exponent,
+                lpt_fall * self.lp_turbine.parameters.flow_exponent,
             ]);
 
         // Air path (fig. 2, upper half).
@@ -479,97 +479,6 @@ impl<D: Scalar> System<D> {
     }
 }
 
-fn valve<D: Scalar>(p: &Parameters<D>, orifice: Orifice<D>) -> SolenoidValve<D> {
-    SolenoidValve {
-        pressure_coefficient: p.valve.pressure_coefficient,
-        leakage_coefficient: p.valve.leakage_coefficient,
-        leakage_area_scale: p.valve.leakage_area_scale,
-        ambient_area: p.valve.ambient_area,
-        tank_area: p.valve.tank_area,
-        proportional_band: p.valve.proportional_band,
-        time_constant: p.valve.time_constant,
-        nominal_voltage: p.valve.nominal_voltage,
-        voltage_exponent: p.valve.voltage_exponent,
-        orifice,
-    }
-}
-
-fn actuator<D: Scalar>(p: &Parameters<D>, air: Gas<D>) -> Actuator<D> {
-    Actuator {
-        membrane_area: p.actuator.membrane_area,
-        chamber_volume: p.actuator.chamber_volume,
-        mass: p.actuator.mass,
-        damping: p.actuator.damping,
-        spring_preload: p.actuator.spring_preload,
-        spring_stiffness: p.actuator.spring_stiffness,
-        spring_hardening: p.actuator.spring_hardening,
-        stroke: p.actuator.stroke,
-        stop_stiffness: p.actuator.stop_stiffness,
-        stop_damping: p.actuator.stop_damping,
-        stop_damping_depth: p.actuator.stop_damping_depth,
-        coulomb_friction: p.actuator.coulomb_friction,
-        friction_stiffness: p.actuator.friction_stiffness,
-        friction_exponent: p.actuator.friction_exponent,
-        exhaust_area: p.actuator.exhaust_area,
-        air,
-    }
-}
-
-fn cylinders<D: Scalar>(p: &Parameters<D>, air: Gas<D>, exhaust_gas: Gas<D>) -> Cylinders<D> {
-    Cylinders {
-        displacement: p.cylinders.displacement,
-        compression_ratio: p.cylinders.compression_ratio,
-        bore: p.cylinders.bore,
-        stroke: p.cylinders.stroke,
-        volumetric_efficiency_factor: p.cylinders.volumetric_efficiency_factor,
-        fuel_air_ratio: p.cylinders.stoichiometric_air_fuel_ratio.recip(),
-        lower_heating_value: p.cylinders.lower_heating_value,
-        indicated_efficiency: p.cylinders.indicated_efficiency,
-        ignition_retard_loss: p.cylinders.ignition_retard_loss,
-        friction_boost_layout: p.cylinders.friction_boost_layout,
-        friction_auxiliary_factor: p.cylinders.friction_auxiliary_factor,
-        mean_effective_pressure_offset: p.cylinders.mean_effective_pressure_offset,
-        mean_effective_pressure_slope: p.cylinders.mean_effective_pressure_slope,
-        exhaust_temperature_offset: p.cylinders.exhaust_temperature_offset,
-        exhaust_temperature_slope: p.cylinders.exhaust_temperature_slope,
-        air,
-        residual_exponent: exhaust_gas.heat_capacity_ratio.recip(),
-    }
-}
-
-fn compressor<D: Scalar>(p: &CompressorParameters<D>, air: Gas<D>) -> Compressor<D> {
-    Compressor {
-        radius: p.diameter * 0.5,
-        inlet_area_by_gas_constant: p.diameter * p.diameter * (0.25 * PI) / air.gas_constant,
-        head_slope: air.specific_heat * 2.0 / p.peak_head_coefficient,
-        peak_flow_coefficient: p.peak_flow_coefficient,
-        peak_efficiency: p.peak_efficiency,
-        by_peak_efficiency_flow_coefficient: p.peak_efficiency_flow_coefficient.recip(),
-        minimum_efficiency: p.minimum_efficiency,
-        head_smoothing: p.head_smoothing,
-        outlet_volume: air.volume(p.outlet_volume),
-        air,
-    }
-}
-
 fn port<D: Scalar>(p: &PortParameters<D>, orifice: Orifice<D>) -> Port<D> {
     Port { open_area: p.area * p.discharge_coefficient, orifice }
-}
-
-fn turbine<D: Scalar>(p: &TurbineParameters<D>, gas: Gas<D>) -> Turbine<D> {
-    Turbine {
-        flow_capacity: p.flow_capacity,
-        radius: p.diameter * 0.5,
-        peak_efficiency: p.peak_efficiency,
-        flow_exponent: p.flow_exponent,
-        by_peak_efficiency_speed_ratio: p.peak_efficiency_speed_ratio.recip(),
-        by_specific_heat: gas.specific_heat.recip(),
-        minimum_efficiency: p.minimum_efficiency,
-        flow_smoothing: p.flow_smoothing,
-        gas,
-    }
-}
-
-fn shaft<D: Scalar>(p: &ShaftParameters<D>) -> Shaft<D> {
-    Shaft { inertia: p.inertia, damping_by_inertia: p.bearing_damping / p.inertia }
 }

@@ -93,19 +93,19 @@ pub type Going<'a, Memory, const STATES: usize> = (&'a mut Memory, &'a mut [f64;
 /// at the begin.
 pub fn advance<P, const FAST: usize, const FAST_INPUTS: usize, const SLOW: usize, const SLOW_INPUTS: usize>(
     system: P,
-    fast: Going<'_, Memory<FAST, FAST_INPUTS>, FAST>,
-    slow: Going<'_, SlowMemory<SLOW, SLOW_INPUTS>, SLOW>,
+    (fast_memory, fast_states): Going<'_, Memory<FAST, FAST_INPUTS>, FAST>,
+    (slow_memory, slow_states): Going<'_, SlowMemory<SLOW, SLOW_INPUTS>, SLOW>,
     interval: Interval<'_>,
 ) -> Result<(<P as Fast<FAST, FAST_INPUTS>>::Evaluation, <P as Slow<SLOW, SLOW_INPUTS>>::Evaluation), Failure>
 where
     P: Fast<FAST, FAST_INPUTS> + Slow<SLOW, SLOW_INPUTS>,
 {
-    let mut ahead = Ahead::new(system, fast.0, *fast.1, interval);
-    let mut behind = Behind::new(system, slow.0, *slow.1, ahead.driver(interval.from), interval);
+    let mut ahead = Ahead::new(system, fast_memory, *fast_states, interval);
+    let mut behind = Behind::new(system, slow_memory, *slow_states, ahead.driver(interval.from), interval);
     while behind.course.time < interval.to {
         behind.step(&mut ahead)?;
     }
-    (*fast.1, *slow.1) = (ahead.course.states, behind.course.states);
+    (*fast_states, *slow_states) = (ahead.course.states, behind.course.states);
     let slow = behind.end(ahead.driver(interval.to));
     Ok((ahead.end(), slow))
 }
