@@ -6,7 +6,7 @@
 
 use std::f64::consts::{LN_2, LOG2_E};
 
-/// The larger of two numbers, by one comparison; `f64::max` spends four more instructions on what is none.
+/// The larger of two numbers, by one comparison; `f64::max` spends four more instructions on not-a-number.
 #[must_use]
 #[inline]
 pub fn larger(a: f64, b: f64) -> f64 {

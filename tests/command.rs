@@ -59,7 +59,7 @@ fn an_unknown_model_is_refused_with_the_known_ones() {
 }
 
 #[test]
-fn what_cannot_be_built_for_is_refused_with_what_is_missing() {
+fn a_target_without_its_tools_is_refused_with_their_names() {
     let refusal = |target: &[&str], variables: &[(&str, &str)]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_boost-fmu"));
         command.arg("export").env_remove("CARGO_UNSTABLE_BUILD_STD").env_remove("RUSTC");
@@ -75,7 +75,7 @@ fn what_cannot_be_built_for_is_refused_with_what_is_missing() {
         assert!(message.contains(reason), "{target:?}: {message}");
     };
     expect(&["amiga"], &[], "FMI 2.0 has no platform 'amiga'; it has aarch64-darwin, aarch64-linux");
-    expect(&["x86_64-unknown-linux-musl"], &[], "no target of Rust that FMUs are built for");
+    expect(&["x86_64-unknown-linux-musl"], &[], "not a Rust target that FMUs are built for");
     expect(&["x86_64-apple-darwin.2.17"], &[], "only targets with glibc take its version");
 
     // A compiler that answers with a folder that is not there, and one that fails.
@@ -135,7 +135,7 @@ fn a_library_of_another_platform_is_refused_before_anything_is_built() {
         (elf(ELF_X86_64, ""), "darwin64", "darwin64 takes Mach-O for x86-64 or aarch64"),
         (elf(20, ""), "linux64", "it is for the processor PowerPc"),
         (mach_o(MACH_O_X86_64, ""), "aarch64-darwin", "aarch64-darwin takes Mach-O for aarch64"),
-        (b"a text".to_vec(), "linux64", "it is no shared library"),
+        (b"a text".to_vec(), "linux64", "it is not a shared library"),
     ] {
         fs::write(&library, content).unwrap();
         let binary = format!("{folder}={}", library.display());
@@ -270,7 +270,7 @@ fn fmus_that_do_not_belong_together_are_not_merged() {
     refused(&one, &other, &["differ in documentation/licenses/license.txt"], &[]);
 
     refused(&own, &own, &["there is no library for win64 that was run"], &["--ran", "win64=here"]);
-    refused(&own, &own, &["twice where linux64 was run"], &["--ran", "linux64=a", "--ran", "linux64=b"]);
+    refused(&own, &own, &["--ran is given twice for linux64"], &["--ran", "linux64=a", "--ran", "linux64=b"]);
     let other = archive("traversal_merge.fmu", "../evil", "");
     refused(&own, &other, &["would be extracted outside"], &[]);
     assert!(!out.exists());
@@ -284,7 +284,7 @@ fn info_says_why_a_file_is_no_fmu() {
     let text = scratch("text.fmu");
     fs::write(&text, "no archive").unwrap();
     let message = refusal(&["info", text.to_str().unwrap()]);
-    assert!(message.contains("it is no ZIP archive"), "{message}");
+    assert!(message.contains("it is not a ZIP archive"), "{message}");
 
     let message = refusal(&["info", &archive("empty.fmu", "readme.txt", "")]);
     assert!(message.contains("no modelDescription.xml"), "{message}");
@@ -394,7 +394,7 @@ fn a_map_is_written_read_back_and_kept() {
     let (code, said) = edited(&template);
     assert!(code == 2 && said.contains("leaves the name for hp_bypass open"), "{said}");
     for (text, reason) in [
-        (map_of("plant", "Other", r#""boost": null"#), "names boost, which is no variable of a plant"),
+        (map_of("plant", "Other", r#""boost": null"#), "names boost, which is not a variable of a plant"),
         (map_of("plant", "Another", ""), "the map is for the FMU Another, not for Other"),
         (map_of("controller", "Other", ""), "the map is for a controller, not for a plant"),
         (map_of("plant", "Other", r#""boost_pressure": {"nam": "pBoost"}"#), "unknown field `nam`"),
@@ -412,7 +412,7 @@ fn a_map_is_written_read_back_and_kept() {
         (r#"{"name": "duty", "unit": "V"}"#, 1, "its unit V measures another thing than %"),
         (r#"{"name": "duty", "unit": "furlong"}"#, 1, "the map's unit furlong is not known"),
         (r#"{"name": "duty", "unit": "1", "factor": 2}"#, 1, "both a unit and a factor"),
-        (r#"{"name": "duty", "factor": 0}"#, 1, "factor 0 and offset 0 are no conversion"),
+        (r#"{"name": "duty", "factor": 0}"#, 1, "factor 0 and offset 0 are not a conversion"),
     ] {
         let variables = format!(
             r#"{unconnected}, "boost_pressure": {{"name": "pBoost", "unit": "bar"}}, "hp_wastegate_pwm": {duty}"#
@@ -514,7 +514,7 @@ fn an_identifier_that_is_a_path_is_refused_by_every_command() {
 
 /// In names, units, descriptions, and where there is an error in them.
 #[test]
-fn what_a_description_says_does_not_control_the_terminal() {
+fn a_description_does_not_control_the_terminal() {
     let harm = "&#27;]0;title&#7;\u{9b}31m\u{202e}&#10;";
     let shown = r"\u{1b}]0;title\u{7}\u{9b}31m\u{202e}\n";
     let variable = format!(
@@ -599,7 +599,7 @@ fn outputs_that_are_inputs_are_refused() {
 /// As on a full disk: nothing is left of what could not be written, and it is said once.
 #[cfg(unix)]
 #[test]
-fn what_cannot_be_written_leaves_nothing() {
+fn a_failed_write_leaves_no_file() {
     let folder = empty("full");
     let [plant, controller] = fitting("Full");
     let parameter = |index: u32| {
@@ -629,7 +629,7 @@ fn what_cannot_be_written_leaves_nothing() {
 }
 
 #[test]
-fn what_is_too_large_is_refused() {
+fn too_large_contents_are_refused() {
     // Two entries claim, in the central directory, to hold 2 GiB each.
     let bomb = fmu_of("bomb.fmu", &[("resources/a", b"a"), ("resources/b", b"b")]);
     let mut bytes = fs::read(&bomb).unwrap();

@@ -3,22 +3,22 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use boost_interface::{Fit, Map, Role};
+use boost_interface::{Compatibility, NameMap, Role};
 use fmi2_export::package::terminal::print;
-use fmi2_export::package::{ModelDescription, writing};
+use fmi2_export::package::{FmuDescription, writing};
 
 /// Prints how an FMU fits, and writes a map to be edited where one is asked for. Whether it fits.
 pub fn run(path: &Path, role: Role, map: Option<&Path>, write_map: Option<&Path>) -> Result<bool> {
-    let description = ModelDescription::read(path)?;
+    let description = FmuDescription::read(path)?;
     let file = map;
-    let map = file.map(Map::read).transpose()?;
+    let map = file.map(NameMap::read).transpose()?;
     // A map is all that can be wrong.
-    let fit = Fit::new(role, &description, map.as_ref())
+    let compatibility = Compatibility::new(role, &description, map.as_ref())
         .with_context(|| file.map_or_else(String::new, |file| file.display().to_string()))?;
-    print(&fit.to_string())?;
+    print(&compatibility.to_string())?;
     if let Some(file) = write_map {
-        writing::write_new(file, fit.to_map(map.as_ref()).to_json()?.as_bytes())?;
+        writing::write_new(file, compatibility.to_map(map.as_ref()).to_json()?.as_bytes())?;
         print(&format!("The map {} is written; edit it and give it with --map.\n", file.display()))?;
     }
-    Ok(fit.fits())
+    Ok(compatibility.fits())
 }

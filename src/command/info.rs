@@ -4,14 +4,14 @@ use std::path::Path;
 
 use anyhow::Result;
 use fmi2_export::package::terminal::{in_line, print};
-use fmi2_export::package::{ModelDescription, Variable};
+use fmi2_export::package::{FmuDescription, FmuVariable};
 
 /// Prints an FMU's description and variables.
 pub fn run(path: &Path) -> Result<()> {
-    Ok(print(&table(&ModelDescription::read(path)?))?)
+    Ok(print(&table(&FmuDescription::read(path)?))?)
 }
 
-fn table(description: &ModelDescription) -> String {
+fn table(description: &FmuDescription) -> String {
     let joined = |attributes: &[(String, String)]| {
         attributes.iter().map(|(name, value)| format!("{name}={value}")).collect::<Vec<_>>().join(" ")
     };
@@ -47,11 +47,11 @@ fn table(description: &ModelDescription) -> String {
 }
 
 /// The columns that are aligned; the description follows them.
-fn columns(variable: &Variable) -> [String; 7] {
+fn columns(variable: &FmuVariable) -> [String; 7] {
     let range = match (variable.min.as_str(), variable.max.as_str()) {
         ("", "") => String::new(),
         (min, max) => format!("{min}..{max}"),
     };
-    let Variable { name, causality, variability, data_type, unit, start, .. } = variable;
+    let FmuVariable { name, causality, variability, data_type, unit, start, .. } = variable;
     [name, causality, variability, data_type, unit, start, &range].map(|text| in_line(text))
 }

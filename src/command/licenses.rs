@@ -73,7 +73,7 @@ fn linked(package: &str, build: &Build) -> Result<BTreeSet<Package>> {
 }
 
 impl Package {
-    /// Reads a line of cargo's tree: name, version with a `v`, and what else tells of the package; its terms; its
+    /// Reads a line of cargo's tree: name, version with a `v`, and other properties of the package; its terms; its
     /// repository.
     fn parse(line: &str) -> Option<Self> {
         let mut columns = line.split('\t');
@@ -182,7 +182,7 @@ fn output(mut command: Command) -> Result<String> {
     if !output.status.success() {
         bail!("{name} does not answer: {}", String::from_utf8_lossy(&output.stderr).trim());
     }
-    String::from_utf8(output.stdout).with_context(|| format!("the answer of {name} is no text"))
+    String::from_utf8(output.stdout).with_context(|| format!("the answer of {name} is not text"))
 }
 
 #[cfg(test)]
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn a_text_of_several_packages_stands_there_once() {
+    fn a_license_of_several_packages_is_listed_once() {
         let texts = |files: &[(&str, &str)]| {
             files.iter().map(|&(file, text)| (file.to_owned(), text.to_owned())).collect()
         };

@@ -19,7 +19,7 @@ pub fn run(fmus: &[PathBuf], runs: &[(Platform, String)], out: &Path) -> Result<
     let mut known = BTreeMap::new();
     for (platform, run) in runs {
         if known.insert(*platform, run.clone()).is_some() {
-            bail!("it is said twice where {} was run", platform.folder());
+            bail!("--ran is given twice for {}", platform.folder());
         }
     }
     let merged = Merged::new(&parts, &known).context("the FMUs cannot be merged")?;
@@ -32,5 +32,5 @@ fn read(path: &Path, left: &mut u64) -> Result<Part> {
     let file = File::open(path).with_context(|| format!("cannot open {shown}"))?;
     let files =
         archive::open(BufReader::new(file)).and_then(|mut archive| archive::read_files(&mut archive, left));
-    Ok(Part { name: shown.to_string(), files: files.with_context(|| format!("{shown} is no FMU"))? })
+    Ok(Part { name: shown.to_string(), files: files.with_context(|| format!("{shown} is not an FMU"))? })
 }

@@ -86,7 +86,7 @@ enum Command {
     },
     /// Tell whether an FMU can take the plant's or the controller's place
     ///
-    /// Exits with 0 when it can, with 1 when it cannot and with 2 when there is no telling.
+    /// Exits with 0 when it can, with 1 when it cannot and with 2 on an error
     Check {
         /// An FMU of any maker
         #[arg(value_name = "FILE.fmu")]
@@ -139,7 +139,7 @@ pub fn run() -> Result<bool> {
     }
 }
 
-/// Reads what is said of a platform: its folder, `=`, and the value.
+/// Reads an argument for a platform: its folder, `=`, and the value.
 fn of_platform<Value: From<String>>(text: &str) -> Result<(Platform, Value)> {
     let (folder, value) = text.split_once('=').context("there is no '=' in it")?;
     Ok((folder.parse()?, value.to_owned().into()))

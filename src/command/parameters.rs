@@ -4,11 +4,11 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use fmi2_export::package::terminal::print;
-use fmi2_export::package::{ModelDescription, Parameter, ParameterSet, Value, Variable, writing};
+use fmi2_export::package::{FmuDescription, FmuVariable, Parameter, ParameterSet, Value, writing};
 
 /// Writes the parameters of an FMU, with their start values, to a new file.
 pub fn run(path: &Path, out: Option<&Path>) -> Result<()> {
-    let description = ModelDescription::read(path)?;
+    let description = FmuDescription::read(path)?;
     let set = defaults(&description)
         .with_context(|| format!("modelDescription.xml in {} is not as it should be", path.display()))?;
     let name = format!("{}.ssv", set.name);
@@ -18,7 +18,7 @@ pub fn run(path: &Path, out: Option<&Path>) -> Result<()> {
 }
 
 /// The start values of an FMU's parameters.
-fn defaults(description: &ModelDescription) -> Result<ParameterSet> {
+fn defaults(description: &FmuDescription) -> Result<ParameterSet> {
     let parameters = description.of_causality("parameter").filter(|variable| variable.is_settable());
     let parameters = parameters.map(|variable| {
         let value = start(variable, description)
@@ -36,7 +36,7 @@ fn defaults(description: &ModelDescription) -> Result<ParameterSet> {
     })
 }
 
-fn start(variable: &Variable, description: &ModelDescription) -> Result<Value> {
+fn start(variable: &FmuVariable, description: &FmuDescription) -> Result<Value> {
     let text = variable.start.trim();
     Ok(match variable.data_type.as_str() {
         "Real" => {

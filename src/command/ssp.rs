@@ -5,9 +5,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use boost_interface::{Fit, Map, Role};
+use boost_interface::{Compatibility, NameMap, Role};
 use fmi2_export::package::terminal::print;
-use fmi2_export::package::{ModelDescription, ParameterSet, SystemPackage, reading, writing};
+use fmi2_export::package::{FmuDescription, ParameterSet, SystemPackage, reading, writing};
 
 use super::coupling::{Member, couple};
 
@@ -27,24 +27,27 @@ pub fn run(
     let inputs = [&fmus, maps, parameter_files].concat();
     writing::refuse_overlap(std::slice::from_ref(&out), &inputs)?;
     let maps: Vec<_> =
-        maps.iter().map(|path| Ok((path.display(), Map::read(path)?))).collect::<Result<_>>()?;
-    let fit = |role: Role, description| {
+        maps.iter().map(|path| Ok((path.display(), NameMap::read(path)?))).collect::<Result<_>>()?;
+    let compatibility = |role: Role, description| {
         let mut matching = maps.iter().filter(|(_, map)| map.role == role);
         match (matching.next(), matching.next()) {
             (Some((one, _)), Some((two, _))) => bail!("{one} and {two} are both maps for a {}", role.name()),
             (Some((file, map)), None) => {
-                Fit::new(role, description, Some(map)).with_context(|| file.to_string())
+                Compatibility::new(role, description, Some(map)).with_context(|| file.to_string())
             }
-            (None, _) => Fit::new(role, description, None),
+            (None, _) => Compatibility::new(role, description, None),
         }
     };
-    let plant_description = ModelDescription::read(plant)?;
-    let controller_description = ModelDescription::read(controller)?;
-    let fits = [fit(Role::Plant, &plant_description)?, fit(Role::Controller, &controller_description)?];
-    if let Some(fit) = fits.iter().find(|fit| !fit.fits()) {
+    let plant_description = FmuDescription::read(plant)?;
+    let controller_description = FmuDescription::read(controller)?;
+    let fits = [
+        compatibility(Role::Plant, &plant_description)?,
+        compatibility(Role::Controller, &controller_description)?,
+    ];
+    if let Some(compatibility) = fits.iter().find(|compatibility| !compatibility.fits()) {
         bail!(
-            "{fit}Give a map: `boost-fmu check FILE.fmu --as {} --write-map MAP.json` writes one to be edited.",
-            fit.role.name()
+            "{compatibility}Give a map: `boost-fmu check FILE.fmu --as {} --write-map MAP.json` writes one to be edited.",
+            compatibility.role.name()
         );
     }
     let package = package(&fits, [reading::bytes(plant)?, reading::bytes(controller)?], parameter_files)?;
@@ -54,36 +57,40 @@ pub fn run(
 /// The package of our own FMUs.
 pub fn own(plant: Vec<u8>, controller: Vec<u8>, parameter_files: &[PathBuf]) -> Result<SystemPackage> {
     let fits = [
-        Fit::new(Role::Plant, Role::Plant.description(), None)?,
-        Fit::new(Role::Controller, Role::Controller.description(), None)?,
+        Compatibility::new(Role::Plant, Role::Plant.description(), None)?,
+        Compatibility::new(Role::Controller, Role::Controller.description(), None)?,
     ];
     package(&fits, [plant, controller], parameter_files)
 }
 
-fn package(fits: &[Fit<'_>; 2], fmus: [Vec<u8>; 2], parameter_files: &[PathBuf]) -> Result<SystemPackage> {
+fn package(
+    fits: &[Compatibility<'_>; 2],
+    fmus: [Vec<u8>; 2],
+    parameter_files: &[PathBuf],
+) -> Result<SystemPackage> {
     let [plant, controller] = fmus;
-    let mut plant = Member { fit: &fits[0], fmu: plant, parameter_sets: vec![] };
-    let mut controller = Member { fit: &fits[1], fmu: controller, parameter_sets: vec![] };
+    let mut plant = Member { compatibility: &fits[0], fmu: plant, parameter_sets: vec![] };
+    let mut controller = Member { compatibility: &fits[1], fmu: controller, parameter_sets: vec![] };
     for path in parameter_files {
         let set = ParameterSet::read(path)?;
-        let place = place(&set, plant.fit.fmu, controller.fit.fmu)
+        let place = place(&set, plant.compatibility.fmu, controller.compatibility.fmu)
             .with_context(|| format!("the parameter set {} cannot be bound", path.display()))?;
         let member = match place {
             Role::Plant => &mut plant,
             Role::Controller => &mut controller,
         };
         let set = set
-            .fit(member.fit.fmu)
+            .fit(member.compatibility.fmu)
             .with_context(|| format!("the parameter set {} cannot be bound", path.display()))?;
-        let file = path.file_name().and_then(|name| name.to_str()).context("the file's name is no text")?;
+        let file = path.file_name().and_then(|name| name.to_str()).context("the file's name is not text")?;
         member.parameter_sets.push((file.to_owned(), set.to_xml()));
     }
     Ok(couple(SYSTEM, plant, controller))
 }
 
 /// The FMU that a parameter set is for: the one that has its parameters.
-fn place(set: &ParameterSet, plant: &ModelDescription, controller: &ModelDescription) -> Result<Role> {
-    let has = |fmu: &ModelDescription, name: &str| fmu.variable(name).is_some();
+fn place(set: &ParameterSet, plant: &FmuDescription, controller: &FmuDescription) -> Result<Role> {
+    let has = |fmu: &FmuDescription, name: &str| fmu.variable(name).is_some();
     let Some(first) = set.parameters.first() else { bail!("it holds no parameter") };
     let role = if has(plant, &first.name) { Role::Plant } else { Role::Controller };
     let (own, other) = match role {

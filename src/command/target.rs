@@ -41,7 +41,7 @@ impl FromStr for Target {
         let (triple, glibc) = split(text);
         let Some(platform) = platform(triple) else {
             let none =
-                |error: io::Error| anyhow!("it is no target of Rust that FMUs are built for, and {error}");
+                |error: io::Error| anyhow!("it is not a Rust target that FMUs are built for, and {error}");
             return text.parse().map(Self::Platform).map_err(none);
         };
         if glibc.is_some() && !triple.ends_with("-linux-gnu") {
@@ -199,7 +199,7 @@ impl Build {
     }
 }
 
-/// The variable by which cargo is told a target's linker.
+/// The environment variable that sets cargo's linker for a target.
 fn linker_variable(triple: &str) -> String {
     format!("CARGO_TARGET_{}_LINKER", triple.to_uppercase().replace('-', "_"))
 }
@@ -222,7 +222,7 @@ fn refuse_missing_std(triple: &str) -> Result<()> {
         let message = String::from_utf8_lossy(&output.stderr);
         bail!("{} does not know the target {triple}: {}", rustc.display(), message.trim());
     }
-    let folder = String::from_utf8(output.stdout).context("rustc's answer is no text")?;
+    let folder = String::from_utf8(output.stdout).context("rustc's answer is not text")?;
     let has_std = fs::read_dir(Path::new(folder.trim())).is_ok_and(|entries| {
         entries.flatten().any(|entry| entry.file_name().to_string_lossy().starts_with("libstd-"))
     });

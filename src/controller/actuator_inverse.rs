@@ -63,7 +63,7 @@ fn root(coefficients: &[f64; 4], value: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Coefficients that are no falling cubic: the answer stays in the range, and is a root where the ends
+    /// Coefficients of a cubic that does not fall: the result stays in the range, and is a root where the ends
     /// enclose one.
     #[test]
     fn any_coefficients_give_a_duty() {

@@ -2,7 +2,7 @@
 //! takes.
 //!
 //! Samples are counted in integers, so that they do not drift against the start time however long the
-//! experiment. The master's time does: whoever computes communication points by `t += h` is off by up to
+//! experiment. The master's time does: a master that computes communication points by `t += h` is off by up to
 //! half a unit in the last place of t more after each step, some 4e-5 s after 1e5 s at 80 Hz. A sample that
 //! is meant to coincide with a communication point belongs to the step that begins there, so two times
 //! are taken as one when such rounding can explain their difference.

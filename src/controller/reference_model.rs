@@ -2,7 +2,7 @@
 //!
 //! With a static feedforward and an integral term, the response to the reference is
 //! `(1 + s (T + λ')) / ((1 + s T) (1 + s λ'))` with `λ' = λ + L/2`: it overshoots by construction. Here a
-//! model of the engine, the local models along the way joined to one, is driven to the reference with the
+//! model of the engine, the local models along its path joined into one, is driven to the reference with the
 //! time constant λ; the duty that does this is the feedforward, and the feedback sees only how far the
 //! engine is from the model, delayed as the engine is. Because the model gets the duty within its limits,
 //! it does not run away from an engine whose wastegate is at its end.

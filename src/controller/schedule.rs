@@ -26,7 +26,7 @@ pub struct LocalModel {
 struct Place {
     /// The grid point below.
     below: usize,
-    /// How far on the way to the next one: 0 to 1.
+    /// The fraction of the interval to the next one: 0 to 1.
     fraction: f64,
 }
 
@@ -110,7 +110,7 @@ impl<'a> OperatingPoint<'a> {
     }
 }
 
-/// The least magnitude of a gain (Pa/%) that is told from 0. The feedback divides by the gain: below
+/// The smallest magnitude of a gain (Pa/%) that is distinguished from 0. The feedback divides by the gain: below
 /// this, 1 kPa of error would ask for a million percent of duty.
 const LEAST_GAIN: f64 = 1e-3;
 

@@ -498,7 +498,7 @@ mod tests {
     fn the_intervals_of_a_call_share_its_budget() {
         let system = system(0.0);
         let inputs = Inputs::default();
-        let mut states = running(&system, &inputs, 32_500.0).to_array();
+        let mut states = running(&system, &inputs, 32_500.0);
         let (mut pace, budget) = (Pace::default(), Budget::new(1.0));
         let signal = Signal { at: |_| inputs, is_constant: true };
         let interval = |_: &u32| {

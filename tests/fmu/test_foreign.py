@@ -389,7 +389,7 @@ def entry(name: str, **more: str | float) -> dict[str, str | float]:
         ({"tank_pressure": ...}, "WRONG  output  tank_pressure "),
         ({"engine_speed": entry("wg_duty")}, "its unit 1 measures another thing than rpm"),
         ({"throttle": entry("wg_duty")}, "its input wg_duty cannot be both hp_wastegate_pwm and throttle"),
-        ({"boost": entry("p_boost")}, "names boost, which is no variable of a plant"),
+        ({"boost": entry("p_boost")}, "names boost, which is not a variable of a plant"),
     ],
 )
 def test_laboratory_refuses_a_map_that_is_wrong(

@@ -308,7 +308,7 @@ WRONG = [
         '= "running"',
         '= "runing"',
         RUN_IN + r".*: the value runing of initialization.mode cannot be taken: "
-        r"it is none of settled, running, given",
+        r"it is not one of settled, running, given",
     ),
     (
         "[inputs.boost_reference]",
@@ -328,7 +328,7 @@ WRONG = [
     (
         "step = 0.0125",
         "step = 0.013",
-        r"line \d+, stop_time: 124 s is no multiple of the communication step, 0.013 s",
+        r"line \d+, stop_time: 124 s is not a multiple of the communication step, 0.013 s",
     ),
     (
         "step = 0.0125",

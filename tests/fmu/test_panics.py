@@ -346,7 +346,7 @@ def test_panic_as_a_saved_state_is_freed(make: Make, bystander: Panicking) -> No
         "fmi2FreeFMUstate: the model panicked: the drop panics; reset the instance"
     ]
     assert instance.errors_of("fmi2FreeFMUstate", byref(handle)) == [
-        "fmi2FreeFMUstate: the argument FMUstate is no state of this FMU, or was freed"
+        "fmi2FreeFMUstate: the argument FMUstate is not a state of this FMU, or was freed"
     ]
 
 

@@ -119,8 +119,8 @@ def write(path: Path, *parameters: tuple[str, str]) -> Path:
         ([("tank.volume", 'Real value="1" unit="N"')], "the unit N does not convert to m3"),
         ([("tank.volume", 'Real value="1" unit="gallon"')], "the unit gallon is not defined"),
         ([("tank.volume", 'Boolean value="true"')], "it is of the type Boolean, not Real"),
-        ([("tank.volume", 'Real value="much"')], "the parameter tank.volume: 'much' is no number"),
-        ([("mode", 'Enumeration value="bost"')], "it is none of boost, position, open_loop"),
+        ([("tank.volume", 'Real value="much"')], "the parameter tank.volume: 'much' is not a number"),
+        ([("mode", 'Enumeration value="bost"')], "it is not one of boost, position, open_loop"),
         ([("sample_count", 'Integer value="1"')], "sample_count cannot be set: it is of the causality local"),
         ([("lambda", 'Real value="1"'), ("lambda", 'Real value="2"')], "the parameter lambda stands twice"),
         (

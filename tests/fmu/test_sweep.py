@@ -267,7 +267,7 @@ def test_a_journal_of_another_fmu_is_refused(lab: Run, exported: Path, results: 
         ),
         (
             '[grid]\n"controller:structure" = ["papers"]\n' + MEASURES,
-            "the value papers of structure cannot be taken: it is none of model_reference, paper",
+            "the value papers of structure cannot be taken: it is not one of model_reference, paper",
         ),
         ('[grid]\n"plant:boost_pressure" = [1]\n' + MEASURES, "boost_pressure is calculated by the FMU"),
         (GRID + '[measures]\na = { finale = "boost_pressure" }', "line 8, measures.a: expected a table with"),

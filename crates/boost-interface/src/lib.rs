@@ -3,20 +3,20 @@
 //!
 //! The interface is what the descriptions of this repository's `BoostPlant` and `BoostController` say, a [`Port`]
 //! for each variable. An FMU of another maker that takes the place of one of them may have other names and units;
-//! a [`Map`] says which variable is which. A [`Fit`] is what was found of an FMU, and its
+//! a [`NameMap`] says which variable is which. A [`Compatibility`] is what was found of an FMU, and its
 //! [`Translation`] is the FMU as its user may see it: like one that has the interface's names and units itself.
 
-mod fit;
-mod map;
+mod compatibility;
+mod name_map;
 mod translation;
 
 use std::sync::LazyLock;
 
 use clap::ValueEnum;
-use fmi2_export::package::{Kind, ModelDescription, Unit, Variable};
+use fmi2_export::package::{FmuDescription, FmuVariable, Kind, Unit};
 
-pub use self::fit::{Fit, Match, Verdict};
-pub use self::map::{Entry, Map, Meaning};
+pub use self::compatibility::{Compatibility, Match, Verdict};
+pub use self::name_map::{Entry, Meaning, NameMap};
 pub use self::translation::Translation;
 
 /// The two places in the system.
@@ -33,12 +33,12 @@ pub enum Role {
 #[derive(Clone, Copy, Debug)]
 pub struct Port {
     /// The variable as our FMU in this place declares it.
-    pub variable: &'static Variable,
+    pub variable: &'static FmuVariable,
     /// Whether the FMU in this place takes or gives it.
     pub kind: Kind,
     /// The variable of our FMU in the other place that it comes from or goes to. Where there is none, the
     /// system's environment gives or takes it, and an FMU can do without.
-    pub counterpart: Option<&'static Variable>,
+    pub counterpart: Option<&'static FmuVariable>,
 }
 
 impl Role {
@@ -47,10 +47,10 @@ impl Role {
     /// # Panics
     /// Never: the build generated it.
     #[must_use]
-    pub fn description(self) -> &'static ModelDescription {
-        static PLANT: LazyLock<ModelDescription> =
+    pub fn description(self) -> &'static FmuDescription {
+        static PLANT: LazyLock<FmuDescription> =
             LazyLock::new(|| own(include_str!(concat!(env!("OUT_DIR"), "/BoostPlant/modelDescription.xml"))));
-        static CONTROLLER: LazyLock<ModelDescription> = LazyLock::new(|| {
+        static CONTROLLER: LazyLock<FmuDescription> = LazyLock::new(|| {
             own(include_str!(concat!(env!("OUT_DIR"), "/BoostController/modelDescription.xml")))
         });
         match self {
@@ -123,8 +123,8 @@ impl Port {
     }
 }
 
-fn own(xml: &str) -> ModelDescription {
-    ModelDescription::parse(xml).expect("the build generated this description")
+fn own(xml: &str) -> FmuDescription {
+    FmuDescription::parse(xml).expect("the build generated this description")
 }
 
 #[cfg(test)]

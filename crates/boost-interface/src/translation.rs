@@ -1,25 +1,25 @@
-//! An FMU in the interface's names and units: who couples it, drives it or looks at it needs to know no others.
+//! An FMU's description in the interface's names and units, for coupling and recording.
 
 use std::collections::BTreeMap;
 
 use fmi2_export::package::terminal::number;
-use fmi2_export::package::{Linear, ModelDescription, Variable};
+use fmi2_export::package::{FmuDescription, FmuVariable, Linear};
 
 use crate::Port;
-use crate::fit::{Fit, Match};
+use crate::compatibility::{Compatibility, Match};
 
-/// What an FMU would say of itself if it had the interface's names and units, and how its values get there.
+/// An FMU's description in the interface's names and units, and the conversion of its values.
 #[derive(Clone, Debug)]
 pub struct Translation {
     /// The FMU's description. What is connected has the interface's name and unit; what the map leaves unconnected
     /// is a local variable; what has a name of the interface and is another variable is left out.
-    pub description: ModelDescription,
+    pub description: FmuDescription,
     /// By the names in the interface: what takes the FMU's values there. The values of other variables are the
     /// FMU's own.
     pub to_interface: BTreeMap<String, Linear>,
 }
 
-impl Fit<'_> {
+impl Compatibility<'_> {
     /// The FMU in the interface's names and units.
     #[must_use]
     pub fn translation(&self) -> Translation {
@@ -73,10 +73,10 @@ impl Fit<'_> {
 }
 
 /// A variable by the interface's name, in its unit.
-fn translated(variable: &Variable, port: &Port, function: Linear) -> Variable {
+fn translated(variable: &FmuVariable, port: &Port, function: Linear) -> FmuVariable {
     let converted = |text: &str| match text.trim().parse::<f64>() {
         Ok(value) => number(function.apply(value)),
-        // There is none, or none that could be read.
+        // Empty, or not a number.
         Err(_) => text.to_owned(),
     };
     let mut bounds = [converted(&variable.min), converted(&variable.max)];
@@ -84,7 +84,7 @@ fn translated(variable: &Variable, port: &Port, function: Linear) -> Variable {
         bounds.reverse();
     }
     let [min, max] = bounds;
-    Variable {
+    FmuVariable {
         name: port.name().to_owned(),
         unit: port.unit().name,
         start: converted(&variable.start),
@@ -97,7 +97,7 @@ fn translated(variable: &Variable, port: &Port, function: Linear) -> Variable {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Map, Role};
+    use crate::{NameMap, Role};
 
     const FMU: &str = r#"<fmiModelDescription fmiVersion="2.0" modelName="Other">
       <CoSimulation modelIdentifier="Other"/>
@@ -113,7 +113,7 @@ mod tests {
         <ScalarVariable name="slip" causality="output"><Real unit="%"/></ScalarVariable>
       </ModelVariables></fmiModelDescription>"#;
 
-    fn map(variables: &str) -> Map {
+    fn map(variables: &str) -> NameMap {
         serde_json::from_str(&format!(
             r#"{{"as": "plant", "fmu": "Other", "variables": {{"vacuum_pump": null, "lp_wastegate": null,
                "hp_bypass": null, "tank_pressure": null, "supply_voltage_measured": null, {variables}}}}}"#
@@ -123,17 +123,17 @@ mod tests {
 
     #[test]
     fn an_fmu_gets_the_names_and_units_of_the_interface() {
-        let fmu = ModelDescription::parse(FMU).unwrap();
+        let fmu = FmuDescription::parse(FMU).unwrap();
         let map = map(r#""boost_pressure": {"name": "p"},
                "hp_wastegate_pwm": {"name": "shut", "factor": -100, "offset": 100}"#);
-        let fit = Fit::new(Role::Plant, &fmu, Some(&map)).unwrap();
-        assert!(fit.fits(), "{fit}");
-        let Translation { description, to_interface } = fit.translation();
+        let compatibility = Compatibility::new(Role::Plant, &fmu, Some(&map)).unwrap();
+        assert!(compatibility.fits(), "{compatibility}");
+        let Translation { description, to_interface } = compatibility.translation();
         let seen: Vec<_> = description
             .variables
             .iter()
             .map(|v| {
-                let Variable { name, causality, unit, start, min, max, .. } = v;
+                let FmuVariable { name, causality, unit, start, min, max, .. } = v;
                 [name, causality, unit, start, min, max].map(String::as_str)
             })
             .collect();
@@ -157,11 +157,11 @@ mod tests {
 
     #[test]
     fn an_input_has_one_source() {
-        let fmu = ModelDescription::parse(FMU).unwrap();
+        let fmu = FmuDescription::parse(FMU).unwrap();
         let map = map(r#""boost_pressure": {"name": "p"}, "throttle": {"name": "shut", "unit": "1"},
                "hp_wastegate_pwm": {"name": "shut", "unit": "1"}"#);
-        let fit = Fit::new(Role::Plant, &fmu, Some(&map)).unwrap();
-        assert_eq!(fit.problems, ["its input shut cannot be both hp_wastegate_pwm and throttle"]);
-        assert!(!fit.fits());
+        let compatibility = Compatibility::new(Role::Plant, &fmu, Some(&map)).unwrap();
+        assert_eq!(compatibility.problems, ["its input shut cannot be both hp_wastegate_pwm and throttle"]);
+        assert!(!compatibility.fits());
     }
 }

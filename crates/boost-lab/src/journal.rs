@@ -43,8 +43,7 @@ impl Journal {
     /// Opens a journal, or begins it where there is none; gives what was finished, too.
     ///
     /// # Errors
-    /// When it is of other settings, which the message names; when a line, which the message names, is none of a
-    /// journal; when another process works on it, or it cannot be read or written.
+    /// When it is of other settings, which the message names; when a line, which the message names, is damaged; when another process works on it, or it cannot be read or written.
     pub fn open<Finished: DeserializeOwned>(
         path: &Path,
         settings: &Settings,
@@ -157,13 +156,13 @@ mod tests {
             .into()
     }
 
-    /// Numbers that are no short decimals.
+    /// Numbers without a short decimal form.
     fn results() -> Vec<f64> {
         vec![125_963.1 / 3.0, -1e-17, 0.1 + 0.2]
     }
 
     #[test]
-    fn what_was_finished_is_there_again_to_the_last_bit() {
+    fn finished_results_are_read_back_to_the_last_bit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal.jsonl");
         let (journal, finished) = Journal::open::<Vec<f64>>(&path, &settings("12")).unwrap();
@@ -201,13 +200,13 @@ mod tests {
     }
 
     #[test]
-    fn damage_is_refused_by_its_line() {
+    fn a_damaged_line_is_named() {
         let message = refusal("[1.0]\n[2.\n[3.0]\n[4", "12");
         assert!(message.contains("journal.jsonl: line 3 is damaged"), "{message}");
     }
 
     #[test]
-    fn a_journal_is_of_one_process() {
+    fn a_journal_is_locked_by_its_process() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal.jsonl");
         let _journal = Journal::open::<Vec<f64>>(&path, &settings("12")).unwrap();

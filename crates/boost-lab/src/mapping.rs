@@ -1,13 +1,13 @@
-//! FMUs with names and units of their own: a [`Map`] says which of their variables are those of the interface, and
+//! FMUs with names and units of their own: a [`NameMap`] says which of their variables are those of the interface, and
 //! with it they are seen as if they had the interface's names and units.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use boost_interface::Fit;
-pub use boost_interface::Map;
-use fmi2_export::package::ModelDescription;
+use boost_interface::Compatibility;
+pub use boost_interface::NameMap;
+use fmi2_export::package::FmuDescription;
 
 use crate::importer::Fmu;
 use crate::scenario::Scenario;
@@ -17,14 +17,15 @@ use crate::scenario::Scenario;
 /// # Errors
 /// When it cannot be imported, or cannot take the map's place: the message says for each variable of the interface
 /// what was found.
-pub fn open(file: &Path, map: Option<&Map>) -> Result<Arc<Fmu>> {
+pub fn open(file: &Path, map: Option<&NameMap>) -> Result<Arc<Fmu>> {
     let fmu = Fmu::open(file)?;
     let Some(map) = map else { return Ok(fmu) };
-    let fit = Fit::new(map.role, fmu.description(), Some(map)).with_context(|| file.display().to_string())?;
-    if !fit.fits() {
-        bail!("{}", fit.to_string().trim_end());
+    let compatibility = Compatibility::new(map.role, fmu.description(), Some(map))
+        .with_context(|| file.display().to_string())?;
+    if !compatibility.fits() {
+        bail!("{}", compatibility.to_string().trim_end());
     }
-    Ok(fmu.translated(fit.translation()))
+    Ok(fmu.translated(compatibility.translation()))
 }
 
 /// Gives each map to the FMUs of a scenario that it is for.
@@ -35,11 +36,11 @@ pub fn give(scenario: &mut Scenario, maps: &[PathBuf]) -> Result<()> {
     if maps.is_empty() {
         return Ok(());
     }
-    let model = |file: &Path| Ok(ModelDescription::read(file)?.attribute("modelName").to_owned());
+    let model = |file: &Path| Ok(FmuDescription::read(file)?.attribute("modelName").to_owned());
     let models = scenario.fmus.iter().map(|member| member.place.locate(model(&member.file)));
     let models: Vec<String> = models.collect::<Result<_>>()?;
     for path in maps {
-        let map = Map::read(path)?;
+        let map = NameMap::read(path)?;
         let mut is_taken = false;
         for (member, _) in scenario.fmus.iter_mut().zip(&models).filter(|(_, model)| **model == map.fmu) {
             member.map = Some(map.clone());
@@ -60,7 +61,7 @@ pub fn give(scenario: &mut Scenario, maps: &[PathBuf]) -> Result<()> {
 /// A map in a line: two that say the same have the same.
 ///
 /// # Errors
-/// When a number of it is none.
-pub(crate) fn setting(map: &Map) -> Result<String> {
+/// When a number is not finite.
+pub(crate) fn setting(map: &NameMap) -> Result<String> {
     serde_json::to_string(map).context("the map")
 }

@@ -1,7 +1,7 @@
 //! The master: couples instances by equal names, and steps them through a scenario.
 //!
 //! An output goes to the inputs of its name at the others; where both declare units that differ, the value is
-//! converted on its way, as a connection of System Structure and Parameterization 1.0 does it. A signal of the
+//! converted, as a connection of System Structure and Parameterization 1.0 does it. A signal of the
 //! scenario drives the inputs of its name that nothing else drives; one that a scenario gives an FMU for itself comes
 //! before what another FMU would give.
 
@@ -26,9 +26,9 @@ const INITIAL_EXCHANGES: usize = 2;
 
 /// The FMUs of experiments, each loaded once, by their paths and maps.
 #[derive(Clone, Default)]
-pub struct Fmus(BTreeMap<(PathBuf, Option<String>), Arc<Fmu>>);
+pub struct LoadedFmus(BTreeMap<(PathBuf, Option<String>), Arc<Fmu>>);
 
-impl Fmus {
+impl LoadedFmus {
     /// Those that are loaded.
     pub fn iter(&self) -> impl Iterator<Item = &Fmu> {
         self.0.values().map(Arc::as_ref)
@@ -119,7 +119,7 @@ impl<'a> Master<'a> {
     ///
     /// # Errors
     /// When an FMU cannot be imported, or the scenario names what it has not.
-    pub fn new(scenario: &'a Scenario, fmus: &mut Fmus) -> Result<Self> {
+    pub fn new(scenario: &'a Scenario, fmus: &mut LoadedFmus) -> Result<Self> {
         let loaded: Vec<_> = scenario.fmus.iter().map(|member| fmus.get(member)).collect::<Result<_>>()?;
         for input in &scenario.inputs {
             input.place.locate(has_input(&loaded, &input.name))?;
@@ -240,7 +240,7 @@ impl<'a> Master<'a> {
         self.recorder.take(time, &mut self.members)
     }
 
-    /// Runs a scenario from its start to its end; `progress` is told each step.
+    /// Runs a scenario from its start to its end; `progress` is called after each step.
     ///
     /// # Errors
     /// What an FMU refuses.

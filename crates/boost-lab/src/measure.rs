@@ -76,7 +76,7 @@ impl Following {
                 following.down.push(overshoot);
                 overshoot
             };
-            anyhow::ensure!(overshoot.is_finite(), "{name} is no number");
+            anyhow::ensure!(overshoot.is_finite(), "{name} is not a number");
             let reached =
                 values.iter().position(|value| (value - after).abs() <= 0.1 * (after - before).abs());
             let first = row(record, begin)?;

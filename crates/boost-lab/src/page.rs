@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_have_a_few_digits() {
+    fn numbers_have_few_digits() {
         let cases = [
             (2466.41, "2466"),
             (9.174_3, "9.17"),

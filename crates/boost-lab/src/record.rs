@@ -11,14 +11,14 @@ pub struct Record {
     columns: Vec<Column>,
 }
 
-/// A variable.
+/// The record of one variable.
 #[derive(Clone, Debug)]
 pub struct Column {
-    /// Its name.
+    /// As in the header of the CSV file.
     pub name: String,
     /// Its unit, as its FMU declares it; empty where there is none.
     pub unit: String,
-    /// Its values.
+    /// One value per communication point.
     pub values: Vec<f64>,
 }
 
@@ -44,7 +44,7 @@ impl Record {
         &self.time
     }
 
-    /// The variables.
+    /// The recorded variables, in the order of the columns.
     #[must_use]
     pub fn columns(&self) -> &[Column] {
         &self.columns

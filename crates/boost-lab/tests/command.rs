@@ -108,7 +108,7 @@ fn an_fmu_with_a_path_for_its_identifier_is_not_loaded() {
 
 /// In what the FMU logs, and in names.
 #[test]
-fn what_an_fmu_says_does_not_control_the_terminal() {
+fn messages_of_an_fmu_do_not_control_the_terminal() {
     let bench = Bench::new();
     let said = "\u{9b}31m\u{202e}\u{7f}";
     let description = DESCRIPTION.replace("guid=\"careless\"", &format!("guid=\"{said}&#27;]0;title&#7;\""));
@@ -121,7 +121,7 @@ fn what_an_fmu_says_does_not_control_the_terminal() {
 /// On Unix whoever touches what is missing is killed by SIGBUS. At the end of the file are the sections' headers, before
 /// them the data.
 #[test]
-fn a_library_that_is_cut_short_is_not_loaded() {
+fn a_truncated_library_is_not_loaded() {
     let bench = Bench::new();
     let whole = library();
     for length in [whole.len() - 1, whole.len() / 2, whole.len() / 4, 4096, 100] {
@@ -216,7 +216,7 @@ fn limited(command: &Command, blocks: u32) -> Command {
 /// As on a full disk.
 #[cfg(unix)]
 #[test]
-fn what_was_there_stays_where_writing_fails() {
+fn an_existing_file_stays_when_writing_fails() {
     // More than the FMU has, and less than what is written.
     const BLOCKS: u32 = 128;
     let bench = Bench::new();
@@ -250,7 +250,7 @@ fn what_was_there_stays_where_writing_fails() {
 /// And not replaced by a file.
 #[cfg(unix)]
 #[test]
-fn what_is_no_file_is_written_to_as_it_is() {
+fn a_pipe_is_written_to_directly() {
     let bench = Bench::new();
     let output = bench.run(&["simulate", "scenario.toml", "--out", "/dev/stdout"]);
     assert!(String::from_utf8(output.stdout).unwrap().starts_with("time,level\n0.0,0.0\n"));
@@ -260,7 +260,7 @@ fn what_is_no_file_is_written_to_as_it_is() {
 
 #[cfg(unix)]
 #[test]
-fn what_has_no_end_is_refused() {
+fn an_endless_file_is_refused() {
     let bench = Bench::new();
     bench.scenario(1.0, "inputs.input = { csv = \"/dev/zero\", column = \"a\" }");
     fs::rename(bench.path("scenario.toml"), bench.path("csv.toml")).unwrap();
@@ -312,7 +312,7 @@ fn a_measure_does_not_have_another_columns_name() {
 }
 
 #[test]
-fn what_a_killed_study_left_is_removed() {
+fn leftovers_of_a_killed_study_are_removed() {
     let bench = Bench::new();
     fs::create_dir_all(bench.path("out/records")).unwrap();
     bench.write("out/records/.unfinished-Ab12Cd", "time,lev");

@@ -11,7 +11,7 @@ use std::thread;
 use anyhow::Result;
 use boost_interface::Translation;
 use boost_lab::importer::{CallFailed, Fmu, Instance, Status};
-use fmi2_export::package::{Linear, ModelDescription, Value};
+use fmi2_export::package::{FmuDescription, Linear, Value};
 
 use self::careless::DESCRIPTION;
 
@@ -69,7 +69,7 @@ fn a_translated_fmu_has_other_names_and_values() {
     let description = DESCRIPTION.replace("name=\"level\"", "name=\"pressure\"");
     // pressure = 2 level + 1
     let to_interface = [("pressure".to_owned(), Linear { factor: 2.0, offset: 1.0 })].into();
-    let description = ModelDescription::parse(&description).unwrap();
+    let description = FmuDescription::parse(&description).unwrap();
     let seen = own.translated(Translation { description, to_interface });
     let mut instance = started(&seen).unwrap();
     let mut selections =
@@ -92,7 +92,7 @@ fn a_translated_fmu_has_other_names_and_values() {
 }
 
 #[test]
-fn what_does_not_fit_a_variable_is_refused_by_name() {
+fn values_that_do_not_fit_a_variable_are_refused_by_name() {
     let fmu = opened("misfits");
     let mut instance = started(&fmu).unwrap();
     let mut refusal = |name: &str, value: Value| instance.set_value(name, &value).unwrap_err().to_string();
@@ -103,18 +103,18 @@ fn what_does_not_fit_a_variable_is_refused_by_name() {
     );
     assert_eq!(
         refusal("fail", Value::String("eror".to_owned())),
-        "the value eror of fail cannot be taken: it is none of no, discard, error, no_status, fatal"
+        "the value eror of fail cannot be taken: it is not one of no, discard, error, no_status, fatal"
     );
     assert_eq!(
         refusal("level", Value::Real(1.0, Some("furlong".to_owned()))),
         "the value 1 furlong of level cannot be taken: the unit furlong is not defined"
     );
-    let texts = fmu.select(["note"]).err().expect("a text is no number").to_string();
-    assert_eq!(texts, "note is of the type String, which is no number");
+    let texts = fmu.select(["note"]).err().expect("a text is not a number").to_string();
+    assert_eq!(texts, "note is of the type String, which is not a number");
 }
 
 #[test]
-fn a_discarded_step_is_told_with_its_time_and_the_messages() {
+fn a_discarded_step_is_reported_with_its_time_and_messages() {
     let (_, error) = fail_with("discard");
     assert_eq!(error.status, Some(Status::DISCARD));
     assert_eq!(
@@ -124,16 +124,19 @@ fn a_discarded_step_is_told_with_its_time_and_the_messages() {
 }
 
 #[test]
-fn an_error_is_told_with_the_messages() {
+fn an_error_is_reported_with_its_messages() {
     let (_, error) = fail_with("error");
     assert_eq!(error.to_string(), "careless: fmi2DoStep at 0.5 s gave fmi2Error\n  no way, # 7");
 }
 
 #[test]
-fn a_status_that_is_none_is_an_error() {
+fn an_invalid_status_is_an_error() {
     let (_, error) = fail_with("no_status");
     let text = error.to_string();
-    assert!(text.starts_with("careless: fmi2DoStep at 0.5 s gave 17, which is no status of FMI"), "{text}");
+    assert!(
+        text.starts_with("careless: fmi2DoStep at 0.5 s gave 17, which is not a status of FMI"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -182,7 +185,7 @@ fn another_guid_is_refused_with_what_the_fmu_says() {
 }
 
 #[test]
-fn instances_in_many_threads_do_not_meet() {
+fn instances_in_many_threads_are_independent() {
     let fmu = opened("threads");
     thread::scope(|scope| {
         for thread in 0..16 {
@@ -213,7 +216,7 @@ fn refusal(path: &std::path::Path) -> String {
 }
 
 #[test]
-fn what_is_no_fmu_is_refused() {
+fn a_file_that_is_not_an_fmu_is_refused() {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
     let missing = folder.join("missing.fmu");
     assert!(
@@ -221,7 +224,7 @@ fn what_is_no_fmu_is_refused() {
     );
     let text = folder.join("text.fmu");
     fs::write(&text, "no archive").unwrap();
-    assert!(refusal(&text).contains("it is no ZIP archive"));
+    assert!(refusal(&text).contains("it is not a ZIP archive"));
     let cases = [
         ("three", DESCRIPTION.replace("fmiVersion=\"2.0\"", "fmiVersion=\"3.0\""), "it is one of FMI 3.0"),
         ("exchange", DESCRIPTION.replace("CoSimulation", "ModelExchange"), "it is not for co-simulation"),

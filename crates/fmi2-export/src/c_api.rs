@@ -27,9 +27,10 @@ use crate::c_types::{
     Integer, Status, ValueReference, status_kind,
 };
 use crate::calling_sequence::Function;
+use crate::error::Error;
 use crate::instance::{Answer, Instance, Memory};
 use crate::logger::Logger;
-use crate::model::{Error, Experiment, Model, Variables};
+use crate::model::{Experiment, Model, Variables};
 use crate::panics::contain;
 use crate::saved_states;
 use crate::serialized_state::checksum;
@@ -187,7 +188,7 @@ pub unsafe fn instantiate<M: Model>(
         logging_on != FALSE,
     );
     let check = || -> Result<(), Error> {
-        // The white space of C: section 2.1.5 asks for one character that is none.
+        // C's white space: section 2.1.5 requires at least one other character.
         if name?.to_bytes().iter().all(|byte| matches!(byte, b' ' | b'\t'..=b'\r')) {
             return Err(Error::new("the argument instanceName is blank"));
         }
@@ -204,7 +205,7 @@ pub unsafe fn instantiate<M: Model>(
         }
         Ok(())
     };
-    match check().and_then(|()| Instance::<M>::memory_of_a_fresh_one()) {
+    match check().and_then(|()| Instance::<M>::new_memory()) {
         Ok(memory) => {
             let instance = Instance::new(logger, memory);
             Box::into_raw(Box::new(Slave { fmu: Slave::<M>::FMU, instance })).cast()
@@ -223,12 +224,12 @@ pub unsafe fn instantiate<M: Model>(
 pub unsafe fn free_instance<M: Model>(component: Component) {
     // SAFETY: the component is the importer's (see the module).
     let Some(slave) = (unsafe { Slave::<M>::of(component) }) else { return };
-    // So that a component which is used after all is no longer one, as long as its memory lies idle.
+    // A call after this one is recognized as invalid as long as the memory is not reused.
     slave.fmu = 0;
     // SAFETY: the pointer came from `instantiate::<M>` and, by the standard, is used no more.
     let slave = unsafe { Box::from_raw(ptr::from_mut(slave)) };
     saved_states::free_all_of(component.addr());
-    // Of a panic there is nobody left to tell.
+    // A panic here cannot be reported: the logger belongs to the instance that is freed.
     let _ = contain(|| drop(slave));
 }
 
@@ -635,7 +636,7 @@ pub unsafe fn get_real_status<M: Model>(component: Component, kind: c_int, value
     }
 }
 
-/// `fmi2GetIntegerStatus`: there is none.
+/// `fmi2GetIntegerStatus`: no status is an Integer.
 pub unsafe fn get_integer_status<M: Model>(
     component: Component,
     _kind: c_int,

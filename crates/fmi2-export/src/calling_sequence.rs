@@ -6,7 +6,7 @@
 
 use std::fmt;
 
-use crate::model;
+use crate::error;
 use crate::persistence::{Archive, Persistent};
 
 /// The states of a co-simulation slave.
@@ -37,11 +37,11 @@ impl fmt::Display for Phase {
 }
 
 impl Persistent for Phase {
-    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), model::Error> {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), error::Error> {
         let mut number = *self as u8;
         number.persist(archive)?;
         let known = ANY.iter().find(|&&phase| phase as u8 == number);
-        *self = *known.ok_or_else(|| model::Error::new(format!("{number} is no state of a slave")))?;
+        *self = *known.ok_or_else(|| error::Error::new(format!("{number} is not a state of a slave")))?;
         Ok(())
     }
 }

@@ -3,18 +3,42 @@
 
 use std::mem;
 
-use crate::model::{Error, Inputs};
+use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 
 /// The highest order of an input derivative that is taken.
 pub const MAX_ORDER: usize = 8;
 
-/// The inputs as functions of the time since the step's begin.
+/// A Real input as the interpolation of inputs needs it.
+#[derive(Clone, Copy, Debug)]
+pub struct RealInput {
+    /// The smallest value that reaches the model.
+    pub min: f64,
+    /// The largest value that reaches the model.
+    pub max: f64,
+}
+
+/// The input variables of a model.
+pub trait Inputs: Clone + Persistent + Send + Sync + 'static {
+    /// The Real inputs, in the order of their positions.
+    const REALS: &'static [RealInput];
+    /// The value of the Real input at a position.
+    fn real(&self, position: usize) -> f64;
+    /// Sets all Real inputs, each to what its position gives.
+    fn set_reals(&mut self, value: impl Fn(usize) -> f64);
+    /// Sets the Real input at a position.
+    fn set_real(&mut self, position: usize, value: f64) {
+        let before = self.clone();
+        self.set_reals(|other| if other == position { value } else { before.real(other) });
+    }
+}
+
+/// The inputs as functions of the time since the beginning of the step.
 #[derive(Clone, Debug)]
 pub struct InputSignal<I> {
     /// The inputs at the step's begin, within their bounds, as of [`InputSignal::update`].
     bounded: I,
-    /// Whether these are those that were set.
+    /// Whether `bounded` is up to date.
     updated: bool,
     /// The Real inputs, by their positions.
     reals: Box<[RealSignal]>,
@@ -24,7 +48,7 @@ pub struct InputSignal<I> {
     sloped: bool,
     /// The inputs at the end of the last step, within their bounds.
     end: I,
-    /// Whether those of the end are the latest: nothing was set since they moved away from what was set.
+    /// Whether `end` has the latest values: the inputs had derivatives in the last step, and nothing was set since.
     moved: bool,
 }
 
@@ -59,8 +83,7 @@ impl RealSignal {
         }
     }
 
-    /// By how much it differs from what was set, at a time (s) after the step's begin, with derivatives up
-    /// to an order.
+    /// Its change since the beginning of the step, at a time (s) after it, with derivatives up to an order.
     fn rise(&self, order: usize, offset: f64) -> f64 {
         // Horner's scheme: τ/1·(d1 + τ/2·(d2 + …)).
         (0..order).rev().fold(0.0, |sum, order| offset / (order + 1) as f64 * (self.derivatives[order] + sum))
@@ -114,8 +137,8 @@ impl<I: Inputs> InputSignal<I> {
         inputs
     }
 
-    /// Takes a new value of a Real input; its derivatives are forgotten. Answers whether it has left its
-    /// bounds: the one before was within them.
+    /// Sets the value of a Real input and clears its derivatives. Returns whether it has left its bounds: the
+    /// previous value was within them.
     pub(crate) fn set_value(&mut self, position: usize, value: f64) -> bool {
         let real = &mut self.reals[position];
         let outside = !is_within::<I>(position, value);
@@ -131,14 +154,14 @@ impl<I: Inputs> InputSignal<I> {
         has_left
     }
 
-    /// Apart from [`InputSignal::set_value`], which is the quicker for it where there are none.
+    /// Separate from [`InputSignal::set_value`], which is faster without it when there are no derivatives.
     #[cold]
     fn forget_derivatives(&mut self, position: usize) {
         self.reals[position].derivatives = [0.0; MAX_ORDER];
         self.find_order();
     }
 
-    /// Takes the values of the inputs that are not Real.
+    /// Sets the inputs that are not Real.
     pub(crate) fn set_others(&mut self, inputs: &I) {
         self.bounded.clone_from(inputs);
         self.updated = false;
@@ -157,18 +180,18 @@ impl<I: Inputs> InputSignal<I> {
     /// Sets the derivative of an order (from 1 to [`MAX_ORDER`]) of a Real input, in its unit by s to the order.
     ///
     /// # Panics
-    /// When there is no input at the position or the order is another.
+    /// When there is no input at the position or the order is out of range.
     pub fn set_derivative(&mut self, position: usize, order: usize, value: f64) {
         self.reals[position].derivatives[order - 1] = value;
         self.find_order();
     }
 
-    /// Notes that a derivative of the Real input at a position is ignored. Answers whether it is the first.
+    /// Notes that a derivative of the Real input at a position is ignored. Returns whether it is the first.
     pub(crate) fn ignore_derivative(&mut self, position: usize) -> bool {
         !mem::replace(&mut self.reals[position].derivative_ignored, true)
     }
 
-    /// Ends a step of a size (s): the derivatives are forgotten.
+    /// Ends a step of a size (s): clears the derivatives.
     pub(crate) fn end_step(&mut self, size: f64) {
         self.moved = self.order > 0;
         if self.moved || self.sloped {
@@ -188,8 +211,7 @@ impl<I: Inputs> InputSignal<I> {
         self.find_sloped();
     }
 
-    /// The inputs that belong to the present values: those of the end of the last step, or what was set
-    /// since.
+    /// The current inputs: those at the end of the last step, or what was set since.
     pub(crate) fn latest(&self) -> &I {
         if self.moved { &self.end } else { &self.bounded }
     }
@@ -226,7 +248,7 @@ impl<I: Inputs> InputSignal<I> {
     }
 }
 
-/// All but what follows from the rest.
+/// Fields that follow from the others are computed after reading.
 impl<I: Inputs> Persistent for InputSignal<I> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         self.update();
@@ -256,7 +278,6 @@ fn bound<I: Inputs>(position: usize, value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::RealInput;
 
     #[derive(Clone, Debug, PartialEq)]
     struct Two {
@@ -287,12 +308,12 @@ mod tests {
     }
 
     #[test]
-    fn what_counts_after_a_ramp_is_the_value_that_it_reached() {
+    fn the_end_of_a_ramp_is_the_current_value() {
         let mut signal = ramped();
         assert_eq!(*signal.latest(), Two { values: [1.0, 0.25] });
         assert!(!signal.is_free(0) && signal.slope(0) == 0.0, "held at its bound now");
         assert!(signal.is_free(1) && (signal.slope(1) + 1.25).abs() < f64::EPSILON, "no longer held");
-        // Whatever is set next, the values are those that were set.
+        // Setting any value restores those that were set.
         assert!(signal.set_value(1, 1.5));
         signal.update();
         assert_eq!(*signal.latest(), Two { values: [0.5, 1.0] });
@@ -300,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn an_archive_keeps_what_a_ramp_reached() {
+    fn an_archive_keeps_the_end_of_a_ramp() {
         let mut archive = Archive::writing();
         ramped().persist(&mut archive).unwrap();
         let bytes = archive.into_bytes();

@@ -12,9 +12,10 @@ use std::ffi::{CStr, CString};
 use crate::c_types::Status;
 use crate::calling_sequence::{Function, Phase};
 use crate::description::{ModelDescription, ValueReference};
+use crate::error::Error;
 use crate::inputs::InputSignal;
 use crate::logger::{Delivery, Logger, RecentMessages, Shown, WARNING};
-use crate::model::{Context, Error, Experiment, InputsOf, Model, Step, Variables};
+use crate::model::{Context, Experiment, InputsOf, Model, Step, Variables};
 use crate::panics::contain;
 use crate::persistence::{Archive, Persistent};
 use crate::serialized_state;
@@ -90,13 +91,12 @@ pub(crate) struct Instance<M: Model> {
 }
 
 impl<M: Model> Instance<M> {
-    /// An instance that begins with a memory.
     pub(crate) fn new(logger: Logger, memory: Memory<M>) -> Self {
         Self { logger, memory, strings: Vec::new() }
     }
 
-    /// The memory of an instance that nothing was done to yet.
-    pub(crate) fn memory_of_a_fresh_one() -> Result<Memory<M>, Error> {
+    /// The memory of a new instance; an error where the model panics.
+    pub(crate) fn new_memory() -> Result<Memory<M>, Error> {
         contain(Memory::new)
     }
 
@@ -208,7 +208,7 @@ impl<M: Model> Instance<M> {
         match memory.phase {
             Phase::InitializationMode => {
                 let (logger, told) = (&self.logger, &mut memory.told);
-                // A warning is given once, and where none is given, the status tells of none.
+                // A warning is given once; without one the status is fmi2OK.
                 let mut log = |category, message: std::fmt::Arguments<'_>| {
                     if told.is_new(&message.to_string()) {
                         logger.message(category, message);
@@ -370,7 +370,7 @@ impl<M: Model> Instance<M> {
     }
 }
 
-/// Refuses values that are no numbers.
+/// Refuses values that are not finite.
 #[inline]
 fn check_finite<V: Variables>(variables: &V, time: f64) -> Result<(), Error> {
     variables.first_non_finite().map_or(Ok(()), |reference| Err(not_finite(variables, reference, time)))

@@ -1,9 +1,20 @@
 #![doc = include_str!("../README.md")]
 
+// The runtime's modules, of which each depends on those below it only:
+//
+//   c_api                                 the functions of FMI 2.0
+//   instance                              one instance of an FMU
+//   model                                 what a model implements and is given
+//   inputs, logger, calling_sequence
+//   serialized_state, saved_states
+//   persistence, panics
+//   error, description, c_types
+
 pub mod c_api;
 pub mod c_types;
 pub mod calling_sequence;
 pub mod description;
+mod error;
 mod inputs;
 mod instance;
 mod logger;
@@ -20,8 +31,9 @@ pub mod package;
 #[cfg(any(feature = "build", feature = "package"))]
 mod xml;
 
-pub use inputs::{InputSignal, MAX_ORDER};
-pub use model::{Context, Error, Experiment, Inputs, InputsOf, Model, RealInput, Step, Variables};
+pub use error::Error;
+pub use inputs::{InputSignal, Inputs, MAX_ORDER, RealInput};
+pub use model::{Context, Experiment, InputsOf, Model, Step, Variables};
 
 /// Includes the typed interface that [`build::generate`](https://docs.rs/fmi2-export) made of a model's
 /// JSON, by the model's identifier.

@@ -13,7 +13,7 @@ use std::mem;
 use std::sync::Arc;
 
 use crate::c_types::{CallbackLogger, ComponentEnvironment, Status};
-use crate::model::Error;
+use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 use crate::serialized_state::checksum;
 
@@ -31,7 +31,7 @@ pub(crate) struct Logger {
     categories: &'static [&'static str],
     /// For each category, whether debug messages are wanted.
     enabled: Vec<bool>,
-    /// What was not passed on yet.
+    /// Messages not passed on yet.
     pending: RefCell<Vec<Message>>,
 }
 
@@ -50,7 +50,7 @@ struct Message {
     text: CString,
 }
 
-/// Messages on their way; they need no instance any more.
+/// Messages to be passed on; they no longer need the instance.
 #[derive(Debug)]
 #[must_use]
 pub(crate) struct Delivery {
@@ -95,12 +95,12 @@ impl Logger {
         Ok(())
     }
 
-    /// Tells why a call failed.
+    /// Logs why a call failed.
     pub(crate) fn error(&self, message: fmt::Arguments<'_>) {
         self.send(Status::Error, ERROR, message);
     }
 
-    /// Tells what the model says under a category.
+    /// Logs a message of the model under a category.
     pub(crate) fn message(&self, category: &'static str, message: fmt::Arguments<'_>) {
         if category == WARNING {
             self.send(Status::Warning, category, message);
@@ -109,7 +109,7 @@ impl Logger {
         }
     }
 
-    /// Tells why a call is discarded; of that only who debugs is told (section 2.1.3).
+    /// Logs why a call is discarded, when debug logging is on (section 2.1.3).
     pub(crate) fn discarded(&self, message: fmt::Arguments<'_>) {
         if self.is_enabled(EVENT) {
             self.send(Status::Discard, EVENT, message);
@@ -168,7 +168,7 @@ pub(crate) struct Shown(pub(crate) f64);
 
 impl fmt::Display for Shown {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // `{:?}` compares numbers, which is no operation on NaN: the processor may be told to trap that.
+        // `{:?}` compares numbers, which is an invalid operation on NaN, and the importer may have enabled its trap.
         if !self.0.is_finite() {
             return write!(formatter, "{}", self.0);
         }

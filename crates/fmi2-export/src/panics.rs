@@ -4,7 +4,7 @@ use std::any::Any;
 use std::mem;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use crate::model::Error;
+use crate::error::Error;
 
 /// Runs what may call the model. A panic becomes an error with its message.
 ///

@@ -1,11 +1,11 @@
-//! Memory as bytes: how a model, its variables and everything that the runtime remembers of an instance
-//! are written and read back, so that a saved state outlives its process (FMI 2.0.5, section 2.1.8).
+//! Memory as bytes: writes and reads a model, its variables and everything that the runtime stores of an instance,
+//! so that a saved state outlives its process (FMI 2.0.5, section 2.1.8).
 //!
-//! One text serves both directions: [`Persistent::persist`] names each part of a value once, and the
+//! One function serves both directions: [`Persistent::persist`] names each part of a value once, and the
 //! [`Archive`] either takes the part's bits or replaces them. [`persistent!`](crate::persistent) writes
-//! that text for a struct, and does not compile when a field is left out.
+//! that function for a struct, and does not compile when a field is left out.
 
-use crate::model::Error;
+use crate::error::Error;
 
 /// Bytes that are being written, or read back.
 ///
@@ -21,12 +21,12 @@ enum Direction<'a> {
 }
 
 impl<'a> Archive<'a> {
-    /// An archive that takes what is persisted.
+    /// An archive that writes what is persisted.
     pub(crate) fn writing() -> Self {
         Self(Direction::Writing(Vec::new()))
     }
 
-    /// An archive that gives back what was persisted.
+    /// An archive that reads what was persisted.
     pub(crate) fn reading(bytes: &'a [u8]) -> Self {
         Self(Direction::Reading(bytes))
     }
@@ -136,7 +136,7 @@ impl Persistent for bool {
         *self = match byte {
             0 => false,
             1 => true,
-            other => return Err(Error::new(format!("{other} in the serialized state is no Boolean"))),
+            other => return Err(Error::new(format!("{other} in the serialized state is not a Boolean"))),
         };
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! The states that importers have saved, by their handles.
 //!
-//! A handle (`fmi2FMUstate`) is looked up here and never dereferenced. So one that is no state, that was
+//! A handle (`fmi2FMUstate`) is looked up here and never dereferenced. So one that is not a state, that was
 //! freed, or that is another FMU's is an error and not a crash. A state may be set in another instance of
 //! the FMU than the one it is of. What an importer does not free is freed with the instance.
 //!
@@ -11,7 +11,7 @@ use std::any::Any;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
-use crate::model::Error;
+use crate::error::Error;
 use crate::panics::contain;
 
 /// By handle, the states.
@@ -44,12 +44,12 @@ pub(crate) fn keep<T: Send + Sync + 'static>(owner: usize, state: T) -> usize {
 /// The state with a handle.
 ///
 /// # Errors
-/// When there is none, or it is of another type.
+/// When no state has this handle, or it is of another type.
 pub(crate) fn find<T: Send + Sync + 'static>(handle: usize) -> Result<Saved<T>, Error> {
     let state = states().get(&handle).map(|entry| Arc::clone(&entry.state));
     state
         .and_then(|state| state.downcast().ok())
-        .ok_or_else(|| Error::new("the argument FMUstate is no state of this FMU, or was freed"))
+        .ok_or_else(|| Error::new("the argument FMUstate is not a state of this FMU, or was freed"))
 }
 
 /// Frees the state with a handle.

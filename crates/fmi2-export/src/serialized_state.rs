@@ -1,4 +1,4 @@
-//! The bytes of a serialized state: what they say of themselves, so that what is no state of this FMU is
+//! The bytes of a serialized state: what they say of themselves, so that what is not a state of this FMU is
 //! refused (FMI 2.0.5, section 2.1.8).
 //!
 //! | bytes | content |
@@ -13,11 +13,11 @@
 //! Numbers are little-endian.
 
 use crate::description::ModelDescription;
-use crate::model::Error;
+use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 
 const SIGNATURE: [u8; 8] = *b"fmi2stat";
-/// Changes with every change of what the runtime writes. (What a model writes is told by its GUID.)
+/// Increased with every change of what the runtime writes. (The GUID identifies what the model writes.)
 const VERSION: u32 = 3;
 /// The length of the checksum.
 const CHECKSUM: usize = 8;
@@ -82,7 +82,7 @@ fn content<'b>(description: &ModelDescription, bytes: &'b [u8]) -> Result<&'b [u
     };
     let signature = take(SIGNATURE.len()).ok_or_else(ends_early)?;
     if signature != SIGNATURE {
-        return Err(Error::new("the bytes are no serialized state of an FMU of this make"));
+        return Err(Error::new("the bytes are not a serialized state of an FMU by this exporter"));
     }
     let version = u32::from_le_bytes(array(take(4)).ok_or_else(ends_early)?);
     if version != VERSION {

@@ -465,7 +465,7 @@ fn an_input_that_is_not_real_is_taken_within_its_bounds_alone() {
 }
 
 #[test]
-fn contradictory_parameters_are_refused_until_they_are_put_right() {
+fn contradictory_parameters_are_refused_until_corrected() {
     let importer = Importer::new();
     assert_eq!(importer.set_up(), Status::Ok);
     assert_eq!(importer.set(OFFSET, 9.0), Status::Ok);
@@ -482,7 +482,7 @@ fn contradictory_parameters_are_refused_until_they_are_put_right() {
 }
 
 #[test]
-fn steps_that_cannot_be_are_refused() {
+fn impossible_steps_are_refused() {
     let importer = Importer::ready();
     for size in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         assert_eq!(importer.step(0.0, size), Status::Error);
@@ -495,7 +495,7 @@ fn steps_that_cannot_be_are_refused() {
 }
 
 #[test]
-fn communication_points_may_carry_rounding() {
+fn communication_points_may_have_round_off() {
     for by_adding in [false, true] {
         let importer = Importer::ready();
         let mut sum = 0.0;
@@ -553,7 +553,7 @@ fn a_derivative_of_a_discrete_input_is_ignored_with_one_warning() {
 }
 
 #[test]
-fn a_tolerance_that_is_not_above_zero_is_none() {
+fn a_tolerance_of_zero_or_below_is_ignored() {
     for tolerance in [0.0, -0.0, -1e-6] {
         let importer = Importer::new();
         assert_eq!(importer.set_up_with(tolerance), Status::Warning);
@@ -574,7 +574,7 @@ fn a_tolerance_that_is_not_above_zero_is_none() {
 }
 
 #[test]
-fn warnings_of_initialization_are_given_once_and_do_not_pile_up() {
+fn warnings_of_initialization_are_given_once_and_do_not_accumulate() {
     let importer = Importer::new();
     assert_eq!(importer.set_up(), Status::Ok);
     assert_eq!(importer.set_text("warn"), Status::Ok);
@@ -653,7 +653,7 @@ fn arguments_may_lie_at_any_address() {
 
 /// What stands where a status shall be written to may be any number.
 #[test]
-fn what_stands_in_the_place_of_a_status_is_not_read() {
+fn the_callers_status_is_not_read() {
     let importer = Importer::ready();
     let mut status: c_int = 77;
     // SAFETY: the component and the number are this test's.
@@ -682,7 +682,7 @@ fn a_failed_step_ends_in_error_until_reset() {
 }
 
 #[test]
-fn a_saved_state_is_taken_up() {
+fn a_saved_state_is_continued() {
     let importer = Importer::ready();
     assert_eq!(importer.set(INPUT, 3.0), Status::Ok);
     assert_eq!(importer.step(0.0, 1.0), Status::Ok);
@@ -710,7 +710,7 @@ fn a_saved_state_is_taken_up() {
 /// Section 2.1.8: `fmi2DeSerializeFMUstate` constructs a copy. What the importer's variable holds before, left by
 /// an earlier call on the same place of the stack for one, does not matter.
 #[test]
-fn a_state_made_of_bytes_is_always_a_new_one() {
+fn a_deserialized_state_is_always_new() {
     let importer = Importer::ready();
     assert_eq!(importer.set(INPUT, 3.0), Status::Ok);
     let mut older = ptr::null_mut();

@@ -5,10 +5,10 @@
 //! that neither gives becomes an input of the system, one for both where both have it. All outputs become
 //! outputs of the system. Where an FMU's units differ from the interface's, the connection converts.
 
-use boost_interface::{Fit, Match, Port, Role};
+use boost_interface::{Compatibility, Match, Port, Role};
 use fmi2_export::package::{
-    Component, Connection, Connector, End, Kind, Linear, System, SystemPackage, SystemStructure, Unit,
-    Variable,
+    Connection, Connector, End, FmuVariable, Kind, Linear, System, SystemComponent, SystemPackage,
+    SystemStructure, Unit,
 };
 
 use super::layout::{Counts, Layout, relative};
@@ -19,7 +19,7 @@ const COMPONENTS: &str = "Components.ssd";
 /// An FMU that takes part.
 pub struct Member<'a> {
     /// Which of its variables are those of the interface.
-    pub fit: &'a Fit<'a>,
+    pub compatibility: &'a Compatibility<'a>,
     /// The .fmu file.
     pub fmu: Vec<u8>,
     /// Parameter sets: file name and content.
@@ -29,7 +29,7 @@ pub struct Member<'a> {
 /// A variable of an FMU that is one of the interface.
 struct Wire<'a> {
     port: &'a Port,
-    variable: &'a Variable,
+    variable: &'a FmuVariable,
     to_interface: Linear,
 }
 
@@ -46,10 +46,10 @@ struct Builder {
 
 /// The package of a plant and a controller that fit.
 pub fn couple(name: &str, plant: Member<'_>, controller: Member<'_>) -> SystemPackage {
-    let fits = [controller.fit, plant.fit];
+    let fits = [controller.compatibility, plant.compatibility];
     let names = component_names(fits);
     let units = units(fits);
-    let mut system = build(plant.fit, controller.fit, names.clone());
+    let mut system = build(plant.compatibility, controller.compatibility, names.clone());
     for connector in system.controller.iter_mut().chain(&mut system.plant) {
         // A unit that another FMU defines otherwise says nothing; the connections convert.
         if !units.iter().any(|unit| unit.name == connector.unit) {
@@ -69,7 +69,7 @@ pub fn couple(name: &str, plant: Member<'_>, controller: Member<'_>) -> SystemPa
             .into_iter()
             .map(|(file, text)| (format!("resources/{file}"), text))
             .collect();
-        components.push(Component {
+        components.push(SystemComponent {
             name,
             source: source.clone(),
             connectors,
@@ -99,7 +99,7 @@ pub fn couple(name: &str, plant: Member<'_>, controller: Member<'_>) -> SystemPa
 }
 
 /// The wires and lines of the system.
-fn build(plant: &Fit<'_>, controller: &Fit<'_>, names: [String; 2]) -> Builder {
+fn build(plant: &Compatibility<'_>, controller: &Compatibility<'_>, names: [String; 2]) -> Builder {
     let of_plant = |kind| wires(plant, kind);
     let of_controller = |kind| wires(controller, kind);
     let is_taken = |wires: &[Wire<'_>], name: &str| wires.iter().any(|wire| wire.port.name() == name);
@@ -251,8 +251,9 @@ impl Builder {
 }
 
 /// The variables of a kind that are connected.
-fn wires<'a>(fit: &'a Fit<'a>, kind: Kind) -> Vec<Wire<'a>> {
-    fit.matches
+fn wires<'a>(compatibility: &'a Compatibility<'a>, kind: Kind) -> Vec<Wire<'a>> {
+    compatibility
+        .matches
         .iter()
         .filter(|(port, _)| port.kind == kind)
         .filter_map(|(port, found)| match found {
@@ -275,19 +276,21 @@ fn transformation(function: Linear) -> Option<Linear> {
 }
 
 /// The names of controller and plant in the system: their identifiers, told apart where they are the same.
-fn component_names(fits: [&Fit<'_>; 2]) -> [String; 2] {
-    let identifiers = fits.map(|fit| fit.fmu.co_simulation_identifier().unwrap_or(fit.role.name()));
+fn component_names(fits: [&Compatibility<'_>; 2]) -> [String; 2] {
+    let identifiers = fits.map(|compatibility| {
+        compatibility.fmu.co_simulation_identifier().unwrap_or(compatibility.role.name())
+    });
     if identifiers[0].eq_ignore_ascii_case(identifiers[1]) {
-        fits.map(|fit| format!("{}_{}", identifiers[0], fit.role.name()))
+        fits.map(|compatibility| format!("{}_{}", identifiers[0], compatibility.role.name()))
     } else {
         identifiers.map(str::to_owned)
     }
 }
 
 /// The units of the interface, and those of the FMUs that are not defined otherwise there.
-fn units(fits: [&Fit<'_>; 2]) -> Vec<Unit> {
+fn units(fits: [&Compatibility<'_>; 2]) -> Vec<Unit> {
     let interface = [Role::Controller, Role::Plant].map(|role| &role.description().units);
-    let own = fits.map(|fit| &fit.fmu.units);
+    let own = fits.map(|compatibility| &compatibility.fmu.units);
     let mut units: Vec<Unit> = vec![];
     let mut ambiguous: Vec<String> = vec![];
     for unit in interface.into_iter().chain(own).flatten() {
@@ -302,10 +305,10 @@ fn units(fits: [&Fit<'_>; 2]) -> Vec<Unit> {
 }
 
 /// Start, stop and step of the default experiment in s: the longer one, in the smaller steps.
-fn default_experiment(fits: [&Fit<'_>; 2]) -> [f64; 3] {
+fn default_experiment(fits: [&Compatibility<'_>; 2]) -> [f64; 3] {
     let values = |name: &str| {
-        fits.map(|fit| {
-            let given = fit.fmu.default_experiment.iter().find(|(known, _)| known == name);
+        fits.map(|compatibility| {
+            let given = compatibility.fmu.default_experiment.iter().find(|(known, _)| known == name);
             given.and_then(|(_, text)| text.parse::<f64>().ok())
         })
         .into_iter()

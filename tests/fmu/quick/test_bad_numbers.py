@@ -292,7 +292,7 @@ def test_what_is_no_number(
             values = {before.name: 0.25, variable.name: value, after.name: 0.75}
             life.refuses(*life.settings(values), names=[variable.name], numbers=[value])
     unharmed(life)
-    record_property(PROBED, ("values that are no numbers", len(NO_NUMBERS) * len(variables)))
+    record_property(PROBED, ("values that are not finite", len(NO_NUMBERS) * len(variables)))
 
 
 @BOTH

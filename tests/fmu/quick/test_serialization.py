@@ -230,7 +230,7 @@ def test_what_is_wrong_with_the_bytes_is_named(
     # The format's version follows the 8 bytes of the signature.
     newer = struct.unpack("<I", serialized[8:12])[0] + 1
     assert f"format {newer}" in refusal(caller, serialized[:8] + struct.pack("<I", newer) + serialized[12:])
-    assert "no serialized state" in refusal(caller, b"PK\3\4" + serialized[4:])
+    assert "not a serialized state" in refusal(caller, b"PK\3\4" + serialized[4:])
     damaged = bytearray(serialized)
     damaged[len(damaged) // 2] ^= 0x10
     assert "checksum" in refusal(caller, bytes(damaged))

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use boost_lab::identify::{Estimate, Naming, html, identify, json};
+use boost_lab::identify::{Naming, ParameterEstimate, html, identify, json};
 use boost_lab::importer::Fmu;
 use clap::Args;
 use fmi2_export::package::ParameterSet;
@@ -26,10 +26,10 @@ pub struct Arguments {
     /// Parameters of the plant, such as the membrane's area; may be given several times
     #[arg(long, value_name = "FILE.ssv")]
     parameters: Vec<PathBuf>,
-    #[arg(long, value_name = "ROLE=NAME", value_parser = name_and_value, help = columns_help())]
+    #[arg(long, value_name = "QUANTITY=NAME", value_parser = name_and_value, help = columns_help())]
     column: Vec<(String, String)>,
-    /// The unit of a role's column, where the header does not say it in brackets
-    #[arg(long, value_name = "ROLE=UNIT", value_parser = name_and_value)]
+    /// The unit of a quantity, where the header does not give it in brackets
+    #[arg(long, value_name = "QUANTITY=UNIT", value_parser = name_and_value)]
     unit: Vec<(String, String)>,
     /// The part of the data that no fit sees
     #[arg(long, value_name = "SHARE", default_value_t = 0.3, value_parser = share)]
@@ -40,7 +40,7 @@ pub struct Arguments {
 }
 
 fn columns_help() -> String {
-    format!("Another column for a role: {}", boost_lab::identify::roles())
+    format!("Another column for a quantity: {}", boost_lab::identify::quantities())
 }
 
 fn share(text: &str) -> Result<f64, String> {
@@ -63,7 +63,7 @@ pub fn run(arguments: Arguments) -> Result<()> {
     }
     for parameter in identification.parameters() {
         let error = parameter.standard_error;
-        let Estimate { name, value, unit, .. } = parameter;
+        let ParameterEstimate { name, value, unit, .. } = parameter;
         print(&format!("{name:32} {value:>14.6e} ± {error:.1e} {unit}\n"))?;
     }
     for parameter in &identification.unidentified {

@@ -1,4 +1,4 @@
-//! The command line: what it takes, and which room does the work.
+//! The command line's arguments, and the module that runs each command.
 
 mod identify;
 mod reproduce;
@@ -43,7 +43,7 @@ enum Command {
         #[arg(value_name = "SCENARIO.toml")]
         scenario: PathBuf,
         #[command(flatten)]
-        fmus: Fmus,
+        fmus: FmuArguments,
         /// The file to write, or a folder to write it to [default: <scenario>.csv]
         #[arg(long, value_name = "FILE.csv|DIR")]
         out: Option<PathBuf>,
@@ -73,7 +73,7 @@ enum Command {
         #[arg(value_name = "STUDY.toml")]
         study: PathBuf,
         #[command(flatten)]
-        fmus: Fmus,
+        fmus: FmuArguments,
         /// The folder for results.csv, results.parquet, the journal and the records
         #[arg(long, value_name = "DIR", default_value = "target/sweep")]
         out: PathBuf,
@@ -90,7 +90,7 @@ enum Command {
 
 /// Which FMUs a scenario runs.
 #[derive(Args)]
-struct Fmus {
+struct FmuArguments {
     /// The folder of the FMUs [default: the scenario's folder]
     #[arg(long = "fmus", value_name = "DIR")]
     folder: Option<PathBuf>,
@@ -102,7 +102,7 @@ struct Fmus {
     maps: Vec<PathBuf>,
 }
 
-impl Fmus {
+impl FmuArguments {
     /// Puts the files in the places of a scenario's FMUs, by their names there, and gives it the maps.
     fn give(&self, scenario: &mut Scenario) -> Result<()> {
         for (name, file) in &self.files {
@@ -128,7 +128,7 @@ enum Identify {
     Actuator(identify::Arguments),
 }
 
-/// Does what the command line asks for. Whether the answer is yes, where it is a question.
+/// Runs the command. Returns false when the statements of `reproduce` do not all hold.
 pub fn run() -> Result<bool> {
     match Arguments::parse().command {
         Command::Simulate { scenario, fmus, out, plot } => {

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use boost_lab::master::{Fmus, Master};
+use boost_lab::master::{LoadedFmus, Master};
 use boost_lab::plot::{Figure, Line, Panel, color};
 use boost_lab::record::Record;
 use boost_lab::scenario::Scenario;
@@ -16,7 +16,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 const STEPS_PER_LOOK: u32 = 256;
 
 /// Runs a scenario.
-pub fn run(path: &Path, fmus: &super::Fmus, out: Option<PathBuf>, plot: Option<&Path>) -> Result<()> {
+pub fn run(path: &Path, fmus: &super::FmuArguments, out: Option<PathBuf>, plot: Option<&Path>) -> Result<()> {
     let mut scenario = Scenario::read(path, fmus.folder.as_deref())?;
     fmus.give(&mut scenario)?;
     let name = format!("{}.csv", path.file_stem().unwrap_or_default().to_string_lossy());
@@ -27,8 +27,8 @@ pub fn run(path: &Path, fmus: &super::Fmus, out: Option<PathBuf>, plot: Option<&
     };
     let outputs: Vec<_> = [out.clone()].into_iter().chain(plot.map(Path::to_path_buf)).collect();
     writing::refuse_overlap(&outputs, &fmus.inputs(&scenario))?;
-    let master = Master::new(&scenario, &mut Fmus::default())?;
-    // It draws nothing where standard error is no terminal.
+    let master = Master::new(&scenario, &mut LoadedFmus::default())?;
+    // It draws nothing where standard error is not a terminal.
     let bar = ProgressBar::new(u64::from(scenario.steps));
     bar.set_style(
         ProgressStyle::with_template("{wide_bar} {percent} %  {eta} left").context("no progress bar")?,

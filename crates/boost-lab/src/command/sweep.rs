@@ -4,26 +4,26 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use boost_lab::sweep::Study;
-use boost_lab::sweep::journal::Journal;
+use boost_lab::sweep::journal::StudyJournal;
 use boost_lab::sweep::results::{self, Table};
 use fmi2_export::package::terminal::{complain, print};
 use fmi2_export::package::writing;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Runs a study, or what is left of it.
-pub fn run(path: &Path, fmus: &super::Fmus, out: &Path, threads: Option<usize>) -> Result<()> {
+pub fn run(path: &Path, fmus: &super::FmuArguments, out: &Path, threads: Option<usize>) -> Result<()> {
     let mut study = Study::read(path, fmus.folder.as_deref())?;
     fmus.give(&mut study.scenario)?;
     super::refuse_overlap(out, &study.outputs(out), &fmus.inputs(&study.scenario))?;
     let study = study.load()?;
-    let journal = Journal::open(out, &study.settings()?)?;
+    let journal = StudyJournal::open(out, &study.settings()?)?;
     let taken_up = journal.len();
     if taken_up > 0 {
         print(&format!("{taken_up} of {} runs are in the journal\n", study.runs()))?;
     }
     let available = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let threads = threads.unwrap_or(available);
-    // It draws nothing where standard error is no terminal.
+    // It draws nothing where standard error is not a terminal.
     let bar = ProgressBar::new(study.runs() as u64).with_position(taken_up as u64);
     bar.set_style(
         ProgressStyle::with_template("{wide_bar} {pos} of {len} runs  {eta} left")

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 use boost_lab::importer::Fmu;
 use boost_lab::journal::digest;
-use boost_lab::mapping::{self, Map};
-use boost_lab::tune::{Basis, Journal, Procedure, Schedule, Task, html, json};
+use boost_lab::mapping::{self, NameMap};
+use boost_lab::tune::{CellOrigin, Procedure, Schedule, Task, TuningJournal, html, json};
 use clap::Args;
 use fmi2_export::package::ParameterSet;
 use fmi2_export::package::terminal::{complain, print};
@@ -61,7 +61,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             .with_context(|| format!("{} cannot be tuned", path.display()))?,
         None => Schedule::built_in()?,
     };
-    let plant_map = arguments.map.as_deref().map(Map::read).transpose()?;
+    let plant_map = arguments.map.as_deref().map(NameMap::read).transpose()?;
     let task = Task {
         plant: mapping::open(&arguments.plant, plant_map.as_ref())?,
         plant_map,
@@ -79,7 +79,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     };
     super::make_folder(out)?;
     let settings = task.settings(digest(&arguments.plant)?)?;
-    let journal = Journal::open(&out.join(JOURNAL), &settings)?;
+    let journal = TuningJournal::open(&out.join(JOURNAL), &settings)?;
     let (sweeps, points) = journal.finished();
     if sweeps + points > 0 {
         print(&format!(
@@ -87,7 +87,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ))?;
     }
 
-    // It draws nothing where standard error is no terminal.
+    // It draws nothing where standard error is not a terminal.
     let bar = ProgressBar::new(whole(task.duration()));
     bar.set_style(
         ProgressStyle::with_template("{wide_bar} {percent} %  {eta} left").context("no progress bar")?,
@@ -106,12 +106,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     Ok(print(&format!(
         "{} of {} points identified; {} above and {} below what can be reached, {} outside the stepped duties, {} \
          without a model\n",
-        count(Basis::Identified),
+        count(CellOrigin::Identified),
         tuning.cells.len(),
-        count(Basis::AboveReach),
-        count(Basis::BelowReach),
-        count(Basis::OutsideFittedDuty),
-        count(Basis::NoModel),
+        count(CellOrigin::AboveReach),
+        count(CellOrigin::BelowReach),
+        count(CellOrigin::OutsideFittedDuty),
+        count(CellOrigin::NoModel),
     ))?)
 }
 

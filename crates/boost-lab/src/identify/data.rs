@@ -6,16 +6,16 @@ use anyhow::{Context, Result, bail};
 use fmi2_export::package::reading;
 use fmi2_export::package::terminal::number as shown;
 
-/// What a column can be.
-struct Role {
+/// A quantity that a column of the data can hold.
+struct Quantity {
     name: &'static str,
     /// What messages call it.
     meaning: &'static str,
-    /// The columns that are it where nothing else is said.
+    /// The columns' default names.
     columns: &'static [&'static str],
-    /// Units with what they are multiplied by and what is added then; the first is that of columns without one.
+    /// Units, each with its factor and offset; the first is that of columns without one.
     units: &'static [(&'static str, f64, f64)],
-    /// What it can be, in the first unit: what lies outside is in another one.
+    /// The plausible range, in the first unit: values outside are in another unit.
     range: (f64, f64),
     is_required: bool,
 }
@@ -32,8 +32,8 @@ const PRESSURE: &[(&str, f64, f64)] = &[
 /// From a good vacuum to ten times what surrounds an engine.
 const PRESSURES: (f64, f64) = (1e3, 1e6);
 
-const ROLES: [Role; 9] = [
-    Role {
+const QUANTITIES: [Quantity; 9] = [
+    Quantity {
         name: "time",
         meaning: "the time",
         columns: &["time"],
@@ -41,7 +41,7 @@ const ROLES: [Role; 9] = [
         range: (f64::NEG_INFINITY, f64::INFINITY),
         is_required: true,
     },
-    Role {
+    Quantity {
         name: "duty",
         meaning: "the duty of the valve's PWM",
         columns: &["hp_wastegate_pwm"],
@@ -49,7 +49,7 @@ const ROLES: [Role; 9] = [
         range: (-1.0, 101.0),
         is_required: true,
     },
-    Role {
+    Quantity {
         name: "supply_voltage",
         meaning: "the supply voltage",
         columns: &["supply_voltage", "supply_voltage_measured"],
@@ -57,7 +57,7 @@ const ROLES: [Role; 9] = [
         range: (0.0, 50.0),
         is_required: true,
     },
-    Role {
+    Quantity {
         name: "tank_pressure",
         meaning: "the pressure in the vacuum tank, absolute",
         columns: &["tank_pressure"],
@@ -65,7 +65,7 @@ const ROLES: [Role; 9] = [
         range: PRESSURES,
         is_required: true,
     },
-    Role {
+    Quantity {
         name: "actuator_pressure",
         meaning: "the pressure in the actuator's chamber, absolute",
         columns: &["actuator_pressure"],
@@ -73,7 +73,7 @@ const ROLES: [Role; 9] = [
         range: PRESSURES,
         is_required: true,
     },
-    Role {
+    Quantity {
         name: "position",
         meaning: "the position of the actuator's rod",
         columns: &["actuator.position", "hp_wastegate_position"],
@@ -81,7 +81,7 @@ const ROLES: [Role; 9] = [
         range: (-0.5, 1.5),
         is_required: true,
     },
-    Role {
+    Quantity {
         name: "pump",
         meaning: "whether the vacuum pump runs, 1 or 0",
         columns: &["vacuum_pump"],
@@ -89,7 +89,7 @@ const ROLES: [Role; 9] = [
         range: (0.0, 1.0),
         is_required: false,
     },
-    Role {
+    Quantity {
         name: "ambient_pressure",
         meaning: "the ambient pressure",
         columns: &["ambient_pressure"],
@@ -97,7 +97,7 @@ const ROLES: [Role; 9] = [
         range: PRESSURES,
         is_required: false,
     },
-    Role {
+    Quantity {
         name: "ambient_temperature",
         meaning: "the ambient temperature",
         columns: &["ambient_temperature"],
@@ -107,18 +107,18 @@ const ROLES: [Role; 9] = [
     },
 ];
 
-/// The names of what columns can be, for the command's help.
+/// The names of the quantities, for the command's help.
 #[must_use]
-pub fn roles() -> String {
-    ROLES.map(|role| role.name).join(", ")
+pub fn quantities() -> String {
+    QUANTITIES.map(|quantity| quantity.name).join(", ")
 }
 
-/// Columns and units that differ from what is expected, by roles.
+/// Columns and units that differ from what is expected, by quantity.
 #[derive(Clone, Debug, Default)]
 pub struct Naming {
-    /// The columns' names.
+    /// Column names, by quantity.
     pub columns: Vec<(String, String)>,
-    /// The units, which come before the header's.
+    /// Units by quantity; they override those of the header.
     pub units: Vec<(String, String)>,
 }
 
@@ -141,7 +141,7 @@ pub struct Data {
 }
 
 impl Data {
-    /// Reads a CSV file. A header may say a unit in brackets: `tank_pressure (kPa)`.
+    /// Reads a CSV file. A header may give a unit in brackets: `tank_pressure (kPa)`.
     ///
     /// # Errors
     /// The message names line and column, and says what was expected.
@@ -150,22 +150,23 @@ impl Data {
     }
 
     fn parse(text: &str, naming: &Naming) -> Result<Self> {
-        for (role, _) in naming.columns.iter().chain(&naming.units) {
-            if ROLES.iter().all(|known| known.name != role) {
-                bail!("no column can be {role}: there are {}", roles());
+        for (quantity, _) in naming.columns.iter().chain(&naming.units) {
+            if QUANTITIES.iter().all(|known| known.name != quantity) {
+                bail!("no column can be {quantity}: there are {}", quantities());
             }
         }
         let mut reader =
             csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
         let header: Vec<_> = reader.headers()?.iter().map(Heading::read).collect();
-        let found: Vec<_> = ROLES.iter().map(|role| find(role, &header, naming)).collect::<Result<_>>()?;
-        let mut values: Vec<Vec<f64>> = vec![vec![]; ROLES.len()];
+        let found: Vec<_> =
+            QUANTITIES.iter().map(|quantity| find(quantity, &header, naming)).collect::<Result<_>>()?;
+        let mut values: Vec<Vec<f64>> = vec![vec![]; QUANTITIES.len()];
         let mut last_line = 1;
         for row in reader.records() {
             let row = row?;
             let line = row.position().map_or(0, csv::Position::line);
             last_line = line;
-            for ((values, column), role) in values.iter_mut().zip(&found).zip(&ROLES) {
+            for ((values, column), quantity) in values.iter_mut().zip(&found).zip(&QUANTITIES) {
                 let Some(Column { index, factor, offset, is_relative }) = column else { continue };
                 let text = row.get(*index).unwrap_or_default();
                 let number = text.parse().ok().filter(|number: &f64| number.is_finite());
@@ -173,15 +174,15 @@ impl Data {
                     format!("line {line}, {}: expected a number, found \"{text}\"", header[*index].name)
                 })?;
                 let value = factor * number + offset;
-                let (least, most) = role.range;
+                let (least, most) = quantity.range;
                 if !(least..=most).contains(&value) {
-                    let unit = if *is_relative { "" } else { role.units[0].0 };
+                    let unit = if *is_relative { "" } else { quantity.units[0].0 };
                     let [least, most, value] = [least, most, value].map(shown);
                     bail!(
-                        "line {line}, {}: expected {least} to {most} {unit}, found {value} {unit}; another unit is \
-                         told in the header's brackets or by --unit {}=UNIT",
+                        "line {line}, {}: expected {least} to {most} {unit}, found {value} {unit}; give another unit in \
+                         the header's brackets or by --unit {}=UNIT",
                         header[*index].name,
-                        role.name
+                        quantity.name
                     );
                 }
                 values.push(value);
@@ -202,7 +203,7 @@ impl Data {
         }
         let position_is_relative = found[5].as_ref().is_some_and(|column| column.is_relative);
         let has = |index: usize, values: Vec<f64>| found[index].is_some().then_some(values);
-        let values: [Vec<f64>; ROLES.len()] = values.try_into().unwrap_or_default();
+        let values: [Vec<f64>; QUANTITIES.len()] = values.try_into().unwrap_or_default();
         let [time, duty, voltage, tank, chamber, position, pump, pressure, temperature] = values;
         Ok(Self {
             time,
@@ -241,7 +242,7 @@ impl Heading {
     }
 }
 
-/// Where a role's numbers are.
+/// Where a quantity's numbers stand, and how they convert.
 struct Column {
     index: usize,
     factor: f64,
@@ -253,33 +254,33 @@ fn column_name<'a>(found: &[Option<Column>], header: &'a [Heading]) -> &'a str {
     found[0].as_ref().map_or("", |column| &header[column.index].name)
 }
 
-fn find(role: &Role, header: &[Heading], naming: &Naming) -> Result<Option<Column>> {
-    let named = naming.columns.iter().find(|(name, _)| name == role.name);
-    let candidates = named.map_or_else(|| role.columns.to_vec(), |(_, column)| vec![column.as_str()]);
+fn find(quantity: &Quantity, header: &[Heading], naming: &Naming) -> Result<Option<Column>> {
+    let named = naming.columns.iter().find(|(name, _)| name == quantity.name);
+    let candidates = named.map_or_else(|| quantity.columns.to_vec(), |(_, column)| vec![column.as_str()]);
     let position = |name: &&str| header.iter().position(|heading| heading.name == *name);
     let Some(index) = candidates.iter().find_map(position) else {
-        if !role.is_required && named.is_none() {
+        if !quantity.is_required && named.is_none() {
             return Ok(None);
         }
         let names: Vec<_> = header.iter().map(|heading| heading.name.as_str()).collect();
         bail!(
             "line 1: expected a column {} ({}), found {}; --column {}=NAME names another",
             candidates.join(" or "),
-            role.meaning,
+            quantity.meaning,
             names.join(", "),
-            role.name
+            quantity.name
         );
     };
     let heading = &header[index];
-    let given = naming.units.iter().find(|(name, _)| name == role.name).map(|(_, unit)| unit);
+    let given = naming.units.iter().find(|(name, _)| name == quantity.name).map(|(_, unit)| unit);
     let unit = given.or(heading.unit.as_ref());
     let known = match unit {
         None if heading.name == "hp_wastegate_position" => Some(("1", 1.0, 0.0)),
-        None => Some(role.units[0]),
-        Some(unit) => role.units.iter().find(|(name, ..)| name == unit).copied(),
+        None => Some(quantity.units[0]),
+        Some(unit) => quantity.units.iter().find(|(name, ..)| name == unit).copied(),
     };
     let Some((name, factor, offset)) = known else {
-        let names: Vec<_> = role.units.iter().map(|(name, ..)| *name).collect();
+        let names: Vec<_> = quantity.units.iter().map(|(name, ..)| *name).collect();
         bail!(
             "line 1, {}: expected one of the units {}, found {}",
             heading.name,
@@ -299,7 +300,7 @@ mod tests {
     fn naming() -> Naming {
         let columns = [("supply_voltage", "U"), ("position", "x")];
         Naming {
-            columns: columns.map(|(role, name)| (role.to_owned(), name.to_owned())).to_vec(),
+            columns: columns.map(|(quantity, name)| (quantity.to_owned(), name.to_owned())).to_vec(),
             units: vec![],
         }
     }
@@ -329,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named() {
+    fn errors_are_named() {
         let rows = format!("{HEADER}0,40,12000,32.5,8e4,5\n");
         for (text, message) in [
             (

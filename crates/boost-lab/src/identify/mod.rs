@@ -25,7 +25,7 @@ use fmi2_export::package::{Parameter, ParameterSet, Value};
 use serde::Serialize;
 
 use self::data::Data;
-pub use self::data::{Naming, roles};
+pub use self::data::{Naming, quantities};
 use self::phases::Noise;
 pub use self::report::{html, json};
 use crate::importer::Fmu;
@@ -36,10 +36,10 @@ const MOST_RESIDUAL: f64 = 1.5;
 
 /// A parameter of the plant that the data tell.
 #[derive(Clone, Debug, Serialize)]
-pub struct Estimate {
+pub struct ParameterEstimate {
     /// The plant's variable.
     pub name: String,
-    /// Its value.
+    /// The estimate, in `unit`.
     pub value: f64,
     /// The value's standard error.
     pub standard_error: f64,
@@ -81,7 +81,7 @@ pub struct Fit {
     #[serde(skip)]
     drawing: Figure,
     /// What was found.
-    pub parameters: Vec<Estimate>,
+    pub parameters: Vec<ParameterEstimate>,
 }
 
 /// A fit, with those of its parameters that it does not tell.
@@ -92,7 +92,7 @@ type Outcome = Result<(Fit, Vec<Unidentified>)>;
 pub struct Residuals {
     /// Of what.
     pub name: String,
-    /// The unit.
+    /// The unit of the three numbers.
     pub unit: String,
     /// The root of the mean square over the data that were fitted.
     pub tuning: Option<f64>,
@@ -172,9 +172,9 @@ impl Known {
         self.sought[name].0
     }
 
-    fn estimate(&self, name: &str, value: f64, standard_error: f64) -> Estimate {
+    fn estimate(&self, name: &str, value: f64, standard_error: f64) -> ParameterEstimate {
         let (plant_value, unit) = self.sought[name].clone();
-        Estimate { name: name.to_owned(), value, standard_error, unit, plant_value }
+        ParameterEstimate { name: name.to_owned(), value, standard_error, unit, plant_value }
     }
 
     /// Ψ of eq. (2) with the linear part near equal pressures, as the plant has it.
@@ -326,14 +326,14 @@ impl Identification {
     }
 
     /// All that was found.
-    pub fn parameters(&self) -> impl Iterator<Item = &Estimate> {
+    pub fn parameters(&self) -> impl Iterator<Item = &ParameterEstimate> {
         self.fits.iter().flat_map(|fit| &fit.parameters)
     }
 
     /// What was found, for the plant.
     #[must_use]
     pub fn parameter_set(&self, plant: &Fmu) -> ParameterSet {
-        let parameter = |estimate: &Estimate| Parameter {
+        let parameter = |estimate: &ParameterEstimate| Parameter {
             name: estimate.name.clone(),
             description: format!("standard error {:.2e}", estimate.standard_error),
             value: Value::Real(estimate.value, (!estimate.unit.is_empty()).then(|| estimate.unit.clone())),

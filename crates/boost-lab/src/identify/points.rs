@@ -4,7 +4,7 @@ use super::Residuals;
 use super::statistics::root_mean_square;
 use crate::plot::{Figure, Line, Panel, color};
 
-/// A measurement.
+/// A measurement with its residual from a fit.
 #[derive(Clone, Copy, Debug)]
 pub struct Point {
     /// Where it stands on the horizontal axis.

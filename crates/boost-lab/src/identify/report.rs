@@ -5,7 +5,7 @@ use anyhow::Result;
 use serde::Serialize;
 
 use super::phases::Noise;
-use super::{Estimate, Fit, Identification, Known, Unidentified};
+use super::{Fit, Identification, Known, ParameterEstimate, Unidentified};
 use crate::page::{estimate, number, page, quantity};
 use crate::plot::escaped;
 
@@ -16,7 +16,7 @@ struct JsonReport<'a> {
     duration: f64,
     phases_at_rest: usize,
     noise: Option<Noise>,
-    parameters: Vec<&'a Estimate>,
+    parameters: Vec<&'a ParameterEstimate>,
     unidentified: &'a [Unidentified],
     fits: &'a [Fit],
     known: &'a Known,
@@ -26,7 +26,7 @@ struct JsonReport<'a> {
 /// The text of report.json.
 ///
 /// # Errors
-/// When a number is none.
+/// When a number is not finite.
 pub fn json(identification: &Identification) -> Result<String> {
     let Identification { file, rows, duration, known, noise, phases_at_rest, fits, unidentified, notes } =
         identification;

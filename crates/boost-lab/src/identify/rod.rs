@@ -9,7 +9,7 @@ use super::data::Data;
 use super::phases::{Noise, Rest};
 use super::points::{Point, curve, drawing, residuals};
 use super::statistics::{Reliable, Solution, nonlinear};
-use super::{Estimate, Fit, Known, Outcome, Residuals, Unidentified};
+use super::{Fit, Known, Outcome, ParameterEstimate, Residuals, Unidentified};
 use crate::plot::Figure;
 
 const COULOMB: &str = "actuator.coulomb_friction";
@@ -281,7 +281,7 @@ fn fit(
     Ok((fit, unidentified, prior))
 }
 
-fn estimates(prior: &Prior, known: &Known) -> Vec<Estimate> {
+fn estimates(prior: &Prior, known: &Known) -> Vec<ParameterEstimate> {
     let Some(solution) = &prior.solution else { return vec![] };
     let rod = Prior::rod(&prior.parameters);
     let mut estimates = vec![];

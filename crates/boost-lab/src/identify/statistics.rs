@@ -219,7 +219,7 @@ pub fn root_mean_square(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     (count > 0).then(|| (sum / f64::from(count)).sqrt())
 }
 
-/// The mean.
+/// The arithmetic mean; not-a-number for no values.
 pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn parameters_that_the_data_do_not_tell_apart_are_refused() {
+    fn indistinguishable_parameters_are_refused() {
         let design = DMatrix::from_fn(10, 2, |row, column| row as f64 * (column + 1) as f64);
         let observed = DVector::from_element(10, 1.0);
         assert!(linear(&design, &observed, &[10]).is_err());

@@ -38,7 +38,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_uri_reserves_is_encoded() {
+    fn reserved_characters_of_a_uri_are_encoded() {
         assert_eq!(uri(Path::new("/tmp/an fmu#1/ü")), "file:///tmp/an%20fmu%231/%C3%BC");
         assert_eq!(uri(Path::new("C:\\fmu")), "file:///C:/fmu");
     }

@@ -3,7 +3,7 @@
 use std::ffi::c_int;
 use std::fmt;
 
-use fmi2_export::package::ModelDescription;
+use fmi2_export::package::FmuDescription;
 use fmi2_export::package::terminal::number;
 
 /// A status, as the FMU gave it.
@@ -31,7 +31,7 @@ impl fmt::Display for Status {
         let known = ["fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending"];
         match usize::try_from(self.0).ok().and_then(|status| known.get(status)) {
             Some(name) => formatter.write_str(name),
-            None => write!(formatter, "{}, which is no status of FMI", self.0),
+            None => write!(formatter, "{}, which is not a status of FMI", self.0),
         }
     }
 }
@@ -43,13 +43,13 @@ pub struct Message {
     pub status: Status,
     /// The FMU's own category.
     pub category: String,
-    /// The text.
+    /// The text, as the FMU formatted it.
     pub text: String,
 }
 
 /// Of all that was logged since the last call that told something, what tells why a call failed: the
 /// complaints, or else the last messages.
-pub(super) fn telling(mut messages: Vec<Message>, description: &ModelDescription) -> Vec<Message> {
+pub(super) fn telling(mut messages: Vec<Message>, description: &FmuDescription) -> Vec<Message> {
     const LAST: usize = 3;
     if messages.iter().any(|message| message.status.0 > Status::WARNING.0) {
         messages.retain(|message| message.status.0 > Status::WARNING.0);
@@ -61,7 +61,7 @@ pub(super) fn telling(mut messages: Vec<Message>, description: &ModelDescription
 
 /// A message with the names of the variables that it refers to as `#r12#`, and with `##` as the `#` that it
 /// stands for (FMI 2.0.5, section 2.1.5).
-pub(super) fn with_names(message: Message, description: &ModelDescription) -> Message {
+pub(super) fn with_names(message: Message, description: &FmuDescription) -> Message {
     if !message.text.contains('#') {
         return message;
     }
@@ -91,12 +91,12 @@ pub(super) fn with_names(message: Message, description: &ModelDescription) -> Me
     Message { text, ..message }
 }
 
-/// A call that failed, and what the FMU said.
+/// A call that failed, and the FMU's messages.
 #[derive(Debug)]
 pub struct CallFailed {
     /// The instance's name.
     pub instance: String,
-    /// The function.
+    /// The C function of FMI.
     pub function: &'static str,
     /// The variables that it was called for, where there are few.
     pub variables: Vec<String>,

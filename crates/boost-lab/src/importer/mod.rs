@@ -3,7 +3,7 @@
 //! An [`Fmu`] is an FMU that is extracted and loaded; it makes [`Instance`]s, in any thread, and each of them
 //! stays in its thread. Variables go by their names, which are resolved once: a [`Selection`] gets or sets
 //! numbers of any type in one go and allocates nothing. The error of a call that fails is a [`CallFailed`]: the
-//! function, the time, and what the FMU said.
+//! function, the time, and the FMU's messages.
 //!
 //! This is the only room that knows how FMUs are called. Why it calls them itself: of the crates that import
 //! FMI 2.0, `fmi` needs libclang to be built and crashes on messages without a category, and `fmi-rs` (0.3.4)
@@ -28,7 +28,7 @@ use fmi2_export::c_types::{FmuState, ValueReference};
 use fmi2_export::package::library::refuse_cut_short;
 use fmi2_export::package::temporary::Folder;
 use fmi2_export::package::{
-    Linear, ModelDescription, ParameterSet, Platform, Value, Variable, like, reading,
+    FmuDescription, FmuVariable, Linear, ParameterSet, Platform, Value, like, reading,
 };
 
 /// The flag of an FMU that can have one instance in a process.
@@ -37,7 +37,7 @@ pub(crate) const ONLY_ONCE: &str = "canBeInstantiatedOnlyOncePerProcess";
 /// An FMU, extracted and loaded.
 pub struct Fmu {
     path: PathBuf,
-    description: ModelDescription,
+    description: FmuDescription,
     /// By their names: what takes the FMU's values to those that are seen here.
     conversions: BTreeMap<String, Linear>,
     functions: Arc<Functions>,
@@ -60,7 +60,7 @@ impl Fmu {
         if !description.is_file() {
             bail!("there is no modelDescription.xml in it");
         }
-        let description = ModelDescription::parse(&reading::text(&description)?)
+        let description = FmuDescription::parse(&reading::text(&description)?)
             .context("its modelDescription.xml is broken")?;
         let version = description.attribute("fmiVersion");
         if !version.starts_with("2.") {
@@ -102,7 +102,7 @@ impl Fmu {
 
     /// What the FMU says of itself.
     #[must_use]
-    pub fn description(&self) -> &ModelDescription {
+    pub fn description(&self) -> &FmuDescription {
         &self.description
     }
 
@@ -110,7 +110,7 @@ impl Fmu {
     ///
     /// # Errors
     /// When there is none of that name; the message names the likeliest.
-    pub fn variable(&self, name: &str) -> Result<&Variable> {
+    pub fn variable(&self, name: &str) -> Result<&FmuVariable> {
         self.description.variable(name).with_context(|| {
             let names = self.description.variables.iter().map(|variable| variable.name.as_str());
             format!("{} has no variable {name}{}", self.path.display(), like(name, names))
@@ -142,7 +142,7 @@ impl Fmu {
                 }
                 "Integer" | "Enumeration" => selection.integers.push(reference, position),
                 "Boolean" => selection.booleans.push(reference, position),
-                other => bail!("{name} is of the type {other}, which is no number"),
+                other => bail!("{name} is of the type {other}, which is not a number"),
             }
             selection.names.push(name.to_owned());
         }
@@ -183,7 +183,7 @@ impl Fmu {
     }
 }
 
-fn reference(variable: &Variable) -> Result<ValueReference> {
+fn reference(variable: &FmuVariable) -> Result<ValueReference> {
     variable.value_reference.parse().with_context(|| {
         format!("the value reference of {} is '{}'", variable.name, variable.value_reference)
     })
@@ -239,7 +239,7 @@ impl<T: Copy + Default> Group<T> {
 }
 
 impl Selection {
-    /// The names.
+    /// The names of the selected variables, in their order.
     #[must_use]
     pub fn names(&self) -> &[String] {
         &self.names
@@ -275,7 +275,7 @@ impl Instance {
         &self.fmu
     }
 
-    /// Its name.
+    /// The name that messages use.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
@@ -453,7 +453,7 @@ impl Instance {
     }
 
     /// Sets a variable to a value that fits it.
-    fn set_fitted(&mut self, variable: &Variable, value: &Value) -> Result<()> {
+    fn set_fitted(&mut self, variable: &FmuVariable, value: &Value) -> Result<()> {
         let name = &variable.name;
         let references = [reference(variable)?];
         let (function, status) = match value {

@@ -88,14 +88,14 @@ mod tests {
     }
 
     #[test]
-    fn what_is_constant_lies_in_the_middle() {
+    fn a_constant_line_is_centred() {
         let scale = Scale::around(12.0, 12.0, 4);
         assert!((scale.fraction(12.0) - 0.5).abs() < 1e-12);
         assert!(!scale.ticks().is_empty());
     }
 
     #[test]
-    fn nothing_at_all_can_be_drawn_too() {
+    fn an_empty_figure_can_be_drawn() {
         assert!(!Scale::around(f64::INFINITY, f64::NEG_INFINITY, 4).ticks().is_empty());
     }
 }

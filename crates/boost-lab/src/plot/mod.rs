@@ -13,7 +13,7 @@ use self::legend::Legend;
 pub use self::svg::escaped;
 use self::svg::{Anchor, Svg};
 
-/// The colours.
+/// The colours of the curves.
 pub mod color {
     /// For what is asked for, and for texts.
     pub const BLACK: &str = "#1a1a1a";
@@ -31,7 +31,7 @@ pub mod color {
     pub const SKY: &str = "#56b4e9";
     /// A sixth one.
     pub const ORANGE: &str = "#e69f00";
-    /// In this order where nothing else is said.
+    /// The default order.
     pub const CYCLE: [&str; 7] = [BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE, BLACK];
 }
 
@@ -63,7 +63,7 @@ pub struct Panel {
     height: f64,
 }
 
-/// An axis.
+/// The label and range of an axis.
 #[derive(Clone, Debug, Default)]
 struct Axis {
     label: String,
@@ -132,7 +132,7 @@ impl Figure {
 }
 
 impl Panel {
-    /// A panel with its axes' labels, which tell their units.
+    /// A panel with its axes' labels, with their units.
     #[must_use]
     pub fn new(x_label: &str, y_label: &str) -> Self {
         Self {

@@ -68,7 +68,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     })
 }
 
-/// What is said of the steps with the reference model, and with the paper's own structure.
+/// The claims for the steps with the reference model, and with the paper's own structure.
 fn claims(following: &Following, papers: &Following, least_duty: f64) -> Vec<Claim> {
     vec![
         Claim {

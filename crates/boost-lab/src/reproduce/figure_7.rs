@@ -10,7 +10,7 @@ use crate::record::Record;
 /// Above this duty (%) the tank's pressure is the floor, and the pump's relay moves it.
 const TANK_IS_FLOOR: f64 = 85.0;
 
-/// A variable over the duty, on the way up and on the way down; the duty rises in both.
+/// A variable over the duty, rising and falling; the duty rises in both.
 fn branches(record: &Record, name: &str, factor: f64) -> Result<[Vec<(f64, f64)>; 2]> {
     let points = record.get("hp_wastegate_pwm")?.iter().copied();
     let points: Vec<_> = points.zip(record.get(name)?.iter().map(|value| factor * value)).collect();

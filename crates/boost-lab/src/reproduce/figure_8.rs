@@ -23,7 +23,7 @@ fn spring(laboratory: &mut Laboratory) -> Result<Evidence> {
     let (name, text) = shipped!("figure_7.toml");
     let scenario = laboratory.scenario(name, text)?;
     let record = laboratory.run(&scenario)?;
-    // The way up alone: the spring is the same on both.
+    // The rising duty alone: the spring is the same for both.
     let half = record.time().len() / 2;
     let positions: Vec<_> = record.get("actuator.position")?[..half].iter().map(|x| 1e3 * x).collect();
     let forces = &record.get("actuator.spring_force")?[..half];

@@ -22,7 +22,7 @@ use anyhow::{Context, Result};
 use serde::Serialize;
 
 use crate::importer::Fmu;
-use crate::master::{Fmus, Master};
+use crate::master::{LoadedFmus, Master};
 use crate::measure;
 use crate::plot::Figure;
 use crate::record::Record;
@@ -32,7 +32,7 @@ pub use self::report::{html, json};
 
 /// A figure of the paper.
 pub struct PaperFigure {
-    /// Its number.
+    /// The number of the figure in the paper.
     pub number: u32,
     /// What it is about.
     pub title: &'static str,
@@ -66,7 +66,7 @@ pub const FIGURES: [PaperFigure; 10] = [
 pub struct Evidence {
     /// The drawings, each with what it shows.
     pub drawings: Vec<(String, Drawing)>,
-    /// The statements.
+    /// The paper's statements, in the order of the report.
     pub claims: Vec<Claim>,
     /// What else a reader must know: how the experiment differs from the paper's, what is not reproduced.
     pub notes: Vec<String>,
@@ -95,11 +95,11 @@ pub struct Claim {
     pub paper: &'static str,
     /// The number that the FMUs give.
     pub value: f64,
-    /// Its unit.
+    /// The unit of `value`, `least` and `most`.
     pub unit: &'static str,
-    /// The range that bears the statement out.
+    /// The smallest value that confirms the statement.
     pub least: Option<f64>,
-    /// See above.
+    /// The largest value that confirms the statement.
     pub most: Option<f64>,
     /// Where the number comes from.
     pub basis: Basis,
@@ -123,7 +123,7 @@ impl Claim {
     /// Whether the number is in the range.
     #[must_use]
     pub fn holds(&self) -> bool {
-        // A number that is none is in no range.
+        // Not-a-number is in no range.
         self.value >= self.least.unwrap_or(f64::NEG_INFINITY)
             && self.value <= self.most.unwrap_or(f64::INFINITY)
     }
@@ -152,7 +152,7 @@ pub struct Reproduced {
 /// Where the experiments run.
 pub struct Laboratory {
     folder: PathBuf,
-    fmus: Fmus,
+    fmus: LoadedFmus,
     scenarios: Vec<(&'static str, &'static str)>,
 }
 
@@ -160,7 +160,7 @@ impl Laboratory {
     /// One with the FMUs of a folder, `BoostPlant.fmu` and `BoostController.fmu`.
     #[must_use]
     pub fn new(folder: &Path) -> Self {
-        Self { folder: folder.to_owned(), fmus: Fmus::default(), scenarios: vec![] }
+        Self { folder: folder.to_owned(), fmus: LoadedFmus::default(), scenarios: vec![] }
     }
 
     /// Reproduces a figure.

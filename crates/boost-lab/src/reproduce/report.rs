@@ -37,7 +37,7 @@ struct JsonClaim<'a> {
 /// The text of report.json.
 ///
 /// # Errors
-/// When a number is none.
+/// When a number is not finite.
 pub fn json(figures: &[Reproduced]) -> Result<String> {
     let claims = |claims: &'_ [Claim]| claims.iter().all(Claim::holds);
     let report = JsonReport {

@@ -1,4 +1,4 @@
-//! Reads a TOML file value by value. What is not as expected is told with file, line and key.
+//! Reads a TOML file value by value. Errors are reported with file, line and key.
 
 use std::cell::RefCell;
 use std::fmt::Display;
@@ -211,7 +211,7 @@ impl<'a> Node<'a> {
         .ok_or_else(|| self.unexpected(expected))
     }
 
-    /// A text.
+    /// The value, if it is a string.
     pub fn string(&self, expected: &str) -> Result<&'a str> {
         self.value.as_str().ok_or_else(|| self.unexpected(expected))
     }
@@ -223,7 +223,7 @@ impl<'a> Node<'a> {
         Ok(path)
     }
 
-    /// A table.
+    /// The value, if it is a table.
     pub fn table(&self, expected: &str) -> Result<Table<'a>> {
         let DeValue::Table(table) = self.value else { return Err(self.unexpected(expected)) };
         Ok(Table {

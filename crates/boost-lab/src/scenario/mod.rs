@@ -7,7 +7,7 @@ mod signal;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use boost_interface::Map;
+use boost_interface::NameMap;
 use fmi2_export::package::terminal::number;
 use fmi2_export::package::{ParameterSet, Value, reading};
 use toml::de::DeValue;
@@ -16,7 +16,7 @@ pub use self::document::Place;
 use self::document::{Document, Node, Table};
 pub use self::signal::Signal;
 
-/// An experiment.
+/// An experiment with coupled FMUs.
 #[derive(Clone, Debug)]
 pub struct Scenario {
     /// What it shows, in a line.
@@ -35,7 +35,7 @@ pub struct Scenario {
     pub fmus: Vec<Member>,
     /// What drives the inputs of every FMU that has them.
     pub inputs: Vec<Input>,
-    /// What is added to values on their way from one FMU to another.
+    /// Noise that is added to values from one FMU to another.
     pub noise: Vec<Noise>,
     /// What is recorded; all inputs that are driven and all outputs where this is left out.
     pub record: Option<Vec<Recorded>>,
@@ -57,10 +57,10 @@ pub enum Stepping {
 pub struct Member {
     /// Its name in the experiment.
     pub name: String,
-    /// The file.
+    /// The path of the FMU.
     pub file: PathBuf,
     /// Which of its variables are those of the interface, where it has other names or units.
-    pub map: Option<Map>,
+    pub map: Option<NameMap>,
     /// Where it stands.
     pub place: Place,
     /// Parameter sets that are set before initialization.
@@ -90,9 +90,9 @@ pub struct RunIn {
 /// A value for a variable.
 #[derive(Clone, Debug)]
 pub struct Assignment {
-    /// The variable.
+    /// The variable's name in the FMU.
     pub name: String,
-    /// The value.
+    /// In the unit that the FMU declares.
     pub value: Value,
     /// Where it stands.
     pub place: Place,
@@ -101,7 +101,7 @@ pub struct Assignment {
 /// What drives an input.
 #[derive(Clone, Debug)]
 pub struct Input {
-    /// The variable.
+    /// The variable's name in the FMU.
     pub name: String,
     /// Its value over time.
     pub signal: Signal,
@@ -112,7 +112,7 @@ pub struct Input {
 /// Normally distributed noise on what one FMU gives another.
 #[derive(Clone, Debug)]
 pub struct Noise {
-    /// The variable.
+    /// The variable's name in the FMU.
     pub name: String,
     /// In the variable's unit.
     pub standard_deviation: f64,
@@ -238,7 +238,7 @@ fn count(duration: f64, step: f64) -> Result<u32> {
         bail!("{} communication steps of {} s are too many", number(count), number(step));
     }
     if (count * step - duration).abs() > 1e-9 * duration.max(1.0) {
-        bail!("{} s is no multiple of the communication step, {} s", number(duration), number(step));
+        bail!("{} s is not a multiple of the communication step, {} s", number(duration), number(step));
     }
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     // it is whole, above zero and small enough
@@ -279,9 +279,9 @@ fn read_member(node: &Node<'_>, step: f64, folder: &Path, fmus: &Path) -> Result
     Ok(member)
 }
 
-fn read_map(node: &Node<'_>, folder: &Path) -> Result<Map> {
+fn read_map(node: &Node<'_>, folder: &Path) -> Result<NameMap> {
     let path = node.path("the path of a map (.json)", folder)?;
-    node.place().locate(Map::read(&path))
+    node.place().locate(NameMap::read(&path))
 }
 
 fn read_parameters(node: &Node<'_>, folder: &Path, expected: &str) -> Result<(ParameterSet, Place)> {

@@ -24,9 +24,9 @@ pub enum Signal {
     Lines(Vec<(f64, f64)>),
     /// A sine wave: mean, amplitude, frequency in Hz, phase in degrees at time 0.
     Sine {
-        /// The mean.
+        /// In the unit of the variable.
         mean: f64,
-        /// The amplitude.
+        /// In the unit of the variable.
         amplitude: f64,
         /// In Hz.
         frequency: f64,
@@ -72,7 +72,7 @@ impl Signal {
     /// Reads a signal; CSV files are looked for in `folder`.
     ///
     /// # Errors
-    /// When it is none, or its file is not as it should be; the message names the place.
+    /// When it is not a signal, or its file is not valid; the message names the place.
     pub(super) fn read(node: &Node<'_>, folder: &Path) -> Result<Self> {
         const EXPECTED: &str = "a number, or a table with one of steps, points, ramp, sine and csv";
         if matches!(node.value(), DeValue::Integer(_) | DeValue::Float(_)) {
@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_lead_from_point_to_point() {
+    fn points_are_joined_by_lines() {
         let signal = Signal::Lines(vec![(0.0, 1.0), (2.0, 5.0), (4.0, 5.0)]);
         let values = [-1.0, 0.0, 0.5, 2.0, 3.0, 4.0, 9.0].map(|time| signal.at(time));
         assert_eq!(values.map(f64::to_bits), [1.0_f64, 1.0, 2.0, 5.0, 5.0, 5.0, 5.0].map(f64::to_bits));

@@ -16,7 +16,7 @@ fn refusal(text: &str) -> String {
 }
 
 #[test]
-fn what_is_left_out_has_its_default() {
+fn missing_keys_have_their_defaults() {
     let scenario = parse(&with("")).unwrap();
     assert_eq!(scenario.start_time.to_bits(), 0.0_f64.to_bits());
     assert_eq!(scenario.stepping, Stepping::InTurn);
@@ -105,7 +105,7 @@ fn each_refusal_names_line_and_key_and_what_was_expected() {
         ),
         (
             "step = 0.3\nstop_time = 1",
-            "line 2, stop_time: 1 s is no multiple of the communication step, 0.3 s",
+            "line 2, stop_time: 1 s is not a multiple of the communication step, 0.3 s",
         ),
         ("step = 0.1\nstop_time = 1\nfmu = 3", "line 3, fmu: expected a table [[fmu]] for each FMU"),
         (
@@ -180,7 +180,7 @@ fn each_refusal_names_line_and_key_and_what_was_expected() {
 }
 
 #[test]
-fn a_csv_file_is_a_signal_and_its_faults_are_told_with_line_and_column() {
+fn a_csv_file_is_a_signal_and_its_errors_name_line_and_column() {
     let folder = tempfile::tempdir().unwrap();
     let read = |content: &str, more: &str| {
         fs::write(folder.path().join("a.csv"), content).unwrap();

@@ -49,7 +49,7 @@ impl Range {
         Ok(Self { from, to, is_logarithmic })
     }
 
-    /// The value at a fraction of the way, with both ends as they were given.
+    /// The value at a fraction of the range; both ends are exactly as given.
     fn at(&self, fraction: f64) -> f64 {
         let Self { from, to, is_logarithmic } = *self;
         let between =
@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn a_list_leaves_open_what_it_does_not_name() -> Result<()> {
+    fn a_list_keeps_other_values() -> Result<()> {
         let points = design("list = [{ \"p:a\" = 1 }, { \"p:b\" = 2 }]")?;
         assert_eq!(points.len(), 2);
         assert!((points[0][0] - 1.0).abs() < 1e-15 && points[0][1].is_nan());
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named() {
+    fn errors_are_named() {
         for (text, message) in [
             ("title = 1", "expected one of grid, latin_hypercube and list"),
             ("[grid]\na = [1]", "line 2, grid.a: expected the FMU's name in the scenario, a colon"),

@@ -18,7 +18,7 @@ pub struct Outcome {
     pub run: usize,
     /// Why it failed, if it did: the FMU's own message.
     pub error: Option<String>,
-    /// The measures; none where there is no number.
+    /// The measures; none where one is undefined.
     pub measures: Vec<Option<f64>>,
     /// What the FMUs warned of.
     pub warnings: Vec<String>,
@@ -33,13 +33,13 @@ impl Outcome {
 }
 
 /// The finished runs of a study.
-pub struct Journal {
+pub struct StudyJournal {
     folder: PathBuf,
     journal: journal::Journal,
     outcomes: BTreeMap<usize, Outcome>,
 }
 
-impl Journal {
+impl StudyJournal {
     /// Opens the journal in a folder, or begins one.
     ///
     /// # Errors
@@ -53,7 +53,7 @@ impl Journal {
         Ok(Self { folder: folder.to_owned(), journal, outcomes })
     }
 
-    /// Where it is.
+    /// The folder of the results.
     #[must_use]
     pub fn folder(&self) -> &Path {
         &self.folder
@@ -71,7 +71,7 @@ impl Journal {
         self.outcomes.len()
     }
 
-    /// Whether none is.
+    /// Whether no run is finished.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.outcomes.is_empty()

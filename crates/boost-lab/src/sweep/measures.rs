@@ -89,7 +89,7 @@ fn read_one(name: &str, node: &Node<'_>, scenario: &Scenario) -> Result<Measure>
     Ok(Measure { name: name.to_owned(), variable, place: node.place().clone(), kind })
 }
 
-/// From when to when; the whole scenario where nothing is said.
+/// The time interval; by default the whole scenario.
 fn read_times(table: &Table<'_>, scenario: &Scenario) -> Result<(f64, f64)> {
     let time = |key, default| {
         let Some(node) = table.optional(key) else { return Ok(default) };

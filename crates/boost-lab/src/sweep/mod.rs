@@ -20,12 +20,12 @@ use fmi2_export::package::{Value, reading, writing};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use self::design::Design;
-use self::journal::{Journal, Outcome};
+use self::journal::{Outcome, StudyJournal};
 use self::measures::Measure;
 use crate::importer::ONLY_ONCE;
 use crate::journal::digest;
 use crate::mapping;
-use crate::master::{Fmus, Master};
+use crate::master::{LoadedFmus, Master};
 use crate::scenario::document::Document;
 use crate::scenario::{Assignment, Place, Recorded, Scenario};
 
@@ -65,7 +65,7 @@ impl Parameter {
 /// A study with its FMUs loaded, of which everything is known that can be known before it runs.
 pub struct Loaded {
     study: Study,
-    fmus: Fmus,
+    fmus: LoadedFmus,
     data_types: Vec<String>,
     is_single: bool,
 }
@@ -120,7 +120,7 @@ impl Study {
     /// # Errors
     /// When an FMU cannot be imported, or the study names what there is not; the message names the place.
     pub fn load(self) -> Result<Loaded> {
-        let mut fmus = Fmus::default();
+        let mut fmus = LoadedFmus::default();
         let master = Master::new(&self.scenario, &mut fmus)?;
         for measure in &self.measures {
             if !master.recorded().any(|name| name == measure.variable) {
@@ -264,13 +264,13 @@ impl Loaded {
         Ok(settings)
     }
 
-    /// Runs what the journal does not have yet, on so many threads; `progress` is told each finished run.
+    /// Runs what the journal does not have yet, on so many threads; `progress` is called for each finished run.
     ///
     /// # Errors
     /// When the journal or a record cannot be written. A run that fails is an outcome, no error.
     pub fn run(
         &self,
-        journal: Journal,
+        journal: StudyJournal,
         threads: usize,
         progress: impl Fn(&Outcome) + Sync,
     ) -> Result<Vec<Outcome>> {

@@ -106,7 +106,7 @@ impl<'a> Bench<'a> {
         {
             let variable = plant.variable(name)?;
             if variable.causality != causality {
-                bail!("the plant's {name} is no {causality}");
+                bail!("the plant's {name} is not an {causality}");
             }
             check_unit(variable, unit)?;
         }

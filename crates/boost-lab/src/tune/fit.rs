@@ -35,7 +35,7 @@ pub struct FirstOrder {
 /// A number and its standard error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
-    /// The number.
+    /// The estimate, in the unit of the parameter.
     pub value: f64,
     /// Its standard error, by the residuals' scatter as if each were independent of the others.
     pub standard_error: f64,
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_response_gives_no_model() {
+    fn an_unusable_response_gives_no_model() {
         assert_eq!(FirstOrder::fit(&[], INTERVAL), None);
         assert_eq!(FirstOrder::fit(&[0.0; 100], INTERVAL), None);
         assert_eq!(FirstOrder::fit(&[f64::NAN; 100], INTERVAL), None);

@@ -16,12 +16,12 @@ enum Finished {
 }
 
 /// A journal that is open, and what it held.
-pub struct Journal {
+pub struct TuningJournal {
     journal: journal::Journal,
     finished: Vec<Finished>,
 }
 
-impl Journal {
+impl TuningJournal {
     /// Opens a journal, or begins it where there is none.
     ///
     /// # Errors

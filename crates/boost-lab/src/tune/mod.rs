@@ -29,18 +29,18 @@ use crate::mapping;
 use self::bench::Bench;
 pub use self::bench::{Hold, Point, Sweep};
 pub use self::fit::{Estimate, FirstOrder};
-pub use self::journal::Journal;
+pub use self::journal::TuningJournal;
 pub use self::monotone::Monotone;
 pub use self::procedure::Procedure;
 pub use self::report::{html, json};
-pub use self::schedule::{Map, Schedule};
+pub use self::schedule::{Schedule, ScheduleTable};
 
 /// What is tuned to what.
 pub struct Task {
-    /// The plant.
+    /// The plant to be identified.
     pub plant: Arc<Fmu>,
     /// The map that the plant is seen by, if any.
-    pub plant_map: Option<mapping::Map>,
+    pub plant_map: Option<mapping::NameMap>,
     /// The plant's parameters, set in their order.
     pub plant_parameters: Vec<ParameterSet>,
     /// The controller's grid.
@@ -52,7 +52,7 @@ pub struct Task {
 /// Why a point has the values that it has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Basis {
+pub enum CellOrigin {
     /// Its own responses.
     Identified,
     /// The reference is above what can be reached.
@@ -73,7 +73,7 @@ pub struct Cell {
     /// The column, from 0.
     pub column: usize,
     /// Why it has these values.
-    pub basis: Basis,
+    pub basis: CellOrigin,
     /// The row and column of the identified point that gain, time constant and delay are taken from.
     pub taken_from: (usize, usize),
     /// The duty at nominal voltage that holds the reference (%).
@@ -144,7 +144,7 @@ impl Task {
     /// All that the experiments depend on; `digest` is that of the plant's file.
     ///
     /// # Errors
-    /// When a number of the map is none.
+    /// When a number of the map is not finite.
     pub fn settings(&self, digest: String) -> Result<Settings> {
         let schedule = &self.schedule;
         let mut settings: Settings = [
@@ -173,12 +173,16 @@ impl Task {
         columns * self.procedure.sweep_duration() + points * self.procedure.point_duration()
     }
 
-    /// Tunes. What the journal has is taken from there, what it has not is written there; `progress` is told
+    /// Tunes. What the journal has is taken from there, what it has not is written there; `progress` is given
     /// how many seconds of [`duration`](Self::duration) are done with each sweep and point, by several threads.
     ///
     /// # Errors
     /// When the plant lacks what is needed, fails, or cannot be tuned at all.
-    pub fn run<'a>(&'a self, journal: &Journal, progress: &(impl Fn(f64) + Sync)) -> Result<Tuning<'a>> {
+    pub fn run<'a>(
+        &'a self,
+        journal: &TuningJournal,
+        progress: &(impl Fn(f64) + Sync),
+    ) -> Result<Tuning<'a>> {
         let bench = Bench::new(&self.plant, &self.plant_parameters, &self.schedule, &self.procedure)
             .context("the plant cannot be tuned to")?;
         let is_single = self.plant.description().has_capability(ONLY_ONCE);
@@ -208,7 +212,7 @@ impl Task {
             .collect();
         let point = |&(row, column): &(usize, usize)| {
             let (basis, duty) = self.placed(&statics[column], row);
-            let point = if basis != Basis::Identified {
+            let point = if basis != CellOrigin::Identified {
                 None
             } else if let Some(point) = journal.point(row, column) {
                 Some(point.clone())
@@ -259,16 +263,16 @@ impl Task {
     }
 
     /// How a reference can be reached, and its feedforward.
-    fn placed(&self, duty_over_boost: &Monotone, row: usize) -> (Basis, f64) {
+    fn placed(&self, duty_over_boost: &Monotone, row: usize) -> (CellOrigin, f64) {
         let reference = self.schedule.boost_references[row];
         let (least, most) = self.procedure.fitted_duty;
         match duty_over_boost.at(reference) {
-            Some(duty) if (least..=most).contains(&duty) => (Basis::Identified, duty),
-            Some(duty) => (Basis::OutsideFittedDuty, duty),
+            Some(duty) if (least..=most).contains(&duty) => (CellOrigin::Identified, duty),
+            Some(duty) => (CellOrigin::OutsideFittedDuty, duty),
             None if reference > duty_over_boost.last() => {
-                (Basis::AboveReach, self.procedure.duty_above_reach)
+                (CellOrigin::AboveReach, self.procedure.duty_above_reach)
             }
-            None => (Basis::BelowReach, self.procedure.duty_below_reach),
+            None => (CellOrigin::BelowReach, self.procedure.duty_below_reach),
         }
     }
 
@@ -309,7 +313,7 @@ impl Task {
             Ok(Cell {
                 row,
                 column,
-                basis: if basis == Basis::Identified && !is_own { Basis::NoModel } else { basis },
+                basis: if basis == CellOrigin::Identified && !is_own { CellOrigin::NoModel } else { basis },
                 taken_from,
                 feedforward,
                 gain,
@@ -326,32 +330,34 @@ impl Task {
     /// Whether a model is one that the controller takes: falling with the duty, and within the ranges.
     fn is_usable(&self, model: &FirstOrder) -> bool {
         model.gain.value < 0.0
-            && self.schedule.takes(Map::Gain, model.gain.value)
-            && self.schedule.takes(Map::TimeConstant, model.time_constant.value)
-            && self.schedule.takes(Map::Delay, model.delay.value)
+            && self.schedule.takes(ScheduleTable::Gain, model.gain.value)
+            && self.schedule.takes(ScheduleTable::TimeConstant, model.time_constant.value)
+            && self.schedule.takes(ScheduleTable::Delay, model.delay.value)
     }
 }
 
 impl Cell {
     /// A value of the cell.
     #[must_use]
-    pub fn value(&self, map: Map) -> f64 {
+    pub fn value(&self, map: ScheduleTable) -> f64 {
         match map {
-            Map::Feedforward => self.feedforward,
-            Map::Gain => self.gain,
-            Map::TimeConstant => self.time_constant,
-            Map::Delay => self.delay,
+            ScheduleTable::Feedforward => self.feedforward,
+            ScheduleTable::Gain => self.gain,
+            ScheduleTable::TimeConstant => self.time_constant,
+            ScheduleTable::Delay => self.delay,
         }
     }
 
     /// Whether a value of the cell was found there, and not filled in or raised.
     #[must_use]
-    pub fn is_found(&self, map: Map) -> bool {
+    pub fn is_found(&self, map: ScheduleTable) -> bool {
         match map {
-            Map::Feedforward => !matches!(self.basis, Basis::AboveReach | Basis::BelowReach),
-            Map::Gain => self.basis == Basis::Identified && !self.gain_is_raised,
-            Map::TimeConstant => self.basis == Basis::Identified,
-            Map::Delay => self.basis == Basis::Identified && !self.delay_is_raised,
+            ScheduleTable::Feedforward => {
+                !matches!(self.basis, CellOrigin::AboveReach | CellOrigin::BelowReach)
+            }
+            ScheduleTable::Gain => self.basis == CellOrigin::Identified && !self.gain_is_raised,
+            ScheduleTable::TimeConstant => self.basis == CellOrigin::Identified,
+            ScheduleTable::Delay => self.basis == CellOrigin::Identified && !self.delay_is_raised,
         }
     }
 }
@@ -375,31 +381,31 @@ impl Tuning<'_> {
 
     /// How a value came about, in words.
     #[must_use]
-    pub fn provenance(&self, cell: &Cell, map: Map) -> String {
+    pub fn provenance(&self, cell: &Cell, map: ScheduleTable) -> String {
         let procedure = &self.task.procedure;
-        if map == Map::Feedforward {
+        if map == ScheduleTable::Feedforward {
             return match cell.basis {
-                Basis::AboveReach => "filled: the reference is above what can be reached".to_owned(),
-                Basis::BelowReach => "filled: the reference is below what can be reached".to_owned(),
+                CellOrigin::AboveReach => "filled: the reference is above what can be reached".to_owned(),
+                CellOrigin::BelowReach => "filled: the reference is below what can be reached".to_owned(),
                 _ => "inverse of the sweep".to_owned(),
             };
         }
         let (row, column) = cell.taken_from;
-        let mut text = if cell.basis == Basis::Identified {
+        let mut text = if cell.basis == CellOrigin::Identified {
             let model = self.point(row, column).and_then(|point| point.model.as_ref());
             let error = model.map_or(f64::NAN, |model| match map {
-                Map::Gain => model.gain.standard_error,
-                Map::Delay => model.delay.standard_error,
+                ScheduleTable::Gain => model.gain.standard_error,
+                ScheduleTable::Delay => model.delay.standard_error,
                 _ => model.time_constant.standard_error,
             });
             format!("identified, standard error {error:.2e} {}", map.unit())
         } else {
             let schedule = &self.task.schedule;
             let why = match cell.basis {
-                Basis::AboveReach => "the reference is above what can be reached",
-                Basis::BelowReach => "the reference is below what can be reached",
-                Basis::OutsideFittedDuty => "its feedforward is outside the duties that are stepped",
-                Basis::NoModel | Basis::Identified => "no model fits",
+                CellOrigin::AboveReach => "the reference is above what can be reached",
+                CellOrigin::BelowReach => "the reference is below what can be reached",
+                CellOrigin::OutsideFittedDuty => "its feedforward is outside the duties that are stepped",
+                CellOrigin::NoModel | CellOrigin::Identified => "no model fits",
             };
             format!(
                 "filled from {} Pa at {} rpm: {why}",
@@ -407,10 +413,10 @@ impl Tuning<'_> {
             )
         };
         match map {
-            Map::Gain if cell.gain_is_raised => {
+            ScheduleTable::Gain if cell.gain_is_raised => {
                 text += &format!("; raised to the least magnitude, {} Pa/%", procedure.least_gain);
             }
-            Map::Delay if cell.delay_is_raised => {
+            ScheduleTable::Delay if cell.delay_is_raised => {
                 text += &format!("; raised to the least delay, {} s", procedure.least_delay);
             }
             _ => {}
@@ -437,7 +443,7 @@ impl Tuning<'_> {
         let least_duty =
             parameter(schedule::LEAST_DUTY.to_owned(), lift_off.to_owned(), self.least_duty(), "%");
         parameters.insert(1, least_duty);
-        for map in Map::ALL {
+        for map in ScheduleTable::ALL {
             for cell in &self.cells {
                 let name = map.parameter(cell.row, cell.column);
                 parameters.push(parameter(name, self.provenance(cell, map), cell.value(map), map.unit()));

@@ -4,7 +4,7 @@ use anyhow::Result;
 use serde::Serialize;
 
 use super::bench::drawn_samples;
-use super::{Basis, Cell, Map, Point, Procedure, Sweep, Tuning};
+use super::{Cell, CellOrigin, Point, Procedure, ScheduleTable, Sweep, Tuning};
 use crate::page::page;
 use crate::plot::{Figure, Line, Panel, color, escaped};
 
@@ -54,7 +54,7 @@ struct JsonCell<'a> {
 /// The text of report.json.
 ///
 /// # Errors
-/// When a number is none.
+/// When a number is not finite.
 pub fn json(tuning: &Tuning<'_>) -> Result<String> {
     let schedule = &tuning.task.schedule;
     let cells = tuning.cells.iter().map(|cell| JsonCell {
@@ -120,11 +120,11 @@ fn introduction(tuning: &Tuning<'_>, title: &str) -> String {
                 "{}: {} identified, {} above and {} below what can be reached, {} outside the stepped duties, {} \
                  without a model",
                 tuning.cells.len(),
-                count(Basis::Identified),
-                count(Basis::AboveReach),
-                count(Basis::BelowReach),
-                count(Basis::OutsideFittedDuty),
-                count(Basis::NoModel)
+                count(CellOrigin::Identified),
+                count(CellOrigin::AboveReach),
+                count(CellOrigin::BelowReach),
+                count(CellOrigin::OutsideFittedDuty),
+                count(CellOrigin::NoModel)
             ),
         ),
         (
@@ -159,23 +159,23 @@ fn introduction(tuning: &Tuning<'_>, title: &str) -> String {
 }
 
 fn identified_maps(tuning: &Tuning<'_>) -> String {
-    let map = |title: &str, map: Map, factor: f64, decimals: usize| {
+    let map = |title: &str, map: ScheduleTable, factor: f64, decimals: usize| {
         heat_map(tuning, title, decimals, |cell| Shown {
             value: factor * cell.value(map),
             is_found: cell.is_found(map),
             is_raised: match map {
-                Map::Gain => cell.gain_is_raised,
-                Map::Delay => cell.delay_is_raised,
-                Map::Feedforward | Map::TimeConstant => false,
+                ScheduleTable::Gain => cell.gain_is_raised,
+                ScheduleTable::Delay => cell.delay_is_raised,
+                ScheduleTable::Feedforward | ScheduleTable::TimeConstant => false,
             },
             hint: tuning.provenance(cell, map),
         })
     };
     let maps = [
-        map("Feedforward (%)", Map::Feedforward, 1.0, 1),
-        map("Gain <i>K<sub>p</sub></i> (kPa/%)", Map::Gain, 1e-3, 2),
-        map("Time constant <i>T</i> (s)", Map::TimeConstant, 1.0, 2),
-        map("Delay <i>L</i> (ms)", Map::Delay, 1e3, 0),
+        map("Feedforward (%)", ScheduleTable::Feedforward, 1.0, 1),
+        map("Gain <i>K<sub>p</sub></i> (kPa/%)", ScheduleTable::Gain, 1e-3, 2),
+        map("Time constant <i>T</i> (s)", ScheduleTable::TimeConstant, 1.0, 2),
+        map("Delay <i>L</i> (ms)", ScheduleTable::Delay, 1e3, 0),
     ];
     let procedure = &tuning.task.procedure;
     format!(
@@ -197,7 +197,7 @@ fn feedback_maps(tuning: &Tuning<'_>) -> String {
     let map = |title: &str, decimals: usize, value: fn(&Cell) -> f64| {
         heat_map(tuning, title, decimals, |cell| Shown {
             value: value(cell),
-            is_found: cell.is_found(Map::TimeConstant),
+            is_found: cell.is_found(ScheduleTable::TimeConstant),
             is_raised: false,
             hint: String::new(),
         })
@@ -206,7 +206,7 @@ fn feedback_maps(tuning: &Tuning<'_>) -> String {
         let model = tuning.point(cell.row, cell.column).and_then(|point| point.model.as_ref());
         Shown {
             value: model.map_or(f64::NAN, |model| 100.0 * model.determination),
-            is_found: cell.basis == Basis::Identified,
+            is_found: cell.basis == CellOrigin::Identified,
             is_raised: false,
             hint: model.map_or_else(String::new, |model| {
                 format!("root mean square of the residuals {:.1} Pa per %", model.residual)

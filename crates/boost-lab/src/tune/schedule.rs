@@ -3,7 +3,7 @@
 
 use anyhow::{Context, Result, bail};
 use fmi2_export::package::terminal::number;
-use fmi2_export::package::{ModelDescription, Value, Variable, like};
+use fmi2_export::package::{FmuDescription, FmuVariable, Value, like};
 
 /// What this repository's controller says of itself.
 const BUILT_IN: &str = include_str!(concat!(env!("OUT_DIR"), "/BoostController/modelDescription.xml"));
@@ -18,7 +18,7 @@ pub(super) const LEAST_DUTY: &str = "pwm_min";
 
 /// A map over the grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Map {
+pub enum ScheduleTable {
     /// The duty that holds a boost pressure (%).
     Feedforward,
     /// The static gain of paper eq. (10) (Pa/%).
@@ -29,7 +29,7 @@ pub enum Map {
     Delay,
 }
 
-impl Map {
+impl ScheduleTable {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Feedforward, Self::Gain, Self::TimeConstant, Self::Delay];
 
@@ -71,10 +71,10 @@ pub struct Schedule {
     pub sample_time: f64,
     /// The time constant that the controller asks of the closed loop (s).
     pub lambda: f64,
-    /// The ranges that the controller takes of the maps, in the order of [`Map::ALL`].
+    /// The ranges that the controller takes of the maps, in the order of [`ScheduleTable::ALL`].
     ranges: [(f64, f64); 4],
     /// What the controller says of itself.
-    pub(super) description: ModelDescription,
+    pub(super) description: FmuDescription,
 }
 
 impl Schedule {
@@ -83,18 +83,18 @@ impl Schedule {
     /// # Errors
     /// When the controller's description is not as it should be.
     pub fn built_in() -> Result<Self> {
-        Self::read(&ModelDescription::parse(BUILT_IN)?)
+        Self::read(&FmuDescription::parse(BUILT_IN)?)
     }
 
     /// That of a controller.
     ///
     /// # Errors
     /// When a parameter is missing or in another unit; the message names it.
-    pub fn read(controller: &ModelDescription) -> Result<Self> {
+    pub fn read(controller: &FmuDescription) -> Result<Self> {
         let mut ranges = [(0.0, 0.0); 4];
         let engine_speeds = axis(controller, ENGINE_SPEED, "rpm")?;
         let boost_references = axis(controller, BOOST_REFERENCE, "Pa")?;
-        for (map, range) in Map::ALL.into_iter().zip(&mut ranges) {
+        for (map, range) in ScheduleTable::ALL.into_iter().zip(&mut ranges) {
             for row in 0..boost_references.len() {
                 for column in 0..engine_speeds.len() {
                     *range = parameter(controller, &map.parameter(row, column), map.unit())?.range()?;
@@ -158,7 +158,7 @@ impl Schedule {
 
     /// Whether the controller takes a value in a map.
     #[must_use]
-    pub fn takes(&self, map: Map, value: f64) -> bool {
+    pub fn takes(&self, map: ScheduleTable, value: f64) -> bool {
         let (least, most) = self.ranges[map as usize];
         (least..=most).contains(&value)
     }
@@ -182,7 +182,7 @@ impl Schedule {
 }
 
 /// The start values of `name[1]`, `name[2]` and so on.
-fn axis(controller: &ModelDescription, name: &str, unit: &str) -> Result<Vec<f64>> {
+fn axis(controller: &FmuDescription, name: &str, unit: &str) -> Result<Vec<f64>> {
     let element = |index: usize| format!("{name}[{index}]");
     let mut values = vec![];
     // Where there is none at all, the first is missing.
@@ -192,7 +192,7 @@ fn axis(controller: &ModelDescription, name: &str, unit: &str) -> Result<Vec<f64
     Ok(values)
 }
 
-fn parameter<'a>(controller: &'a ModelDescription, name: &str, unit: &str) -> Result<&'a Variable> {
+fn parameter<'a>(controller: &'a FmuDescription, name: &str, unit: &str) -> Result<&'a FmuVariable> {
     let names = || controller.variables.iter().map(|variable| variable.name.as_str());
     let variable = controller.variable(name).with_context(|| {
         format!("the controller {} has no {name}{}", controller.attribute("modelName"), like(name, names()))
@@ -202,17 +202,17 @@ fn parameter<'a>(controller: &'a ModelDescription, name: &str, unit: &str) -> Re
 }
 
 /// Refuses a variable that has a unit, and another one.
-pub(super) fn check_unit(variable: &Variable, unit: &str) -> Result<()> {
+pub(super) fn check_unit(variable: &FmuVariable, unit: &str) -> Result<()> {
     if !variable.unit.is_empty() && variable.unit != unit {
         bail!("{} is in {}, expected is {unit}", variable.name, variable.unit);
     }
     Ok(())
 }
 
-fn start(variable: &Variable) -> Result<f64> {
+fn start(variable: &FmuVariable) -> Result<f64> {
     let value = variable.start.trim().parse().ok().filter(|value: &f64| value.is_finite());
     value.with_context(|| {
-        format!("the start value of {} is '{}', which is no number", variable.name, variable.start)
+        format!("the start value of {} is '{}', which is not a number", variable.name, variable.start)
     })
 }
 
@@ -228,10 +228,10 @@ mod tests {
     }
 
     #[test]
-    fn what_a_controller_lacks_is_named() {
+    fn missing_parameters_of_a_controller_are_named() {
         let refusal = |from: &str, to: &str| {
             assert!(BUILT_IN.contains(from));
-            let controller = ModelDescription::parse(&BUILT_IN.replace(from, to)).unwrap();
+            let controller = FmuDescription::parse(&BUILT_IN.replace(from, to)).unwrap();
             Schedule::read(&controller).unwrap_err().to_string()
         };
         assert_eq!(
@@ -256,7 +256,7 @@ mod tests {
 
     /// Before hours are spent on what the controller does not take.
     #[test]
-    fn what_is_given_is_within_the_controllers_ranges() {
+    fn given_values_are_within_the_controllers_ranges() {
         let with =
             |speeds, references, lambda| Schedule::built_in().unwrap().with(speeds, references, lambda);
         let refusal = |speeds, references, lambda| with(speeds, references, lambda).unwrap_err().to_string();

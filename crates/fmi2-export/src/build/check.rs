@@ -220,7 +220,7 @@ fn data_type(model: &json::Model, json: &json::Variable) -> Result<DataType, Str
         name => {
             let position = model.enumerations.iter().position(|enumeration| enumeration.name == name);
             let unknown =
-                || format!("type '{name}' is none of Real, Integer, Boolean, String and the enumerations");
+                || format!("type '{name}' is not one of Real, Integer, Boolean, String and the enumerations");
             DataType::Enumeration(position.ok_or_else(unknown)?)
         }
     })
@@ -347,7 +347,7 @@ fn bounds(json: &json::Variable, data_type: DataType) -> Result<(), String> {
             let integers = f64::from(i32::MIN)..=f64::from(i32::MAX);
             let is_integer = |bound: f64| bound.fract() == 0.0 && integers.contains(&bound);
             if let Some(bound) = bounds.into_iter().flatten().find(|&bound| !is_integer(bound)) {
-                return Err(format!("the bound {bound:?} is no Integer"));
+                return Err(format!("the bound {bound:?} is not of type Integer"));
             }
         }
         _ if bounds != [None, None] => {
@@ -389,7 +389,7 @@ fn start_value(
     data_type: DataType,
     value: &Value,
 ) -> Result<Start, String> {
-    let mismatch = || format!("start {value} is no {}", json.data_type);
+    let mismatch = || format!("start {value} is not of type {}", json.data_type);
     let within = |value: f64| {
         if json.min.is_some_and(|min| value < min) || json.max.is_some_and(|max| value > max) {
             let min = json.min.unwrap_or(f64::NEG_INFINITY);
@@ -423,7 +423,8 @@ fn start_value(
             let name = value.as_str().ok_or_else(mismatch)?;
             let items = &model.enumerations[position].items;
             let item = items.iter().position(|item| item.name == name);
-            item.map(Start::Item).ok_or_else(|| format!("start '{name}' is no item of {}", json.data_type))
+            item.map(Start::Item)
+                .ok_or_else(|| format!("start '{name}' is not an item of {}", json.data_type))
         }
     }
 }
@@ -537,7 +538,7 @@ pub(super) fn calculated_parameters(variables: &[Variable]) -> Result<(), Refusa
         let allowed = |role| matches!(role, Role::Parameter | Role::CalculatedParameter);
         let others = variable.reads.iter().chain(variable.reads_in_initialization());
         if let Some(read) = others.map(|&read| &variables[read]).find(|read| !allowed(read.role)) {
-            let reason = format!("a calculatedParameter reads '{}', which is no parameter", read.name);
+            let reason = format!("a calculatedParameter reads '{}', which is not a parameter", read.name);
             return Err(Refusal::of(&variable.name, reason));
         }
     }

@@ -50,7 +50,7 @@ impl Structure {
     }
 }
 
-/// The knowns that are reached from a variable through what is read on the way.
+/// The knowns that are reached from a variable through the variables in between.
 fn closure(
     variables: &[Variable],
     from: usize,

@@ -179,7 +179,7 @@ impl Reading<'_> {
 
     fn begin_picture(&mut self, element: &BytesStart<'_>, called: &str, place: &Place) -> Result<(), Error> {
         if element.name().as_ref() != "svg" {
-            return Err(place.refuse("it is no SVG"));
+            return Err(place.refuse("it is not an SVG"));
         }
         self.check_attributes("svg", &attributes(element, place)?, place)?;
         let called = escape::escape(called);

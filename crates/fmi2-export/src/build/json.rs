@@ -15,7 +15,7 @@ use serde_json::Value;
 
 use super::error::Error;
 
-/// A model.
+/// A model as its JSON declares it.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Model {
@@ -199,7 +199,7 @@ pub(super) struct Component {
 #[serde(deny_unknown_fields)]
 pub(super) struct Unit {
     pub(super) name: String,
-    /// The exponents of the SI base units; absent where they are no integers.
+    /// The exponents of the SI base units; absent where they are not integers.
     #[serde(default, deserialize_with = "some_without_duplicates")]
     pub(super) base: Option<BTreeMap<BaseUnit, i32>>,
     /// From this unit to the base unit.

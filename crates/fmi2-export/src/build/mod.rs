@@ -85,7 +85,7 @@
 //! night, for the classes `first`, `second`, `third`, `block` and `grid` of pictures, which draw in
 //! `currentColor`. The page is whole by itself: scripts, styles, and what is loaded from elsewhere are refused.
 //!
-//! The documentation is no part of the interface: it does not enter the GUID.
+//! The documentation is not part of the interface: it does not enter the GUID.
 
 mod check;
 mod dependencies;
@@ -194,6 +194,6 @@ fn read_icon(file: &Path) -> Result<Vec<u8>, Error> {
     if picture.starts_with(b"\x89PNG\r\n\x1a\n") {
         Ok(picture)
     } else {
-        Err(Error::new(file, "it is no PNG".to_owned()))
+        Err(Error::new(file, "it is not a PNG".to_owned()))
     }
 }

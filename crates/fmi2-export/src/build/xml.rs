@@ -205,7 +205,7 @@ fn write_structure(writer: &mut XmlWriter, structure: &Structure) -> io::Result<
     })
 }
 
-/// The dependencies are written where there are none, too: their absence would mean all.
+/// An empty list of dependencies is written as well: without it the variable would depend on all.
 fn write_unknown(writer: &mut XmlWriter, unknown: &Unknown) -> io::Result<()> {
     let dependencies: Vec<_> =
         unknown.dependencies.iter().map(|&position| index(position).to_string()).collect();

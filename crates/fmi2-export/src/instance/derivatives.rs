@@ -4,8 +4,9 @@ use super::{Answer, Instance};
 use crate::c_types::Status;
 use crate::calling_sequence::Phase;
 use crate::description::{Causality, DataType, Initial, ValueReference, VariableDescription};
+use crate::error::Error;
 use crate::logger::Shown;
-use crate::model::{Error, Model, Variables};
+use crate::model::{Model, Variables};
 
 impl<M: Model> Instance<M> {
     /// The directional derivatives of unknowns along a direction of knowns (section 2.1.9).
@@ -50,7 +51,7 @@ impl<M: Model> Instance<M> {
         for (&reference, &order) in references.iter().zip(orders) {
             let variable = Self::variable(reference, DataType::Real)?;
             if variable.causality != Causality::Output {
-                return Err(Error::new(format!("the variable {} is no output", variable.name)));
+                return Err(Error::new(format!("the variable {} is not an output", variable.name)));
             }
             if order != 1 {
                 return Err(Error::new(format!(
@@ -60,7 +61,7 @@ impl<M: Model> Instance<M> {
             }
         }
         let status = self.compute_values()?;
-        // Along the way that states and inputs take.
+        // Along the direction in which states and inputs change.
         let mut direction = self.memory.variables.along_derivatives();
         for (reference, variable) in (0..).zip(Self::DESCRIPTION.variables) {
             if let Some(input) = variable.real_input {
@@ -97,7 +98,7 @@ impl<M: Model> Instance<M> {
         if calculated {
             Ok(())
         } else {
-            Err(Error::new(format!("{} is no unknown in the state {}", variable.name, self.memory.phase)))
+            Err(Error::new(format!("{} is not an unknown in the state {}", variable.name, self.memory.phase)))
         }
     }
 
@@ -116,7 +117,7 @@ impl<M: Model> Instance<M> {
         if known {
             Ok(())
         } else {
-            Err(Error::new(format!("{} is no known in the state {}", variable.name, self.memory.phase)))
+            Err(Error::new(format!("{} is not a known in the state {}", variable.name, self.memory.phase)))
         }
     }
 

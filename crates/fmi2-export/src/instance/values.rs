@@ -6,9 +6,10 @@ use super::{Answer, Instance};
 use crate::c_types::Status;
 use crate::calling_sequence::Phase;
 use crate::description::{Causality, DataType, Initial, ValueReference, Variability, VariableDescription};
+use crate::error::Error;
 use crate::inputs::MAX_ORDER;
 use crate::logger::Shown;
-use crate::model::{Error, Model, Variables};
+use crate::model::{Model, Variables};
 
 impl<M: Model> Instance<M> {
     /// A variable, if a value reference is one's and of that type.
@@ -106,7 +107,7 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// Whether a variable that is no input may be set in the present state (section 4.2.4).
+    /// Whether a variable that is not an input may be set in the present state (section 4.2.4).
     fn is_settable_now(&self, variable: &VariableDescription) -> bool {
         variable.variability != Variability::Constant
             && match self.memory.phase {
@@ -239,7 +240,7 @@ impl<M: Model> Instance<M> {
         let variable = Self::variable(reference, DataType::Real)?;
         let name = variable.name;
         let Some(position) = variable.real_input else {
-            return Err(Error::new(format!("the variable {name} is no input")));
+            return Err(Error::new(format!("the variable {name} is not an input")));
         };
         let Some(order) = usize::try_from(order).ok().filter(|order| (1..=MAX_ORDER).contains(order)) else {
             return Err(Error::new(format!(

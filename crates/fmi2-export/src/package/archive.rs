@@ -1,7 +1,7 @@
 //! ZIP archives: written so that the same parts give the same bytes, and read as what they may be when a
 //! stranger made them.
 //!
-//! Nothing is extracted here. What would do harm to whoever extracts it is refused: paths that lead out of
+//! Nothing is extracted here. What would do harm when extracted is refused: paths that lead out of
 //! the archive's folder, two entries of one path, entries of unbelievable sizes.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -19,10 +19,10 @@ use super::reading::{LARGEST_CONTENT, LARGEST_TEXT, up_to, utf_8};
 /// Opens the archive of an FMU or a system, after a look at all its entries.
 ///
 /// # Errors
-/// When it is no ZIP archive, or an entry would do harm; the message names it.
+/// When it is not a ZIP archive, or an entry would do harm; the message names it.
 pub fn open<R: Read + Seek>(reader: R) -> io::Result<ZipArchive<R>> {
-    let mut archive =
-        ZipArchive::new(reader).map_err(|error| broken(format!("it is no ZIP archive: {}", plain(error))))?;
+    let mut archive = ZipArchive::new(reader)
+        .map_err(|error| broken(format!("it is not a ZIP archive: {}", plain(error))))?;
     let mut paths = Paths::default();
     let mut size = 0_u64;
     for index in 0..archive.len() {
@@ -39,7 +39,7 @@ pub fn open<R: Read + Seek>(reader: R) -> io::Result<ZipArchive<R>> {
 /// The text of an entry.
 ///
 /// # Errors
-/// When there is no such entry, or it is no text, too large or damaged.
+/// When there is no such entry, or it is not text, too large or damaged.
 pub fn read_text<R: Read + Seek>(archive: &mut ZipArchive<R>, path: &str) -> io::Result<String> {
     read_text_up_to(LARGEST_TEXT, archive, path)
 }
@@ -59,7 +59,7 @@ fn read_text_up_to<R: Read + Seek>(
 /// archives may share the same: [`LARGEST_CONTENT`] for all that is held at once.
 ///
 /// # Errors
-/// When an entry is no file, damaged, or the files are larger than what is left.
+/// When an entry is not a file, damaged, or the files are larger than what is left.
 pub fn read_files<R: Read + Seek>(
     archive: &mut ZipArchive<R>,
     left: &mut u64,
@@ -122,7 +122,7 @@ fn path_of<R: Read>(entry: &ZipFile<'_, R>) -> io::Result<String> {
 struct Paths(BTreeSet<String>);
 
 impl Paths {
-    /// Adds a path, unless it would do harm to whoever extracts it.
+    /// Adds a path, unless extracting it would do harm.
     fn add(&mut self, path: &str) -> io::Result<()> {
         if !is_inside(path) {
             return Err(broken(format!("its entry '{path}' would be extracted outside of its folder")));
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn what_leads_out_of_the_folder_is_refused() {
+    fn paths_out_of_the_folder_are_refused() {
         for path in
             ["../a", "a/../../b", "/etc/passwd", "a//b", "./a", "C:/a", "a\\..\\b", "a/.", ".. /a", "a/..."]
         {
@@ -214,18 +214,18 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_twice_on_some_system_is_refused() {
+    fn paths_that_differ_only_in_case_are_refused() {
         assert_eq!(refusal(archive(&["a/b", "A/b"])), "its entry 'A/b' stands twice");
     }
 
     #[test]
-    fn what_is_no_archive_is_refused() {
+    fn a_file_that_is_not_an_archive_is_refused() {
         let message = refusal(Cursor::new(b"no archive".to_vec()));
-        assert!(message.starts_with("it is no ZIP archive"), "{message}");
+        assert!(message.starts_with("it is not a ZIP archive"), "{message}");
     }
 
     #[test]
-    fn a_text_that_unpacks_to_more_than_is_sane_is_refused() {
+    fn a_decompression_bomb_is_refused() {
         let blanks = vec![b' '; 100_000];
         let bytes = Cursor::new(zipped(&[("bomb.xml".to_owned(), blanks.as_slice())]).unwrap());
         let read = |largest| read_text_up_to(largest, &mut open(bytes.clone()).unwrap(), "bomb.xml");
@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn a_link_is_no_file() {
+    fn a_link_is_not_a_file() {
         let mut zip = ZipWriter::new(Cursor::new(vec![]));
         zip.add_symlink("a", "/etc/passwd", SimpleFileOptions::default()).unwrap();
         let mut archive = open(zip.finish().unwrap()).unwrap();

@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_lie_where_the_standard_wants_them() {
+    fn files_are_where_the_standard_requires_them() {
         let mut zip = zip::ZipArchive::new(Cursor::new(archive())).unwrap();
         let names: Vec<_> =
             (0..zip.len()).map(|index| zip.by_index(index).unwrap().name().unwrap().into_owned()).collect();
@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_that_stands_twice_is_refused() {
+    fn a_duplicate_path_is_refused() {
         let fmu = Fmu {
             model_identifier: "Lag",
             model_description: "<xml/>",
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_the_standard_has_no_place_for_is_refused() {
+    fn a_file_outside_the_standards_folders_is_refused() {
         let written = |path: &str| {
             let files = vec![(path.to_owned(), vec![])];
             let fmu = Fmu { model_identifier: "Lag", model_description: "<xml/>", libraries: vec![], files };

@@ -1,6 +1,6 @@
 //! The library of a model as a file: what it was built for, and what it needs there.
 //!
-//! The file may be anyone's: only its headers are read, and what is no library is refused.
+//! The file is not trusted: only its headers are read, and anything but a library is refused.
 
 use std::fmt::{self, Display};
 use std::io;
@@ -66,7 +66,7 @@ impl Architecture {
 /// What a library's file says of itself.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Library {
-    /// Its format.
+    /// The format of the binary, by its header.
     pub format: Format,
     /// The processors it is for: several in a universal library of macOS.
     pub architectures: Vec<Architecture>,
@@ -78,7 +78,7 @@ impl Library {
     /// Reads the headers of a library.
     ///
     /// # Errors
-    /// When it is no shared library, or one for other systems and processors than FMUs are built for.
+    /// When it is not a shared library, or one for other systems and processors than FMUs are built for.
     pub fn read(bytes: &[u8]) -> io::Result<Self> {
         let slices = slices(bytes).map_err(unreadable)?;
         let mut slices = slices.into_iter().map(Self::read_slice);
@@ -97,7 +97,7 @@ impl Library {
     fn read_slice(bytes: &[u8]) -> io::Result<Self> {
         let file = whole(bytes).map_err(unreadable)?;
         if file.kind() != ObjectKind::Dynamic {
-            return Err(broken("it is no shared library"));
+            return Err(broken("it is not a shared library"));
         }
         let architecture = match file.architecture() {
             object::Architecture::Aarch64 => Architecture::Aarch64,
@@ -111,7 +111,7 @@ impl Library {
             File::MachO32(file) => (Format::MachO, macos(file)),
             File::MachO64(file) => (Format::MachO, macos(file)),
             File::Pe32(_) | File::Pe64(_) => (Format::Pe, Ok(None)),
-            _ => return Err(broken("it is no shared library")),
+            _ => return Err(broken("it is not a shared library")),
         };
         let oldest_system = oldest_system.map_err(unreadable)?;
         Ok(Self { format, architectures: vec![architecture], oldest_system })
@@ -171,10 +171,10 @@ fn whole(bytes: &[u8]) -> object::Result<File<'_>> {
     Ok(file)
 }
 
-/// Refuses a library that is cut short: whoever loads it is killed when he comes to what is missing (SIGBUS on Unix).
+/// Refuses a truncated library: loading it kills the process at the first access to the missing part (SIGBUS on Unix).
 ///
 /// # Errors
-/// When it is. What is no library at all the system refuses to load.
+/// When it is truncated. The system itself refuses to load a file that is not a library.
 pub fn refuse_cut_short(bytes: &[u8]) -> io::Result<()> {
     let is_library =
         FileKind::parse(bytes).is_ok_and(|kind| !matches!(kind, FileKind::Coff | FileKind::CoffBig));
@@ -238,5 +238,5 @@ pub fn join(libraries: &[&[u8]]) -> io::Result<Vec<u8>> {
 }
 
 fn unreadable(error: object::Error) -> io::Error {
-    broken(format!("it is no shared library: {error}"))
+    broken(format!("it is not a shared library: {error}"))
 }

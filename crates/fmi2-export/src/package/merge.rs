@@ -10,7 +10,7 @@ use std::io::{self, Write};
 use super::archive::{self, broken};
 use super::fmu::MODEL_DESCRIPTION;
 use super::library::{self, Library};
-use super::model_description::ModelDescription;
+use super::model_description::FmuDescription;
 use super::platform::Platform;
 use super::platform_list::PlatformList;
 
@@ -27,7 +27,7 @@ pub struct Part {
 #[derive(Clone, Debug)]
 pub struct Merged<'a> {
     files: BTreeMap<&'a str, Cow<'a, [u8]>>,
-    /// Its platforms.
+    /// The libraries of the merged FMU, by platform.
     pub platforms: PlatformList,
 }
 
@@ -106,12 +106,12 @@ impl<'a> Merged<'a> {
 }
 
 impl Part {
-    fn description(&self) -> io::Result<ModelDescription> {
+    fn description(&self) -> io::Result<FmuDescription> {
         let bytes = self.files.get(MODEL_DESCRIPTION);
         let bytes =
             bytes.ok_or_else(|| broken(format!("there is no {MODEL_DESCRIPTION} in {}", self.name)))?;
         let text = str::from_utf8(bytes).map_err(io::Error::other);
-        text.and_then(ModelDescription::parse)
+        text.and_then(FmuDescription::parse)
             .map_err(|error| broken(format!("{MODEL_DESCRIPTION} in {} is broken: {error}", self.name)))
     }
 

@@ -1,7 +1,7 @@
 //! The files that models and systems are exchanged in, for commands.
 //!
 //! Written: [`Fmu`], [`SystemPackage`], [`PlatformList`]. Read, of any maker: [`archive::open`],
-//! [`ModelDescription`] and [`Library`]. Both: [`ParameterSet`], which [fits](ParameterSet::fit) an FMU or does not,
+//! [`FmuDescription`] and [`Library`]. Both: [`ParameterSet`], which [fits](ParameterSet::fit) an FMU or does not,
 //! and FMUs that are [`Merged`].
 //!
 //! How files are read and written, and what of them is printed, is the same for all commands: [`reading`], [`writing`],
@@ -28,11 +28,11 @@ pub use fmu::Fmu;
 pub use library::Library;
 pub use likeness::like;
 pub use merge::{Merged, Part};
-pub use model_description::{Enumeration, ModelDescription, Variable};
+pub use model_description::{Enumeration, FmuDescription, FmuVariable};
 pub use parameter_set::{Parameter, ParameterSet, Value};
 pub use platform::Platform;
 pub use platform_list::PlatformList;
 pub use system_structure::{
-    Component, Connection, Connector, End, Kind, Placement, System, SystemPackage, SystemStructure,
+    Connection, Connector, End, Kind, Placement, System, SystemComponent, SystemPackage, SystemStructure,
 };
 pub use units::{BaseUnit, DisplayUnit, Linear, Unit};

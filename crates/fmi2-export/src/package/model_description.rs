@@ -38,7 +38,7 @@ pub(super) fn refuse_no_identifier(text: &str) -> io::Result<()> {
 
 /// What an FMU says of itself.
 #[derive(Clone, Debug, Default)]
-pub struct ModelDescription {
+pub struct FmuDescription {
     /// The root element's attributes, by name, in the order of the file.
     pub attributes: Vec<(String, String)>,
     /// What the FMU can be used for (`CoSimulation` …), each with its attributes: identifier and capabilities.
@@ -50,7 +50,7 @@ pub struct ModelDescription {
     /// The enumerations that are declared.
     pub enumerations: Vec<Enumeration>,
     /// The variables, in the order of the file.
-    pub variables: Vec<Variable>,
+    pub variables: Vec<FmuVariable>,
 }
 
 /// An enumeration type.
@@ -64,8 +64,8 @@ pub struct Enumeration {
 
 /// A variable as it is declared; what is not declared is empty, and the default of its version of FMI.
 #[derive(Clone, Debug, Default)]
-pub struct Variable {
-    /// The name.
+pub struct FmuVariable {
+    /// Unique in the FMU.
     pub name: String,
     /// The number that calls refer to it by.
     pub value_reference: String,
@@ -87,7 +87,7 @@ pub struct Variable {
     pub min: String,
     /// The largest value.
     pub max: String,
-    /// The description.
+    /// Empty when the FMU gives none.
     pub description: String,
 }
 
@@ -100,18 +100,18 @@ struct DeclaredType {
     max: String,
 }
 
-impl ModelDescription {
+impl FmuDescription {
     /// Reads the description of an FMU, after a look at the whole archive.
     ///
     /// # Errors
-    /// When there is no such file, it is no FMU, or its description is broken; the message names the file.
+    /// When there is no such file, it is not an FMU, or its description is broken; the message names the file.
     pub fn read(fmu: &Path) -> io::Result<Self> {
         let shown = fmu.display();
         let file = File::open(fmu)
             .map_err(|error| io::Error::new(error.kind(), format!("cannot open {shown}: {error}")))?;
         let xml = archive::open(BufReader::new(file))
             .and_then(|mut archive| archive::read_text(&mut archive, MODEL_DESCRIPTION))
-            .map_err(|error| broken(format!("{shown} is no FMU: {error}")))?;
+            .map_err(|error| broken(format!("{shown} is not an FMU: {error}")))?;
         Self::parse(&xml)
             .map_err(|error| broken(format!("{MODEL_DESCRIPTION} in {shown} is broken: {error}")))
     }
@@ -119,7 +119,7 @@ impl ModelDescription {
     /// Reads the text of a modelDescription.xml.
     ///
     /// # Errors
-    /// When it is no XML, or the XML of something else.
+    /// When it is not XML, or the XML of something else.
     pub fn parse(xml: &str) -> io::Result<Self> {
         let mut description = Self::default();
         let mut types: Vec<DeclaredType> = vec![];
@@ -162,7 +162,7 @@ impl ModelDescription {
                     }
                 }
                 [_, "ModelVariables"] => {
-                    let mut variable = Variable::new(&attributes);
+                    let mut variable = FmuVariable::new(&attributes);
                     // FMI 3.0: the element itself is the type.
                     if name != "ScalarVariable" {
                         variable.take_type(name, &attributes, &types);
@@ -221,12 +221,12 @@ impl ModelDescription {
 
     /// A variable by its name.
     #[must_use]
-    pub fn variable(&self, name: &str) -> Option<&Variable> {
+    pub fn variable(&self, name: &str) -> Option<&FmuVariable> {
         self.variables.iter().find(|variable| variable.name == name)
     }
 
     /// The variables of a causality.
-    pub fn of_causality<'a>(&'a self, causality: &'a str) -> impl Iterator<Item = &'a Variable> {
+    pub fn of_causality<'a>(&'a self, causality: &'a str) -> impl Iterator<Item = &'a FmuVariable> {
         self.variables.iter().filter(move |variable| variable.causality == causality)
     }
 
@@ -245,7 +245,7 @@ impl ModelDescription {
     }
 }
 
-impl Variable {
+impl FmuVariable {
     fn new(attributes: &Attributes) -> Self {
         Self {
             name: attributes.text("name"),
@@ -276,14 +276,14 @@ impl Variable {
     /// Smallest and largest value as numbers; infinite where none is declared.
     ///
     /// # Errors
-    /// When one of them is no number; the message names variable and text.
+    /// When one of them is not a number; the message names variable and text.
     pub fn range(&self) -> io::Result<(f64, f64)> {
         let bound = |text: &str, none: f64| match text {
             "" => Ok(none),
             text => text
                 .trim()
                 .parse()
-                .map_err(|_| broken(format!("a bound of {} is '{text}', which is no number", self.name))),
+                .map_err(|_| broken(format!("a bound of {} is '{text}', which is not a number", self.name))),
         };
         Ok((bound(&self.min, f64::NEG_INFINITY)?, bound(&self.max, f64::INFINITY)?))
     }
@@ -431,14 +431,14 @@ mod tests {
             let xml = format!(
                 r#"<fmiModelDescription><CoSimulation modelIdentifier="a" {attributes}/></fmiModelDescription>"#
             );
-            ModelDescription::parse(&xml).unwrap().has_capability("canGetAndSetFMUstate")
+            FmuDescription::parse(&xml).unwrap().has_capability("canGetAndSetFMUstate")
         };
         assert!(has(r#"canGetAndSetFMUstate="true""#) && has(r#"canGetAndSetFMUstate="1""#));
         assert!(!has(r#"canGetAndSetFMUstate="false""#) && !has(r#"canGetAndSetFMUstate="0""#) && !has(""));
     }
 
     #[test]
-    fn a_model_identifier_is_one_of_c() {
+    fn a_model_identifier_is_a_c_identifier() {
         for identifier in ["BoostPlant", "_1", "a"] {
             assert!(refuse_no_identifier(identifier).is_ok(), "{identifier}");
         }
@@ -459,14 +459,14 @@ mod tests {
             r#"<fmiModelDescription><ModelExchange modelIdentifier="a"/><CoSimulation modelIdentifier="a/b"/></fmiModelDescription>"#,
             "<fmiModelDescription><CoSimulation/></fmiModelDescription>",
         ] {
-            assert!(ModelDescription::parse(xml).is_err(), "{xml}");
+            assert!(FmuDescription::parse(xml).is_err(), "{xml}");
         }
     }
 
     #[test]
-    fn what_no_description_has_so_many_of_is_refused() {
+    fn too_many_elements_are_refused() {
         let attributes = (0..200).map(|index| format!(r#"a{index}="" "#)).collect::<Vec<_>>().concat();
-        let refusal = |xml: &str| ModelDescription::parse(xml).unwrap_err().to_string();
+        let refusal = |xml: &str| FmuDescription::parse(xml).unwrap_err().to_string();
         let message = refusal(&format!("<fmiModelDescription {attributes}/>"));
         assert!(message.ends_with("it has more than 100 attributes"), "{message}");
         let elements = "<a/>".repeat(MOST_ELEMENTS);

@@ -5,7 +5,7 @@ use std::io;
 
 use super::archive::broken;
 use super::likeness::like;
-use super::model_description::{ModelDescription, Variable};
+use super::model_description::{FmuDescription, FmuVariable};
 use super::parameter_set::{Parameter, ParameterSet, Value};
 use super::terminal;
 use super::units::{Linear, Unit};
@@ -16,7 +16,7 @@ impl ParameterSet {
     /// # Errors
     /// At the first parameter that is none of the FMU's, cannot be set, or is of another type, unit or range; the
     /// message names it and says what was expected.
-    pub fn fit(&self, fmu: &ModelDescription) -> io::Result<Self> {
+    pub fn fit(&self, fmu: &FmuDescription) -> io::Result<Self> {
         let parameters = self.parameters.iter().map(|parameter| {
             let name = &parameter.name;
             let variable = fmu.variable(name).ok_or_else(|| {
@@ -49,7 +49,7 @@ impl Value {
     ///
     /// # Errors
     /// When it is of another type or unit; the message names variable and value, and what was expected.
-    pub fn fit(&self, variable: &Variable, units: &[Unit], fmu: &ModelDescription) -> io::Result<Self> {
+    pub fn fit(&self, variable: &FmuVariable, units: &[Unit], fmu: &FmuDescription) -> io::Result<Self> {
         match (variable.data_type.as_str(), self) {
             ("Real", Self::Real(value, unit)) => {
                 let value = match unit {
@@ -75,7 +75,7 @@ impl Value {
                 };
                 let (item, _) = enumeration.items.iter().find(is_meant).ok_or_else(|| {
                     let items: Vec<_> = enumeration.items.iter().map(|(name, _)| name.as_str()).collect();
-                    self.refused(variable, &format!("it is none of {}", items.join(", ")))
+                    self.refused(variable, &format!("it is not one of {}", items.join(", ")))
                 })?;
                 Ok(Self::Enumeration(item.clone()))
             }
@@ -89,7 +89,7 @@ impl Value {
     ///
     /// # Errors
     /// When it is, or is not finite; the message names variable and range.
-    pub fn check_range(&self, variable: &Variable) -> io::Result<()> {
+    pub fn check_range(&self, variable: &FmuVariable) -> io::Result<()> {
         let number = match self {
             Self::Real(value, _) => *value,
             Self::Integer(value) => f64::from(*value),
@@ -104,7 +104,7 @@ impl Value {
         }
     }
 
-    fn refused(&self, variable: &Variable, reason: &str) -> io::Error {
+    fn refused(&self, variable: &FmuVariable, reason: &str) -> io::Error {
         broken(format!("the value {self} of {} cannot be taken: {reason}", variable.name))
     }
 
@@ -122,9 +122,9 @@ impl Value {
 /// What takes values in a unit to the variable's.
 fn conversion(
     unit: &str,
-    variable: &Variable,
+    variable: &FmuVariable,
     units: &[Unit],
-    fmu: &ModelDescription,
+    fmu: &FmuDescription,
 ) -> Result<Linear, String> {
     let own = units.iter().find(|known| known.name == unit).cloned().or_else(|| fmu.unit(unit));
     let own = own.ok_or_else(|| format!("the unit {unit} is not defined"))?;
@@ -152,14 +152,14 @@ mod tests {
       </ModelVariables></fmiModelDescription>"#;
 
     fn fit(name: &str, value: Value) -> Result<Value, String> {
-        let base = ModelDescription::parse(FMU).unwrap().unit("Pa").and_then(|unit| unit.base);
+        let base = FmuDescription::parse(FMU).unwrap().unit("Pa").and_then(|unit| unit.base);
         let base = base.map(|base| super::super::BaseUnit { factor: 100.0, ..base });
         let set = ParameterSet {
             parameters: vec![Parameter { name: name.to_owned(), description: String::new(), value }],
             units: vec![Unit { name: "hPa".to_owned(), base, display_units: vec![] }],
             ..ParameterSet::default()
         };
-        let fitted = set.fit(&ModelDescription::parse(FMU).unwrap()).map_err(|error| error.to_string())?;
+        let fitted = set.fit(&FmuDescription::parse(FMU).unwrap()).map_err(|error| error.to_string())?;
         Ok(fitted.parameters[0].value.clone())
     }
 
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_refused_by_name() {
+    fn parameters_that_do_not_fit_are_refused_by_name() {
         let refusal = |name: &str, value| fit(name, value).unwrap_err();
         assert_eq!(
             pressure(1.0, "N").unwrap_err(),
@@ -206,7 +206,7 @@ mod tests {
         );
         assert_eq!(
             refusal("mode", Value::Integer(1)),
-            "the value 1 of mode cannot be taken: it is none of off, on"
+            "the value 1 of mode cannot be taken: it is not one of off, on"
         );
         assert_eq!(
             refusal("presure", Value::Integer(1)),

@@ -24,7 +24,7 @@ pub struct ParameterSet {
     pub name: String,
     /// What the set is for.
     pub description: String,
-    /// The parameters.
+    /// In the order of the file.
     pub parameters: Vec<Parameter>,
     /// The units that the parameters refer to.
     pub units: Vec<Unit>,
@@ -37,7 +37,7 @@ pub struct Parameter {
     pub name: String,
     /// Why the value is what it is.
     pub description: String,
-    /// The value.
+    /// With its type, and a unit if the file gives one.
     pub value: Value,
 }
 
@@ -50,7 +50,7 @@ pub enum Value {
     Integer(i32),
     /// A truth value.
     Boolean(bool),
-    /// A text.
+    /// A String.
     String(String),
     /// The name of an enumeration's item.
     Enumeration(String),
@@ -60,17 +60,17 @@ impl ParameterSet {
     /// Reads an .ssv file.
     ///
     /// # Errors
-    /// When there is no such file, or it is no parameter set; the message names the file.
+    /// When there is no such file, or it is not a parameter set; the message names the file.
     pub fn read(file: &Path) -> io::Result<Self> {
         let shown = file.display();
         Self::parse(&reading::text(file)?)
-            .map_err(|error| broken(format!("{shown} is no parameter set: {error}")))
+            .map_err(|error| broken(format!("{shown} is not a parameter set: {error}")))
     }
 
     /// Reads the text of an .ssv file.
     ///
     /// # Errors
-    /// When it is no XML, or not that of a parameter set of SSP 1; the message names element or parameter.
+    /// When it is not XML, or not that of a parameter set of SSP 1; the message names element or parameter.
     pub fn parse(xml: &str) -> io::Result<Self> {
         let mut set = Self::default();
         let mut names = BTreeSet::new();
@@ -176,7 +176,7 @@ impl ParameterSet {
 impl Value {
     fn read(data_type: &str, attributes: &Attributes) -> io::Result<Self> {
         let text = attributes.get("value").ok_or_else(|| broken("it has no value"))?;
-        let no = |what: &str| broken(format!("'{text}' is no {what}"));
+        let no = |what: &str| broken(format!("'{text}' is not a {what}"));
         Ok(match data_type {
             "Real" => {
                 let value = text.trim().parse().map_err(|_| no("number"))?;

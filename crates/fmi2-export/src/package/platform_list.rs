@@ -23,7 +23,7 @@ impl PlatformList {
     /// Where the list lies in the archive.
     pub const PATH: &'static str = "documentation/platforms.txt";
 
-    /// Reads from a list where the libraries were run; what the libraries are, they tell themselves.
+    /// Reads from a list where the libraries were run; the rest is read from the libraries.
     #[must_use]
     pub fn read_runs(text: &str) -> BTreeMap<Platform, String> {
         text.lines()

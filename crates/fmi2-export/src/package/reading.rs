@@ -63,14 +63,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_larger_than_its_limit_is_refused() {
+    fn a_file_beyond_its_limit_is_refused() {
         assert_eq!(up_to(4, b"text".as_slice()).unwrap(), b"text");
         assert_eq!(up_to(3, b"text".as_slice()).unwrap_err().to_string(), "it is larger than 3 bytes");
         assert!(up_to(1000, io::repeat(0)).is_err());
     }
 
     #[test]
-    fn what_is_not_utf_8_is_told_by_its_line() {
+    fn invalid_utf_8_is_reported_with_its_line() {
         let refusal = utf_8(b"one\ntwo\n\xff".to_vec()).unwrap_err().to_string();
         assert_eq!(refusal, "its line 3 is not UTF-8");
     }

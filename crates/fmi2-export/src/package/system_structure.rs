@@ -38,7 +38,7 @@ pub struct SystemStructure {
     pub name: String,
     /// What the structure is.
     pub description: String,
-    /// The system.
+    /// The root system; it contains the FMUs.
     pub system: System,
     /// The units that connectors refer to.
     pub units: Vec<Unit>,
@@ -53,20 +53,20 @@ pub struct SystemStructure {
 /// A system of components.
 #[derive(Clone, Debug)]
 pub struct System {
-    /// The name.
+    /// Unique within its parent.
     pub name: String,
     /// What the system exchanges with the outside.
     pub connectors: Vec<Connector>,
     /// The components; masters that step one after the other do so in this order.
-    pub components: Vec<Component>,
-    /// The connections.
+    pub components: Vec<SystemComponent>,
+    /// Between connectors of the components and of the system.
     pub connections: Vec<Connection>,
 }
 
 /// An FMU in a system.
 #[derive(Clone, Debug)]
-pub struct Component {
-    /// The name.
+pub struct SystemComponent {
+    /// Unique within its parent.
     pub name: String,
     /// The FMU's path in the package.
     pub source: String,
@@ -90,7 +90,7 @@ pub struct Placement {
 /// A Real value that an element exchanges.
 #[derive(Clone, Debug)]
 pub struct Connector {
-    /// The name.
+    /// Unique within its parent.
     pub name: String,
     /// The direction, seen from outside of the element.
     pub kind: Kind,
@@ -117,7 +117,7 @@ pub struct Connection {
     pub start: End,
     /// Where it goes to.
     pub end: End,
-    /// What is done to the value on its way, instead of conversions by units.
+    /// The conversion of the value, instead of that by units.
     pub transformation: Option<Linear>,
     /// The corners of the line, in mm.
     pub corners: Vec<(f64, f64)>,
@@ -128,7 +128,7 @@ pub struct Connection {
 pub struct End {
     /// The component; none for the system itself.
     pub component: Option<String>,
-    /// The connector.
+    /// The connector's name.
     pub connector: String,
 }
 
@@ -228,7 +228,7 @@ impl SystemStructure {
         (!set.parameters.is_empty()).then_some((path, set))
     }
 
-    fn write_component(&self, writer: &mut XmlWriter, component: &Component) -> io::Result<()> {
+    fn write_component(&self, writer: &mut XmlWriter, component: &SystemComponent) -> io::Result<()> {
         let attributes = vec![
             ("name", component.name.clone()),
             ("type", "application/x-fmu-sharedlibrary".to_owned()),

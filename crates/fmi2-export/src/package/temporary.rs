@@ -81,7 +81,7 @@ pub(super) struct Unfinished(Option<NamedTempFile>);
 impl Unfinished {
     /// Makes a file of a name of its own, with the permissions of any new file.
     pub(super) fn new_in(folder: &Path) -> io::Result<Self> {
-        // Otherwise a missing folder is told by the file's name, which says nothing to anyone.
+        // Otherwise the error of a missing folder names the temporary file.
         fs::metadata(folder)?;
         let mut builder = Builder::new();
         builder.prefix(UNFINISHED);

@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 use std::io::{self, ErrorKind, Write};
 
-/// Prints a text. Whoever reads it may stop before its end, as `head` does.
+/// Prints a text. The reader may close the pipe early, as `head` does.
 ///
 /// # Errors
 /// When it cannot be printed.
@@ -19,7 +19,7 @@ pub fn print(text: &str) -> io::Result<()> {
 
 /// Prints an error or a warning, on a line of its own.
 pub fn complain(text: &str) {
-    // There is no other place to tell it.
+    // It cannot be reported anywhere else.
     let _ = writeln!(io::stderr().lock(), "{}", printable(text));
 }
 
@@ -66,7 +66,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_controls_a_terminal_is_shown() {
+    fn control_characters_are_escaped() {
         let text = "\u{1b}]0;title\u{7} \u{9b}31m \u{202e}txet é \u{fc} C:\\a 'b'\n\tc\r\nd\re";
         let shown = "\\u{1b}]0;title\\u{7} \\u{9b}31m \\u{202e}txet é \u{fc} C:\\a 'b'\n\tc\nd\\re";
         assert_eq!(printable(text), shown);

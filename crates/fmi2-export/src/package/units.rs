@@ -32,7 +32,7 @@ pub struct BaseUnit {
 /// A unit to show values in: value in it = factor · value in the unit + offset.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DisplayUnit {
-    /// The name.
+    /// As variables refer to it.
     pub name: String,
     /// See above.
     pub factor: f64,

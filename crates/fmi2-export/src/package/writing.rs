@@ -1,6 +1,6 @@
 //! Writing files: whole, or not at all.
 //!
-//! A file is written beside its place under a name of its own and then moved there, so that whoever reads it never
+//! A file is written beside its place under a name of its own and then moved there, so that a reader never
 //! sees a part of it, two processes with the same output do not mix, and what was there stays where writing fails.
 
 use std::fs::{self, File, OpenOptions};
@@ -71,7 +71,7 @@ fn fill(file: &File, content: impl FnOnce(&mut Writer<'_>) -> io::Result<()>) ->
 /// # Errors
 /// When there is such an output, or its folder is missing; the message names it.
 pub fn refuse_overlap(outputs: &[PathBuf], inputs: &[PathBuf]) -> io::Result<()> {
-    // A missing input is told when it is read.
+    // A missing input is reported when it is read.
     let inputs: Vec<_> =
         inputs.iter().filter_map(|path| Some((path, fs::canonicalize(path).ok()?))).collect();
     let mut seen: Vec<(&Path, PathBuf)> = vec![];
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn a_write_that_fails_leaves_what_was_there() {
+    fn a_failed_write_keeps_the_old_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         write_text(&path, "good").unwrap();
@@ -145,7 +145,7 @@ mod tests {
     /// Other names beside the file are their users' own.
     #[cfg(unix)]
     #[test]
-    fn a_link_stays_and_what_it_leads_to_keeps_its_permissions() {
+    fn a_link_stays_and_its_target_keeps_its_permissions() {
         use std::os::unix::fs::{PermissionsExt, symlink};
         let folder = tempfile::tempdir().unwrap();
         let [file, link, planted] = ["a", "link", "a.new"].map(|name| folder.path().join(name));
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_file_replaces_none() {
+    fn a_new_file_does_not_replace_another() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         write_new(&path, b"mine").unwrap();

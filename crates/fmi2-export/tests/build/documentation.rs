@@ -183,7 +183,7 @@ fn refusal(fragment: &str) -> String {
 }
 
 #[test]
-fn a_fragment_names_what_there_is() {
+fn a_fragment_names_existing_variables() {
     assert_eq!(
         refusal("<p>It\nfollows <var>first.mas</var></p>"),
         "vessels.html: variable 'first.mas': line 2 names it, but the model has no such variable"
@@ -216,7 +216,7 @@ fn a_fragment_names_what_there_is() {
 }
 
 #[test]
-fn a_fragment_is_whole_by_itself() {
+fn a_fragment_refers_to_no_other_file() {
     for element in ["script", "style", "link", "iframe", "h1", "body"] {
         assert_eq!(
             refusal(&format!("<{element}></{element}>")),
@@ -234,7 +234,7 @@ fn a_fragment_is_whole_by_itself() {
     assert_eq!(refusal("<p onclick=\"f()\"></p>"), "vessels.html: line 1: onclick is a script");
     assert_eq!(refusal("<p><a href=\"https://example.org\">a link</a></p>"), "nothing was refused");
     assert_eq!(refusal("<img src=\"vessels.svg\"/>"), "vessels.html: line 1: <img> needs an alt");
-    assert_eq!(refusal("<img src=\"text.svg\" alt=\"\"/>"), "text.svg: line 1: it is no SVG");
+    assert_eq!(refusal("<img src=\"text.svg\" alt=\"\"/>"), "text.svg: line 1: it is not an SVG");
 }
 
 #[test]
@@ -257,7 +257,7 @@ fn missing_files_are_refused_by_name() {
         let refusal = missing(key, file);
         assert!(refusal.starts_with(&format!("{file}: ")), "{refusal}");
     }
-    assert_eq!(missing("icon", "vessels.svg"), "vessels.svg: it is no PNG");
+    assert_eq!(missing("icon", "vessels.svg"), "vessels.svg: it is not a PNG");
     let refusal = refusal("<img src=\"nowhere.svg\" alt=\"nothing\"/>");
     assert!(refusal.starts_with("nowhere.svg: "), "{refusal}");
 }

@@ -58,7 +58,7 @@ fn generate(out_dir: &Path) -> Generated {
 }
 
 #[test]
-fn generated_files_are_the_kept_ones() {
+fn generated_files_equal_the_golden_files() {
     if env::var_os("FMI2_EXPORT_BLESS").is_some() {
         generate(&sources());
     }

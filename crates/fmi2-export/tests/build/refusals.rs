@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::{folder_with_model, read, sources};
 
-/// What is said of the small model after an edit of it, without the folder.
+/// The message for the small model after an edit of it, without the folder.
 fn refusal(name: &str, edit: impl FnOnce(&mut Value)) -> String {
     let mut model: Value = serde_json::from_str(&read(&sources().join("vessels.json"))).expect("it is JSON");
     edit(&mut model);
@@ -125,7 +125,7 @@ fn wrong_units_are_refused() {
 
 #[test]
 fn wrong_start_values_are_refused() {
-    use at::{AREA, ENABLED, FILLS, INFLOW, LABEL, LEVEL, MASS, MODE, OUTFLOW, RESERVE, TABLE};
+    use at::{AREA, ENABLED, INFLOW, LABEL, LEVEL, MASS, MODE, OUTFLOW, RESERVE};
     assert_refused(
         LEVEL,
         &json!({"start": 1}),
@@ -152,44 +152,61 @@ fn wrong_start_values_are_refused() {
         "variable 'second.volume': its component's 'start' names it, but the type has no such variable",
     );
     assert_refused(INFLOW, &json!({"min": 20}), "variable 'inflow': min 20.0 is greater than max 10.0");
-    assert_refused(INFLOW, &json!({"start": "much"}), "variable 'inflow': start \"much\" is no Real");
+    assert_refused(
+        INFLOW,
+        &json!({"start": "much"}),
+        "variable 'inflow': start \"much\" is not of type Real",
+    );
     // Words for what JSON has no number for, and a number that is not the word it stands for.
     for word in ["NaN", "inf", "-Infinity"] {
-        let message = format!("variable 'inflow': start \"{word}\" is no Real");
+        let message = format!("variable 'inflow': start \"{word}\" is not of type Real");
         assert_refused(INFLOW, &json!({"start": word}), &message);
     }
-    assert_refused(INFLOW, &json!({"start": true}), "variable 'inflow': start true is no Real");
+    assert_refused(INFLOW, &json!({"start": true}), "variable 'inflow': start true is not of type Real");
     assert_refused(INFLOW, &json!({"start": -1}), "variable 'inflow': start -1.0 is outside 0.0..10.0");
-    assert_refused(ENABLED, &json!({"start": 1}), "variable 'enabled': start 1 is no Boolean");
-    assert_refused(ENABLED, &json!({"start": "true"}), "variable 'enabled': start \"true\" is no Boolean");
-    assert_refused(LABEL, &json!({"start": 1}), "variable 'settings.label': start 1 is no String");
-    assert_refused(LABEL, &json!({"start": true}), "variable 'settings.label': start true is no String");
+    assert_refused(ENABLED, &json!({"start": 1}), "variable 'enabled': start 1 is not of type Boolean");
+    assert_refused(
+        ENABLED,
+        &json!({"start": "true"}),
+        "variable 'enabled': start \"true\" is not of type Boolean",
+    );
+    assert_refused(LABEL, &json!({"start": 1}), "variable 'settings.label': start 1 is not of type String");
+    assert_refused(
+        LABEL,
+        &json!({"start": true}),
+        "variable 'settings.label': start true is not of type String",
+    );
     assert_refused(
         MODE,
         &json!({"start": "full"}),
-        "variable 'settings.mode': start 'full' is no item of FillMode",
+        "variable 'settings.mode': start 'full' is not an item of FillMode",
     );
-    assert_refused(MODE, &json!({"start": 1}), "variable 'settings.mode': start 1 is no FillMode");
+    assert_refused(MODE, &json!({"start": 1}), "variable 'settings.mode': start 1 is not of type FillMode");
     assert_refused(
         MODE,
         &json!({"type": "FullMode"}),
-        "variable 'settings.mode': type 'FullMode' is none of Real, Integer, Boolean, String and the enumerations",
+        "variable 'settings.mode': type 'FullMode' is not one of Real, Integer, Boolean, String and the enumerations",
     );
     assert_refused(
         MODE,
         &json!({"type": "Integer", "start": 1.5}),
-        "variable 'settings.mode': start 1.5 is no Integer",
+        "variable 'settings.mode': start 1.5 is not of type Integer",
     );
     assert_refused(
         MODE,
         &json!({"type": "Integer", "start": 2_147_483_648_u32}),
-        "variable 'settings.mode': start 2147483648 is no Integer",
+        "variable 'settings.mode': start 2147483648 is not of type Integer",
     );
     assert_refused(
         MODE,
         &json!({"type": "Integer", "start": 3, "max": 2}),
         "variable 'settings.mode': start 3.0 is outside -inf..2.0",
     );
+}
+
+#[test]
+fn start_values_that_do_not_fit_the_declaration_are_refused() {
+    use at::{FILLS, INFLOW, LABEL, TABLE};
     assert_refused(FILLS, &json!({"min": 101}), "variable 'fills': min 101.0 is greater than max 100.0");
     assert_refused(TABLE, &json!({"max": 3}), "variable 'settings.table': start 4.0 is outside -inf..3.0");
     assert_refused(
@@ -202,7 +219,7 @@ fn wrong_start_values_are_refused() {
         &json!({"min": 0}),
         "variable 'settings.label': min and max are for Real and Integer, not String",
     );
-    assert_refused(FILLS, &json!({"min": 0.5}), "variable 'fills': the bound 0.5 is no Integer");
+    assert_refused(FILLS, &json!({"min": 0.5}), "variable 'fills': the bound 0.5 is not of type Integer");
     assert_refused(INFLOW, &json!({"nominal": 0}), "variable 'inflow': nominal is not greater than 0");
     assert_refused(
         TABLE,
@@ -217,7 +234,7 @@ fn wrong_start_values_are_refused() {
     assert_refused(
         TABLE,
         &json!({"start": [[1, 2], [3, []]]}),
-        "variable 'settings.table': start [] is no Real",
+        "variable 'settings.table': start [] is not of type Real",
     );
     assert_refused(TABLE, &json!({"dimensions": [2, 0]}), "variable 'settings.table': a dimension is 0");
 }
@@ -353,7 +370,7 @@ fn wrong_dependencies_are_refused() {
     assert_refused(
         GAIN,
         &json!({"reads": ["table", "inflow"]}),
-        "variable 'settings.gain': a calculatedParameter reads 'inflow', which is no parameter",
+        "variable 'settings.gain': a calculatedParameter reads 'inflow', which is not a parameter",
     );
 }
 
@@ -433,7 +450,7 @@ fn wrong_names_are_refused() {
     assert_refused(
         "/enumerations/0",
         &json!({"name": "VesselStates"}),
-        "variable 'settings.mode': type 'FillMode' is none of Real, Integer, Boolean, String and the enumerations",
+        "variable 'settings.mode': type 'FillMode' is not one of Real, Integer, Boolean, String and the enumerations",
     );
     assert_refused(
         "/enumerations/0",
@@ -506,10 +523,10 @@ fn texts_that_xml_does_not_keep_are_refused() {
         categories.push(json!({"name": text, "description": "Another"}));
     });
     assert_eq!(category, format!("vessels.json: 'log_categories': its text {lost}"));
-    // Half of a pair of UTF-16 is no character of Unicode either.
+    // Half of a UTF-16 surrogate pair is not a character of Unicode either.
     let edited = read(&sources().join("vessels.json")).replacen("Flow into", "Flow \\ud800 into", 1);
-    let said = refusal_of_text("surrogate", &edited, None);
-    assert!(said.ends_with("(in 'inflow')"), "{said}");
+    let message = refusal_of_text("surrogate", &edited, None);
+    assert!(message.ends_with("(in 'inflow')"), "{message}");
 }
 
 #[test]
@@ -577,7 +594,7 @@ fn place(text: &str, part: &str) -> String {
     format!("line {line} column {column}")
 }
 
-/// What is no JSON of a model is refused with line, column and the variable around it.
+/// Text that is not the JSON of a model is refused with line, column and the variable around it.
 #[test]
 fn wrong_json_is_refused_where_it_is_wrong() {
     let text = read(&sources().join("vessels.json"));
@@ -586,41 +603,41 @@ fn wrong_json_is_refused_where_it_is_wrong() {
         let edited = text.replacen(from, to, 1);
         (refusal_of_text(name, &edited, None), edited)
     };
-    let (said, edited) =
+    let (message, edited) =
         refuse("comma", r#"0.5, "description": "Flow into"#, r#"0.5 "description": "Flow into"#);
     let at = place(&edited, r#""description": "Flow into"#);
-    assert_eq!(said, format!("vessels.json: expected `,` or `}}` at {at} (in 'inflow')"));
+    assert_eq!(message, format!("vessels.json: expected `,` or `}}` at {at} (in 'inflow')"));
 
     // An unknown field is noticed at its closing quote.
-    let (said, edited) = refuse("field", r#""nominal": 2"#, r#""nominals": 2"#);
+    let (message, edited) = refuse("field", r#""nominal": 2"#, r#""nominals": 2"#);
     let at = place(&edited, r#"": 2, "reads""#);
     assert!(
-        said.starts_with("vessels.json: unknown field `nominals`, expected one of `name`, `description`,")
+        message.starts_with("vessels.json: unknown field `nominals`, expected one of `name`, `description`,")
     );
-    assert!(said.ends_with(&format!(" at {at} (in 'level')")), "{said}");
+    assert!(message.ends_with(&format!(" at {at} (in 'level')")), "{message}");
 
     // A missing one where the object ends.
-    let (said, edited) =
+    let (message, edited) =
         refuse("missing", r#""start": true, "description": "Whether anything leaves"}"#, r#""start": true}"#);
     let at = place(&edited, "},\n    {\"name\": \"level\"");
-    assert_eq!(said, format!("vessels.json: missing field `description` at {at} (in 'enabled')"));
+    assert_eq!(message, format!("vessels.json: missing field `description` at {at} (in 'enabled')"));
 
-    let (said, _) = refuse("causality", r#""level", "causality": "output", "#, r#""level", "#);
-    assert!(said.starts_with("vessels.json: missing field `causality` at "), "{said}");
-    assert!(said.ends_with("(in 'level')"), "{said}");
-    let (said, _) =
+    let (message, _) = refuse("causality", r#""level", "causality": "output", "#, r#""level", "#);
+    assert!(message.starts_with("vessels.json: missing field `causality` at "), "{message}");
+    assert!(message.ends_with("(in 'level')"), "{message}");
+    let (message, _) =
         refuse("independent", r#""level", "causality": "output""#, r#""level", "causality": "independent""#);
-    assert!(said.starts_with("vessels.json: unknown variant `independent`, expected one of"), "{said}");
+    assert!(message.starts_with("vessels.json: unknown variant `independent`, expected one of"), "{message}");
 
-    let (said, _) = refuse(
+    let (message, _) = refuse(
         "variant",
         r#""start": 0.5, "description": "Cross"#,
         r#""start": 0.5, "variability": "constant", "description": "Cross"#,
     );
     assert!(
-        said.starts_with("vessels.json: unknown variant `constant`, expected one of `fixed`, `tunable`,")
+        message.starts_with("vessels.json: unknown variant `constant`, expected one of `fixed`, `tunable`,")
     );
-    assert!(said.ends_with("(in 'area')"), "{said}");
+    assert!(message.ends_with("(in 'area')"), "{message}");
 
     // There is no NaN in JSON, and no number beyond the doubles.
     for (number, reason) in [
@@ -634,14 +651,14 @@ fn wrong_json_is_refused_where_it_is_wrong() {
             [r#""nominal": 2"#, r#""start": 0.5"#, r#""min": 0"#, r#""max": 10"#, r#""stop_time": 10"#]
         {
             let (key, _) = field.split_once(' ').expect("there is a value");
-            let (said, _) = refuse(&format!("{number} {key}"), field, &format!("{key} {number}"));
-            assert!(said.starts_with(&format!("vessels.json: {reason}")), "{said}");
+            let (message, _) = refuse(&format!("{number} {key}"), field, &format!("{key} {number}"));
+            assert!(message.starts_with(&format!("vessels.json: {reason}")), "{message}");
         }
     }
 
-    let (said, _) = refuse("twice", r#"{"area": 0.75}"#, r#"{"area": 0.75, "area": 0.8}"#);
-    assert!(said.starts_with("vessels.json: \"area\" is given twice at "), "{said}");
-    assert!(said.ends_with("(in 'second')"), "{said}");
+    let (message, _) = refuse("twice", r#"{"area": 0.75}"#, r#"{"area": 0.75, "area": 0.8}"#);
+    assert!(message.starts_with("vessels.json: \"area\" is given twice at "), "{message}");
+    assert!(message.ends_with("(in 'second')"), "{message}");
 }
 
 #[test]

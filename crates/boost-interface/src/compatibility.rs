@@ -1,80 +1,80 @@
-//! Whether an FMU can take a place: for each variable of the interface, which of its variables it is, what is
-//! wrong with that, and how values convert.
+//! Whether an FMU can replace the plant or the controller: its variable for each variable of the interface, the problems
+//! with it, and the conversion of values.
 
 use std::fmt::{self, Display, Formatter};
 
 use anyhow::{Result, bail};
 use fmi2_export::package::terminal::{in_line, number};
-use fmi2_export::package::{Kind, Linear, ModelDescription, Variable};
+use fmi2_export::package::{FmuDescription, FmuVariable, Kind, Linear};
 
-use crate::map::{Entry, Map, Meaning};
+use crate::name_map::{Entry, Meaning, NameMap};
 use crate::{Port, Role};
 
-/// How like the interface's a name must be to be suggested, from 0 to 1.
+/// The least similarity to the interface's name of a suggestion, from 0 to 1.
 const LIKENESS: f64 = 0.6;
-/// How many names are suggested.
+/// The number of suggested names.
 const SUGGESTIONS: usize = 3;
-/// By what factor values differ that are most likely in different units.
+/// Values that differ by this factor are most likely in different units.
 const SUSPICIOUS_FACTOR: f64 = 10.0;
 
-/// What was found for each variable of the interface.
-pub struct Fit<'a> {
-    /// The place.
+/// How an FMU fits the interface as a plant or a controller.
+pub struct Compatibility<'a> {
+    /// Which of the two FMUs it would replace.
     pub role: Role,
-    /// The FMU.
-    pub fmu: &'a ModelDescription,
-    /// By variable of the interface.
+    /// The description of the FMU under test.
+    pub fmu: &'a FmuDescription,
+    /// The result for each variable of the interface.
     pub matches: Vec<(Port, Match<'a>)>,
-    /// What is wrong with the FMU as a whole.
+    /// Problems of the FMU as a whole.
     pub problems: Vec<String>,
 }
 
 /// What was found for a variable of the interface.
 pub enum Match<'a> {
-    /// Nothing of this name; some are like it.
+    /// No variable has this name.
     Missing {
-        /// The names of variables that may be meant, the likeliest first.
+        /// Similar names, the most similar first.
         suggestions: Vec<&'a str>,
     },
     /// The map leaves it unconnected.
     Unconnected,
-    /// The map names a variable that there is not.
+    /// The map names a variable that the FMU does not have.
     Unknown {
-        /// The name.
+        /// The name in the map.
         name: String,
-        /// The names of variables that may be meant, the likeliest first.
+        /// Similar names, the most similar first.
         suggestions: Vec<&'a str>,
     },
-    /// A variable.
+    /// The FMU has the variable; it may still not fit.
     Found {
-        /// The variable.
-        variable: &'a Variable,
-        /// What takes its values to the interface.
+        /// The FMU's variable.
+        variable: &'a FmuVariable,
+        /// The conversion of its values to the interface.
         to_interface: Linear,
-        /// What stands against it.
+        /// Why it does not fit.
         problems: Vec<String>,
-        /// What its user should know.
+        /// Remarks for the user.
         notes: Vec<String>,
     },
 }
 
-/// What a match means for the FMU's place.
+/// What a match means for the FMU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// It is connected.
     Fits,
     /// It is left out, which does no harm.
     LeftOut,
-    /// It does not do.
+    /// It cannot be connected.
     Wrong,
 }
 
-impl<'a> Fit<'a> {
+impl<'a> Compatibility<'a> {
     /// Compares an FMU with the interface, by equal names and by a map.
     ///
     /// # Errors
     /// When the map is for another place or another FMU.
-    pub fn new(role: Role, fmu: &'a ModelDescription, map: Option<&Map>) -> Result<Self> {
+    pub fn new(role: Role, fmu: &'a FmuDescription, map: Option<&NameMap>) -> Result<Self> {
         if let Some(map) = map {
             if map.role != role {
                 bail!("the map is for a {}, not for a {}", map.role.name(), role.name());
@@ -118,7 +118,7 @@ impl<'a> Fit<'a> {
     }
 
     /// The FMU's inputs that nothing of the interface is connected to: they keep their start values.
-    pub fn other_inputs(&self) -> impl Iterator<Item = &'a Variable> {
+    pub fn other_inputs(&self) -> impl Iterator<Item = &'a FmuVariable> {
         self.fmu.of_causality("input").filter(|input| {
             !self.matches.iter().any(
                 |(_, found)| matches!(found, Match::Found { variable, .. } if variable.name == input.name),
@@ -128,7 +128,7 @@ impl<'a> Fit<'a> {
 
     /// The map by which the FMU was compared, completed by what may be meant where nothing was found.
     #[must_use]
-    pub fn to_map(&self, given: Option<&Map>) -> Map {
+    pub fn to_map(&self, given: Option<&NameMap>) -> NameMap {
         let variables = self.matches.iter().map(|(port, found)| {
             let given = given.and_then(|map| map.variables.get(port.name()).cloned());
             let entry = given.unwrap_or_else(|| match found {
@@ -144,7 +144,7 @@ impl<'a> Fit<'a> {
             });
             (port.name().to_owned(), entry)
         });
-        Map {
+        NameMap {
             role: self.role,
             fmu: self.fmu.attribute("modelName").to_owned(),
             variables: variables.collect(),
@@ -153,7 +153,7 @@ impl<'a> Fit<'a> {
 }
 
 impl<'a> Match<'a> {
-    fn new(port: &Port, fmu: &'a ModelDescription, entry: Option<&Option<Entry>>) -> Self {
+    fn new(port: &Port, fmu: &'a FmuDescription, entry: Option<&Option<Entry>>) -> Self {
         match entry {
             Some(None) => Self::Unconnected,
             Some(Some(entry)) => match fmu.variable(&entry.name) {
@@ -172,8 +172,8 @@ impl<'a> Match<'a> {
 
     fn found(
         port: &Port,
-        fmu: &ModelDescription,
-        variable: &'a Variable,
+        fmu: &FmuDescription,
+        variable: &'a FmuVariable,
         meaning: Result<Meaning, String>,
     ) -> Self {
         let mut problems = vec![];
@@ -230,7 +230,7 @@ impl<'a> Match<'a> {
 }
 
 /// What was found, line by line.
-impl Display for Fit<'_> {
+impl Display for Compatibility<'_> {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
         writeln!(
             formatter,
@@ -278,20 +278,20 @@ fn details(found: &Match<'_>) -> String {
             format!("the map's {name} is missing{}", like(suggestions))
         }
         Match::Found { variable, problems, notes, .. } => {
-            let said: Vec<_> = problems.iter().chain(notes).map(String::as_str).collect();
-            match said.join("; ") {
-                said if said.is_empty() => variable.name.clone(),
-                said => format!("{}: {said}", variable.name),
+            let remarks: Vec<_> = problems.iter().chain(notes).map(String::as_str).collect();
+            match remarks.join("; ") {
+                remarks if remarks.is_empty() => variable.name.clone(),
+                remarks => format!("{}: {remarks}", variable.name),
             }
         }
     }
 }
 
-/// What takes the values of a variable to the interface, and whether that is said anywhere.
+/// The conversion of a variable's values to the interface, and whether a unit or a map declares it.
 fn conversion(
     port: &Port,
-    fmu: &ModelDescription,
-    variable: &Variable,
+    fmu: &FmuDescription,
+    variable: &FmuVariable,
     meaning: Result<Meaning, String>,
 ) -> Result<(Linear, bool), String> {
     let unit = match meaning? {
@@ -300,7 +300,7 @@ fn conversion(
         Meaning::Declared if variable.unit.is_empty() => return Ok((Linear::IDENTITY, false)),
         Meaning::Declared => match fmu.unit(&variable.unit) {
             Some(unit) if unit.base.is_some() => unit,
-            // It is named, but not said what it is in SI units. Equal names are taken for equal units.
+            // The unit is not defined in SI units. Equal names are taken as equal units.
             _ if variable.unit == port.unit().name => return Ok((Linear::IDENTITY, true)),
             _ => {
                 return Err(format!(
@@ -334,10 +334,10 @@ fn formula(Linear { factor, offset }: Linear, variable: &str) -> String {
 }
 
 /// What is strange about the values of a variable, compared with those of the interface. An error where they
-/// are no numbers.
+/// are not numbers.
 fn mismatch(
     port: &Port,
-    variable: &Variable,
+    variable: &FmuVariable,
     to_interface: Linear,
     is_certain: bool,
 ) -> Result<Option<String>, String> {
@@ -346,13 +346,13 @@ fn mismatch(
     let (min, max) = (to_interface.apply(min), to_interface.apply(max));
     let own = (min.min(max), min.max(max));
     let wanted = expected(port, |ours| ours.range().ok().filter(|&range| is_bounded(range)));
-    // Whoever takes a value must take all that the other side gives.
+    // An input's range must contain the range of the output connected to it.
     if let Some(wanted) = wanted.filter(|_| is_bounded(own)) {
         let (taker, giver) = match port.kind {
             Kind::Input => (own, wanted),
             Kind::Output => (wanted, own),
         };
-        // An end that is not declared says nothing.
+        // A bound that is not declared is not compared.
         let is_below = giver.0.is_finite() && giver.0 < taker.0;
         let is_above = giver.1.is_finite() && giver.1 > taker.1;
         if is_below || is_above {
@@ -361,7 +361,8 @@ fn mismatch(
             return Ok(Some(format!("its range is {own}, the interface's {wanted}")));
         }
     }
-    let start = |variable: &Variable| variable.start.trim().parse::<f64>().ok().filter(|start| *start != 0.0);
+    let start =
+        |variable: &FmuVariable| variable.start.trim().parse::<f64>().ok().filter(|start| *start != 0.0);
     if !is_certain
         && let (Some(own), Some(wanted)) = (start(variable), expected(port, start))
         && !(SUSPICIOUS_FACTOR.recip()..=SUSPICIOUS_FACTOR).contains(&(own / wanted))
@@ -373,7 +374,7 @@ fn mismatch(
 }
 
 /// What our FMUs declare of a port's values: that in the other place before that in this one.
-fn expected<T>(port: &Port, declared: impl Fn(&Variable) -> Option<T>) -> Option<T> {
+fn expected<T>(port: &Port, declared: impl Fn(&FmuVariable) -> Option<T>) -> Option<T> {
     port.counterpart.and_then(&declared).or_else(|| declared(port.variable))
 }
 
@@ -382,9 +383,9 @@ fn is_bounded((min, max): (f64, f64)) -> bool {
 }
 
 /// The names of variables that may be meant by a name, the likeliest first.
-fn suggestions<'a>(port: &Port, name: &str, fmu: &'a ModelDescription) -> Vec<&'a str> {
+fn suggestions<'a>(port: &Port, name: &str, fmu: &'a FmuDescription) -> Vec<&'a str> {
     let wanted = port.unit();
-    let likeness = |variable: &Variable| {
+    let likeness = |variable: &FmuVariable| {
         let likeness = likeness(name, &variable.name);
         // A unit that measures the same thing says more than letters do.
         let is_alike = |unit: fmi2_export::package::Unit| {
@@ -447,7 +448,7 @@ fn words(name: &str) -> Vec<String> {
 mod tests {
     use super::*;
 
-    fn fmu(variables: &str) -> ModelDescription {
+    fn fmu(variables: &str) -> FmuDescription {
         let xml = format!(
             r#"<fmiModelDescription fmiVersion="2.0" modelName="Other">
               <CoSimulation modelIdentifier="Other"/>
@@ -458,7 +459,7 @@ mod tests {
               </UnitDefinitions>
               <ModelVariables>{variables}</ModelVariables></fmiModelDescription>"#
         );
-        ModelDescription::parse(&xml).unwrap()
+        FmuDescription::parse(&xml).unwrap()
     }
 
     fn real(name: &str, causality: &str, real: &str) -> String {
@@ -466,17 +467,17 @@ mod tests {
     }
 
     /// What is found for a variable of the plant's place.
-    fn found<'a>(fmu: &'a ModelDescription, name: &str) -> Match<'a> {
-        let fit = Fit::new(Role::Plant, fmu, None).unwrap();
-        fit.matches.into_iter().find(|(port, _)| port.name() == name).unwrap().1
+    fn found<'a>(fmu: &'a FmuDescription, name: &str) -> Match<'a> {
+        let compatibility = Compatibility::new(Role::Plant, fmu, None).unwrap();
+        compatibility.matches.into_iter().find(|(port, _)| port.name() == name).unwrap().1
     }
 
     #[test]
-    fn our_own_fmus_fit_without_a_word() {
+    fn our_own_fmus_fit_without_remarks() {
         for role in [Role::Plant, Role::Controller] {
-            let fit = Fit::new(role, role.description(), None).unwrap();
-            assert!(fit.fits() && fit.other_inputs().next().is_none());
-            for (_, found) in &fit.matches {
+            let compatibility = Compatibility::new(role, role.description(), None).unwrap();
+            assert!(compatibility.fits() && compatibility.other_inputs().next().is_none());
+            for (_, found) in &compatibility.matches {
                 assert!(
                     matches!(found, Match::Found { to_interface: Linear::IDENTITY, notes, .. } if notes.is_empty())
                 );
@@ -509,7 +510,7 @@ mod tests {
     }
 
     #[test]
-    fn a_duty_between_0_and_1_is_seen_when_no_unit_says_so() {
+    fn a_duty_between_0_and_1_is_detected_without_a_unit() {
         let fmu = fmu(&real("hp_wastegate_pwm", "input", r#"min="0" max="1""#));
         let Match::Found { problems, .. } = found(&fmu, "hp_wastegate_pwm") else { panic!("not found") };
         assert_eq!(
@@ -521,7 +522,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_variable_is_not_is_said() {
+    fn wrong_causality_and_type_are_reported() {
         let fmu = fmu(&format!(
             r#"{}<ScalarVariable name="vacuum_pump" causality="input"><Boolean/></ScalarVariable>"#,
             real("boost_pressure", "local", "")
@@ -532,12 +533,12 @@ mod tests {
         };
         assert_eq!(problems("boost_pressure"), ["its causality is local, not output"]);
         assert_eq!(problems("vacuum_pump"), ["it is of the type Boolean, not Real"]);
-        let fit = Fit::new(Role::Plant, &fmu, None).unwrap();
-        assert!(!fit.fits());
+        let compatibility = Compatibility::new(Role::Plant, &fmu, None).unwrap();
+        assert!(!compatibility.fits());
     }
 
     #[test]
-    fn likely_names_are_suggested_and_unlikely_ones_are_not() {
+    fn only_similar_names_are_suggested() {
         let fmu = fmu(&[
             real("pBoost", "output", r#"unit="bar""#),
             real("boostPressure", "output", r#"unit="V""#),
@@ -551,7 +552,7 @@ mod tests {
     }
 
     #[test]
-    fn names_have_words() {
+    fn names_are_split_into_words() {
         for name in ["hp_wastegate_pwm", "hp.wastegatePwm", "HpWastegatePWM", "hp wastegate pwm"] {
             assert_eq!(words(name), ["hp", "wastegate", "pwm"], "{name}");
         }

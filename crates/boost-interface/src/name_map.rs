@@ -6,15 +6,15 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use fmi2_export::package::terminal::number;
-use fmi2_export::package::{Linear, ModelDescription, Unit, reading};
+use fmi2_export::package::{FmuDescription, Linear, Unit, reading};
 use serde::{Deserialize, Serialize};
 
 use crate::{Port, Role};
 
-/// A map as the file holds it.
+/// The content of a map's file.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Map {
+pub struct NameMap {
     /// The place that the FMU takes.
     #[serde(rename = "as")]
     pub role: Role,
@@ -39,7 +39,7 @@ pub struct Entry {
     /// See above.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset: Option<f64>,
-    /// Names that would do, for whoever edits the file.
+    /// Suggested names, for the user who edits the file.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub candidates: Vec<String>,
 }
@@ -48,17 +48,17 @@ pub struct Entry {
 pub enum Meaning {
     /// Nothing: the FMU's own declaration holds.
     Declared,
-    /// The unit.
+    /// The unit of the FMU's values.
     Unit(Unit),
-    /// The function.
+    /// The function from the FMU's values to the interface's.
     Function(Linear),
 }
 
-impl Map {
+impl NameMap {
     /// Reads a file.
     ///
     /// # Errors
-    /// When it cannot be read, is no map, names what is no variable of the interface, or leaves a name open; the
+    /// When it cannot be read, is not a map, names a variable that the interface does not have, or leaves a name open; the
     /// message says which.
     pub fn read(path: &Path) -> Result<Self> {
         let shown = path.display();
@@ -69,7 +69,7 @@ impl Map {
         for (name, entry) in &map.variables {
             if !ports.contains(&name.as_str()) {
                 bail!(
-                    "the map {shown} names {name}, which is no variable of a {}: there are {}",
+                    "the map {shown} names {name}, which is not a variable of a {}: there are {}",
                     map.role.name(),
                     ports.join(", ")
                 );
@@ -89,7 +89,7 @@ impl Map {
     /// The text of the file.
     ///
     /// # Errors
-    /// When a number is none.
+    /// When a number is not finite.
     pub fn to_json(&self) -> Result<String> {
         Ok(serde_json::to_string_pretty(self).context("cannot write the map")? + "\n")
     }
@@ -100,7 +100,7 @@ impl Entry {
     ///
     /// # Errors
     /// When it contradicts itself, or its unit is not known.
-    pub fn meaning(&self, port: &Port, fmu: &ModelDescription) -> Result<Meaning, String> {
+    pub fn meaning(&self, port: &Port, fmu: &FmuDescription) -> Result<Meaning, String> {
         match (&self.unit, self.factor, self.offset) {
             (Some(_), Some(_), _) | (Some(_), _, Some(_)) => {
                 Err("the map gives both a unit and a factor or offset".to_owned())
@@ -122,7 +122,7 @@ impl Entry {
                 let function = Linear { factor: factor.unwrap_or(1.0), offset: offset.unwrap_or(0.0) };
                 if function.factor == 0.0 || !function.factor.is_finite() || !function.offset.is_finite() {
                     return Err(format!(
-                        "the map's factor {} and offset {} are no conversion",
+                        "the map's factor {} and offset {} are not a conversion",
                         number(function.factor),
                         number(function.offset)
                     ));
