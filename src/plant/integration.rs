@@ -499,7 +499,7 @@ mod tests {
         let system = system(0.0);
         let inputs = Inputs::default();
         let mut states = running(&system, &inputs, 32_500.0);
-        let (mut pace, budget) = (Pace::default(), Budget::new(1.0));
+        let (mut pace, budget) = (Pace::default(), Budget::new(52_000.0));
         let signal = Signal { at: |_| inputs, is_constant: true };
         let interval = |_: &u32| {
             let interval = Interval { from: 0.0, to: 1e-3, tolerance: 1e-4, budget: &budget };
