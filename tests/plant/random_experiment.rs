@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::ops::RangeInclusive;
+use std::path::Path;
 
 use boost_fmu::plant::variables::Inputs;
 
@@ -23,11 +24,15 @@ impl RandomExperiment {
     pub const STEPS: u32 = 1600;
 
     pub fn read(number: u32) -> Self {
-        // Of the workspace, whichever of its packages reads them.
-        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/experiments").replace("/benches/", "/");
+        // The packages that read them lie in different folders of the workspace.
+        let folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
+        let folder = folders
+            .map(|folder| folder.join("tests/data/experiments"))
+            .find(|folder| folder.is_dir())
+            .expect("the experiments are in the workspace");
         let read = |what: &str| {
-            let file = format!("{folder}/{number:02}_{what}.csv");
-            fs::read_to_string(&file).unwrap_or_else(|error| panic!("{file}: {error}"))
+            let file = folder.join(format!("{number:02}_{what}.csv"));
+            fs::read_to_string(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display()))
         };
         let mut inputs: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
         for line in read("inputs").lines() {
