@@ -4,7 +4,6 @@
 use fmi2_export::Inputs as _;
 use num_dual::Dual64;
 
-use super::quantities::quantities;
 use super::system::System;
 use super::variables::{Inputs, Outputs, Parameters, States};
 
@@ -39,7 +38,7 @@ pub fn linearize(parameters: &Parameters, inputs: &Inputs, states: &States) -> L
         let inputs = inputs.combine(input_seeds, &mut Dual64::new);
         let states = states.combine(state_seeds, &mut Dual64::new);
         let evaluation = system.evaluate(&inputs, &states);
-        let outputs = quantities(&system, &inputs, &states, &evaluation).0;
+        let outputs = system.quantities(&inputs, &states, &evaluation).0;
         (evaluation.derivatives(), outputs)
     };
     let (no_inputs, no_states) = (inputs.map(|_| 0.0), states.map(|_| 0.0));

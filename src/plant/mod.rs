@@ -21,9 +21,11 @@
 //! `modelDescription/plant.json`.
 
 pub mod actuator;
+pub mod air_filter;
 pub mod compressor;
 pub mod cylinders;
 pub mod duty_latch;
+pub mod exhaust;
 pub mod exhaust_manifold;
 pub mod flow_resistance;
 pub mod gas;
@@ -33,7 +35,6 @@ pub mod intercooler;
 pub mod linearization;
 pub mod orifice;
 pub mod port;
-pub mod quantities;
 pub mod scalar;
 pub mod shaft;
 pub mod solenoid_valve;
@@ -53,7 +54,6 @@ use num_dual::Dual64;
 use self::duty_latch::DutyLatch;
 use self::initialization::{Settled, differentiate_settled, running, settled};
 use self::integration::{Pace, Signal, budget};
-use self::quantities::quantities;
 use self::system::{Evaluation, System};
 use self::variables::{InitializationMode, Inputs, Parameters, States, Variables};
 use crate::LONGEST_STEP;
@@ -244,8 +244,7 @@ impl BoostPlant {
     /// Fills in what belongs to the states, the inputs that the plant sees, and what everything does there.
     fn show(&self, variables: &mut Variables, inputs: &Inputs, evaluation: &Evaluation) {
         variables.derivatives = evaluation.derivatives();
-        (variables.outputs, variables.locals) =
-            quantities(&self.system, inputs, &variables.states, evaluation);
+        (variables.outputs, variables.locals) = self.system.quantities(inputs, &variables.states, evaluation);
     }
 
     /// Advances the states over an interval, its times in s after the step's begin. Returns what everything
@@ -290,7 +289,7 @@ impl BoostPlant {
 /// The derivatives of everything that is calculated from inputs and states.
 fn derivatives_of(system: &System<Dual64>, inputs: &Inputs<Dual64>, states: &States<Dual64>) -> Variables {
     let evaluation = system.evaluate(inputs, states);
-    let (outputs, locals) = quantities(system, inputs, states, &evaluation);
+    let (outputs, locals) = system.quantities(inputs, states, &evaluation);
     let mut derivatives = Variables::zero();
     derivatives.states = states.map(|state| state.eps);
     derivatives.derivatives = evaluation.derivatives().map(|rate| rate.eps);
