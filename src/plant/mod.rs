@@ -60,9 +60,11 @@ use crate::LONGEST_STEP;
 use crate::solver::course::Interval;
 use crate::solver::steady_state::Failure;
 
-/// The largest ratio of Dahl's stiffness to the Coulomb force in 1/m, with a margin for rounding: beyond
-/// it the friction force changes faster than the reference implementation, which steps by 1/2400 s, resolves.
-const STIFFEST_FRICTION: f64 = 2000.0 * (1.0 + 1e-9);
+/// The largest ratio of Dahl's stiffness to the Coulomb force in 1/m: beyond it the friction force changes
+/// faster than the reference implementation, which steps by 1/2400 s, resolves.
+pub const STIFFEST_FRICTION: f64 = 2000.0;
+/// The part of it by which rounding may exceed it.
+const ROUNDING: f64 = 1e-9;
 
 /// The smallest tolerance; below it, rounding is what decides about a step. The smallest value of
 /// `solver.relative_tolerance`, too.
@@ -95,7 +97,7 @@ impl Model for BoostPlant {
     fn check_parameters(variables: &Variables) -> Result<(), Error> {
         let p = &variables.parameters;
         let actuator = &p.actuator;
-        if actuator.friction_stiffness > STIFFEST_FRICTION * actuator.coulomb_friction {
+        if actuator.friction_stiffness > STIFFEST_FRICTION * (1.0 + ROUNDING) * actuator.coulomb_friction {
             return Err(Error::new(format!(
                 "actuator.friction_stiffness = {:?} N/m is more than 2000 1/m times \
                  actuator.coulomb_friction = {:?} N",

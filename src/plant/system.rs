@@ -54,9 +54,11 @@ const EXHAUST_MIXING_WIDTH: f64 = 1e-5;
 #[derive(Clone, Copy, Debug)]
 pub struct System<D = f64> {
     supply: Supply<D>,
-    pub(super) valve: SolenoidValve<D>,
+    /// The solenoid valve.
+    pub valve: SolenoidValve<D>,
     tank: VacuumTank<D>,
-    pub(super) actuator: Actuator<D>,
+    /// The wastegate's actuator.
+    pub actuator: Actuator<D>,
     air_filter: AirFilter<D>,
     lp_compressor: Compressor<D>,
     hp_compressor: Compressor<D>,

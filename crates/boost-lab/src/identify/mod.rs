@@ -20,6 +20,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
+use boost_fmu::plant::system::System;
+use boost_fmu::plant::variables::Parameters;
 use fmi2_export::package::terminal::number;
 use fmi2_export::package::{Parameter, ParameterSet, Value};
 use serde::Serialize;
@@ -120,6 +122,9 @@ pub struct Known {
     stop_damping_depth: f64,
     ambient_pressure: f64,
     ambient_temperature: f64,
+    /// The actuation with these parameters.
+    #[serde(skip)]
+    system: System,
     /// What the plant has for the parameters that are sought, with their units.
     #[serde(skip)]
     sought: BTreeMap<&'static str, (f64, String)>,
@@ -147,7 +152,7 @@ impl Known {
             }
             sought.insert(*name, (value, plant.variable(name)?.unit.clone()));
         }
-        Ok(Self {
+        let mut known = Self {
             gas_constant: get("air.gas_constant")?,
             heat_capacity_ratio: get("air.heat_capacity_ratio")?,
             linear_pressure_ratio: get("valve.linear_pressure_ratio")?,
@@ -163,8 +168,11 @@ impl Known {
             stop_damping_depth: get("actuator.stop_damping_depth")?,
             ambient_pressure: get("ambient_pressure")?,
             ambient_temperature: get("ambient_temperature")?,
+            system: System::new(&Parameters::default()),
             sought,
-        })
+        };
+        known.system = System::new(&known.parameters());
+        Ok(known)
     }
 
     /// What the plant has for a parameter that is sought.
@@ -177,29 +185,25 @@ impl Known {
         ParameterEstimate { name: name.to_owned(), value, standard_error, unit, plant_value }
     }
 
-    /// Ψ of eq. (2) with the linear part near equal pressures, as the plant has it.
-    fn flow_function(&self, ratio: f64) -> f64 {
-        let gamma = self.heat_capacity_ratio;
-        let isentropic = |ratio: f64| {
-            let temperatures = ratio.powf((gamma - 1.0) / gamma);
-            ratio.powf(1.0 / gamma) * (2.0 * gamma / (gamma - 1.0) * (1.0 - temperatures)).sqrt()
-        };
-        let critical = (2.0 / (gamma + 1.0)).powf(gamma / (gamma - 1.0));
-        if ratio > self.linear_pressure_ratio {
-            isentropic(self.linear_pressure_ratio) * (1.0 - ratio) / (1.0 - self.linear_pressure_ratio)
-        } else {
-            isentropic(ratio.max(critical))
-        }
-    }
-
-    /// Eq. (1): the flow (kg/s) for each m² from a pressure (Pa) to another, at ambient temperature.
-    fn flow(&self, from: f64, to: f64) -> f64 {
-        let root = (self.gas_constant * self.ambient_temperature).sqrt();
-        if from >= to {
-            from / root * self.flow_function(to / from)
-        } else {
-            -to / root * self.flow_function(from / to)
-        }
+    /// The parameters of the plant's actuation. The friction is Dahl's with α = 1, and the exhaust does not push.
+    fn parameters(&self) -> Parameters {
+        let mut parameters = Parameters::default();
+        parameters.air.gas_constant = self.gas_constant;
+        parameters.air.heat_capacity_ratio = self.heat_capacity_ratio;
+        let valve = &mut parameters.valve;
+        valve.linear_pressure_ratio = self.linear_pressure_ratio;
+        valve.nominal_voltage = self.nominal_voltage;
+        valve.voltage_exponent = self.voltage_exponent;
+        let actuator = &mut parameters.actuator;
+        actuator.membrane_area = self.membrane_area;
+        actuator.chamber_volume = self.chamber_volume;
+        actuator.stroke = self.stroke;
+        actuator.stop_stiffness = self.stop_stiffness;
+        actuator.stop_damping = self.stop_damping;
+        actuator.stop_damping_depth = self.stop_damping_depth;
+        actuator.friction_exponent = 1.0;
+        actuator.exhaust_area = 0.0;
+        parameters
     }
 }
 

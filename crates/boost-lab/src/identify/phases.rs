@@ -62,10 +62,7 @@ pub struct Noise {
 
 /// The mean duty of some rows, as it would have the same effect at nominal voltage (%), paper section 5.
 pub fn plunger_duty(data: &Data, rows: Range<usize>, known: &Known) -> f64 {
-    let duties = rows.map(|row| {
-        (data.duty[row] * (data.voltage[row] / known.nominal_voltage).powf(known.voltage_exponent))
-            .clamp(0.0, 100.0)
-    });
+    let duties = rows.map(|row| known.system.valve.commanded_duty(data.duty[row], data.voltage[row]));
     mean(&duties.collect::<Vec<_>>())
 }
 

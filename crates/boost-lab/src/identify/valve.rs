@@ -105,10 +105,12 @@ impl<'a> Decay<'a> {
     fn new(data: &Data, phase: &Phase, rest: &'a Rest, known: &Known) -> Self {
         // Eq. (3) for the tank.
         let per_mass = known.gas_constant * known.ambient_temperature / known.tank_volume;
+        let (orifice, temperature) = (&known.system.valve.orifice, known.ambient_temperature);
+        let ambient = (known.ambient_pressure, temperature);
+        let rate = |row: usize| per_mass * orifice.mass_flow(1.0, ambient, (data.tank[row], temperature));
         let rows = rest.rows.clone();
         let mut leaked = vec![0.0];
         for row in rows.clone().skip(1) {
-            let rate = |row: usize| per_mass * known.flow(known.ambient_pressure, data.tank[row]);
             let step = (data.time[row] - data.time[row - 1]) * f64::midpoint(rate(row - 1), rate(row));
             leaked.push(leaked[leaked.len() - 1] + step);
         }

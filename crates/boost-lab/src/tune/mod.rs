@@ -17,6 +17,8 @@ mod schedule;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
+use boost_fmu::controller::feedback;
+use boost_fmu::controller::schedule::LocalModel;
 use fmi2_export::package::{Parameter, ParameterSet, Value};
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
@@ -107,11 +109,9 @@ impl Feedback {
     /// Lambda tuning of a model with gain (Pa/%), time constant (s) and delay (s).
     #[must_use]
     pub fn tuned(gain: f64, time_constant: f64, delay: f64, lambda: f64) -> Self {
-        Self {
-            gain: (delay / 2.0 + time_constant) / ((delay / 2.0 + lambda) * gain),
-            integral_time: time_constant + delay / 2.0,
-            derivative_time: time_constant * delay / (delay + 2.0 * time_constant),
-        }
+        let feedback::Tuning { gain, integral_time, derivative_time, .. } =
+            feedback::Tuning::new(&LocalModel { gain, time_constant, delay }, lambda);
+        Self { gain, integral_time, derivative_time }
     }
 }
 
@@ -461,19 +461,5 @@ impl Tuning<'_> {
             parameters,
             units: schedule.description.units.clone(),
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Eq. (12) by hand: a gain of −4000 Pa/%, T = 1.2 s, L = 0.1 s, λ = 0.3 s.
-    #[test]
-    fn feedback_is_that_of_lambda_tuning() {
-        let feedback = Feedback::tuned(-4000.0, 1.2, 0.1, 0.3);
-        assert!((feedback.gain - -1.25 / 0.35 / 4000.0).abs() < 1e-15);
-        assert!((feedback.integral_time - 1.25).abs() < 1e-15);
-        assert!((feedback.derivative_time - 0.12 / 2.5).abs() < 1e-15);
     }
 }

@@ -2,11 +2,9 @@
 //! controller an identification must know.
 
 use anyhow::{Context, Result, bail};
+use boost_interface::Role;
 use fmi2_export::package::terminal::number;
 use fmi2_export::package::{FmuDescription, FmuVariable, Value, like};
-
-/// What this repository's controller says of itself.
-const BUILT_IN: &str = include_str!(concat!(env!("OUT_DIR"), "/BoostController/modelDescription.xml"));
 
 /// The names of the axes: engine speeds of columns, boost references of rows.
 pub(super) const ENGINE_SPEED: &str = "schedule.engine_speed";
@@ -83,7 +81,7 @@ impl Schedule {
     /// # Errors
     /// When the controller's description is not as it should be.
     pub fn built_in() -> Result<Self> {
-        Self::read(&FmuDescription::parse(BUILT_IN)?)
+        Self::read(Role::Controller.description())
     }
 
     /// That of a controller.
@@ -229,19 +227,19 @@ mod tests {
 
     #[test]
     fn missing_parameters_of_a_controller_are_named() {
-        let refusal = |from: &str, to: &str| {
-            assert!(BUILT_IN.contains(from));
-            let controller = FmuDescription::parse(&BUILT_IN.replace(from, to)).unwrap();
+        let refusal = |name: &str, change: fn(&mut FmuVariable)| {
+            let mut controller = Role::Controller.description().clone();
+            change(controller.variables.iter_mut().find(|variable| variable.name == name).unwrap());
             Schedule::read(&controller).unwrap_err().to_string()
         };
         assert_eq!(
-            refusal("\"schedule.gain[16,7]\"", "\"schedule.gain[17,7]\""),
+            refusal("schedule.gain[16,7]", |variable| variable.name = "schedule.gain[17,7]".to_owned()),
             "the controller BoostController has no schedule.gain[16,7]; the nearest is schedule.gain[6,7]"
         );
-        assert!(
-            refusal("\"schedule.engine_speed[1]\"", "\"speed\"").contains("has no schedule.engine_speed[1]")
-        );
-        assert!(refusal("unit=\"V\"", "unit=\"mV\"").ends_with("is in mV, expected is V"));
+        let message = refusal("schedule.engine_speed[1]", |variable| variable.name = "speed".to_owned());
+        assert!(message.contains("has no schedule.engine_speed[1]"), "{message}");
+        let message = refusal("nominal_voltage", |variable| variable.unit = "mV".to_owned());
+        assert_eq!(message, "nominal_voltage is in mV, expected is V");
     }
 
     #[test]
