@@ -13,7 +13,7 @@ pub struct Parameters {
     /// An FMU of any maker
     #[arg(value_name = "FILE.fmu")]
     file: PathBuf,
-    /// The file to write [default: <model identifier>.ssv]
+    /// The file to write [default: MODEL.ssv, after the model identifier]
     #[arg(long, value_name = "FILE.ssv")]
     out: Option<PathBuf>,
 }
