@@ -47,7 +47,7 @@ pub mod variables {
     fmu_export::include_variables!("BoostPlant");
 }
 
-use fmu_export::{Context, Error, Experiment, InputSignal, Model, Step, Variables as _};
+use fmu_export::{Context, Error, Experiment, InputSignal, Model, Persistent, Step, Variables as _};
 use num_dual::Dual64;
 
 use self::duty_latch::DutyLatch;
@@ -69,14 +69,14 @@ const STIFFEST_FRICTION: f64 = 2000.0 * (1.0 + 1e-9);
 const SMALLEST_TOLERANCE: f64 = 1e-8;
 
 /// The plant as a co-simulation model.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Persistent)]
 pub struct BoostPlant {
+    /// What follows from the parameters.
+    #[persistent(skip)]
     system: System,
     latch: DutyLatch,
     pace: Pace,
 }
-
-fmu_export::persistent!(BoostPlant { latch, pace; derived system });
 
 impl Default for BoostPlant {
     fn default() -> Self {

@@ -54,8 +54,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
 /// A co-simulation model.
 ///
 /// `Clone` must copy the whole memory of the model: that is how an importer saves and restores it.
-/// [`Persistent`] must hand out the whole of it: that is how an importer carries it into another process.
-/// The macro [`persistent!`](crate::persistent) sees to that.
+/// [`Persistent`] must hand out the whole of it: that is how an importer carries it into another process. A struct
+/// derives both.
 pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     /// The model's variables, generated from its JSON.
     type Variables: Variables;
