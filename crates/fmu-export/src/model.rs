@@ -42,6 +42,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     fn string(&self, reference: ValueReference) -> &str;
     /// Sets a String variable.
     fn set_string(&mut self, reference: ValueReference, value: &str);
+    /// The states take their start values. Without states there is nothing to do.
+    fn states_from_start(&mut self) {}
     /// Variables whose Real ones are all 0: a direction in which nothing changes.
     fn zero() -> Self;
     /// The direction in which the states go by their derivatives; nothing else changes.
