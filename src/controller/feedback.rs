@@ -1,6 +1,8 @@
 //! The feedback: a gain scheduled PID controller by λ-tuning, with a filtered derivative of the
 //! measurement and tracking against wind-up (paper, section 6).
 
+use fmu_export::Persistent;
+
 use super::schedule::LocalModel;
 use crate::elementary::larger;
 
@@ -48,7 +50,7 @@ impl Tuning {
 }
 
 /// What the PID controller remembers between samples.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct Pid {
     /// The integral term (%).
     pub integral: f64,
@@ -57,8 +59,6 @@ pub struct Pid {
     /// The boost pressure at the last sample (Pa).
     measurement: f64,
 }
-
-fmi2_export::persistent!(Pid { integral, derivative, measurement });
 
 impl Pid {
     /// A controller that begins at rest at a boost pressure (Pa).

@@ -34,10 +34,10 @@ pub mod tank_relay;
 
 /// The variables of the controller, generated from `modelDescription/controller.json`.
 pub mod variables {
-    fmi2_export::include_variables!("BoostController");
+    fmu_export::include_variables!("BoostController");
 }
 
-use fmi2_export::{Context, Error, InputsOf, Model, Step};
+use fmu_export::{Context, Error, InputsOf, Model, Persistent, Step};
 
 use crate::LONGEST_STEP;
 use clock::SampleClock;
@@ -57,7 +57,7 @@ const LEAST_MEASUREMENT: f64 = 20e3;
 const FULL_RANGE: (f64, f64) = (0.0, 100.0);
 
 /// The controller's memory.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Persistent)]
 pub struct BoostController {
     clock: SampleClock,
     relay: TankRelay,
@@ -67,17 +67,13 @@ pub struct BoostController {
     boost: Option<BoostLoop>,
 }
 
-fmi2_export::persistent!(BoostController { clock, relay, stage, supply_voltage, boost });
-
 /// The memory of mode boost.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Persistent)]
 struct BoostLoop {
     pid: Pid,
     reference_model: ReferenceModel,
     low_pressure: LowPressureLoop,
 }
-
-fmi2_export::persistent!(BoostLoop { pid, reference_model, low_pressure });
 
 /// A duty at nominal voltage and what it is made of (%).
 #[derive(Clone, Copy, Debug)]

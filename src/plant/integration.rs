@@ -10,6 +10,8 @@
 //!
 //! `docs/integration.md` tells which other methods were tried.
 
+use fmu_export::Persistent;
+
 use super::system::{Actuation, Evaluation, GAS_PATH_SCALES, GasPath, System};
 use super::variables::{ActuationStates, GasPathStates, Inputs, StateGroups, States};
 use crate::solver::course::{Budget, Course, Failure, Interval, JumpLaw, Memory, Rules};
@@ -125,15 +127,13 @@ const PUSHED_RULES: Rules<{ States::COUNT }> = Rules {
 /// What is remembered from one communication step to the next: the lengths of steps, the linearizations and the last
 /// derivatives. It only saves work, but it belongs to the plant's state, so that a restored plant goes on bit for
 /// bit.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Persistent)]
 pub struct Pace {
     actuation: Memory<ACTUATION, ACTUATION_INPUTS>,
     gas_path: SlowMemory<GAS_PATH, GAS_PATH_INPUTS>,
     /// Whether the vacuum tank was held: the actuation's derivatives are others then.
     tank_is_frozen: bool,
 }
-
-fmi2_export::persistent!(Pace { actuation, gas_path, tank_is_frozen });
 
 impl Default for Pace {
     fn default() -> Self {

@@ -45,10 +45,10 @@ pub mod vacuum_tank;
 
 /// The plant's variables, generated from `modelDescription/plant.json`.
 pub mod variables {
-    fmi2_export::include_variables!("BoostPlant");
+    fmu_export::include_variables!("BoostPlant");
 }
 
-use fmi2_export::{Context, Error, Experiment, InputSignal, Model, Step, Variables as _};
+use fmu_export::{Context, Error, Experiment, InputSignal, Model, Persistent, Step, Variables as _};
 use num_dual::Dual64;
 
 use self::duty_latch::DutyLatch;
@@ -71,14 +71,14 @@ const ROUNDING: f64 = 1e-9;
 const SMALLEST_TOLERANCE: f64 = 1e-8;
 
 /// The plant as a co-simulation model.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Persistent)]
 pub struct BoostPlant {
+    /// What follows from the parameters.
+    #[persistent(skip)]
     system: System,
     latch: DutyLatch,
     pace: Pace,
 }
-
-fmi2_export::persistent!(BoostPlant { latch, pace; derived system });
 
 impl Default for BoostPlant {
     fn default() -> Self {

@@ -4,11 +4,11 @@
 use std::panic::panic_any;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use fmi2_export::persistence::{Archive, Persistent};
-use fmi2_export::{Context, Error, InputsOf, Model, Step};
+use fmu_export::persistence::{Archive, Persistent};
+use fmu_export::{Context, Error, InputsOf, Model, Step};
 
 mod variables {
-    fmi2_export::include_variables!("Panicking");
+    fmu_export::include_variables!("Panicking");
 }
 use variables::{Manner, Place, Variables};
 
@@ -137,4 +137,4 @@ impl Model for Panicking {
     }
 }
 
-fmi2_export::export_fmi2!(Panicking);
+fmu_export::export_fmi2!(Panicking);

@@ -22,8 +22,8 @@ use std::sync::Arc;
 use anyhow::{Result, bail};
 use boost_fmu::plant::system::System;
 use boost_fmu::plant::variables::Parameters;
-use fmi2_export::package::terminal::number;
-use fmi2_export::package::{Parameter, ParameterSet, Value};
+use fmu_package::terminal::number;
+use fmu_package::{Parameter, ParameterSet, Value};
 use serde::Serialize;
 
 use self::data::Data;

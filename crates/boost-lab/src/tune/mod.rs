@@ -19,7 +19,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 use boost_fmu::controller::feedback;
 use boost_fmu::controller::schedule::LocalModel;
-use fmi2_export::package::{Parameter, ParameterSet, Value};
+use fmu_package::{Parameter, ParameterSet, Value};
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 use serde::Serialize;

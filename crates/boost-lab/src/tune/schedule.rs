@@ -3,8 +3,8 @@
 
 use anyhow::{Context, Result, bail};
 use boost_interface::Role;
-use fmi2_export::package::terminal::number;
-use fmi2_export::package::{FmuDescription, FmuVariable, Value, like};
+use fmu_package::terminal::number;
+use fmu_package::{FmuDescription, FmuVariable, Value, like};
 
 /// The names of the axes: engine speeds of columns, boost references of rows.
 pub(super) const ENGINE_SPEED: &str = "schedule.engine_speed";
