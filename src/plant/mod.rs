@@ -53,12 +53,12 @@ use num_dual::Dual64;
 
 use self::duty_latch::DutyLatch;
 use self::initialization::{Settled, differentiate_settled, running, settled};
-use self::integration::{Pace, Signal, budget};
+use self::integration::{IntervalInputs, Pace, budget};
 use self::system::{Evaluation, System};
 use self::variables::{InitializationMode, Inputs, Parameters, States, Variables};
 use crate::LONGEST_STEP;
 use crate::solver::course::Interval;
-use crate::solver::steady_state::Failure;
+use crate::solver::steady_state::NoSteadyState;
 
 /// The largest ratio of Dahl's stiffness to the Coulomb force in 1/m: beyond it the friction force changes
 /// faster than the reference implementation, which steps by 1/2400 s, resolves.
@@ -275,7 +275,7 @@ impl BoostPlant {
             }
             inputs
         };
-        self.pace.advance(&self.system, &Signal { at, is_constant }, states, interval).map(Some).map_err(|failure| {
+        self.pace.advance(&self.system, &IntervalInputs { at, is_constant }, states, interval).map(Some).map_err(|failure| {
             Error::new(format!(
                 "{} cannot be integrated beyond {:?} s: even the shortest steps, or as many as are tried, miss \
                  the tolerance of {:?} of full scale; the equations are too stiff with these parameters and \
@@ -310,8 +310,8 @@ fn tolerance(parameters: &Parameters, experiment: Experiment) -> f64 {
 fn warn_of_unsettled_start(settled: &Settled, inputs: &Inputs, context: &mut Context<'_>) {
     let Some(shortcoming) = &settled.shortcoming else { return };
     let reason = match shortcoming.failure {
-        Failure::NotIsolated => "there is no isolated steady state",
-        Failure::NotConverged => "no steady state was found",
+        NoSteadyState::NotIsolated => "there is no isolated steady state",
+        NoSteadyState::NotConverged => "no steady state was found",
     };
     let instead = if shortcoming.followed > 0.0 {
         format!("what a running engine has come to after {} s", shortcoming.followed)

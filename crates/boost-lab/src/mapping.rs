@@ -37,7 +37,7 @@ pub fn give(scenario: &mut Scenario, maps: &[PathBuf]) -> Result<()> {
         return Ok(());
     }
     let model = |file: &Path| Ok(FmuDescription::read(file)?.attribute("modelName").to_owned());
-    let models = scenario.fmus.iter().map(|member| member.place.locate(model(&member.file)));
+    let models = scenario.fmus.iter().map(|member| member.location.locate(model(&member.file)));
     let models: Vec<String> = models.collect::<Result<_>>()?;
     for path in maps {
         let map = NameMap::read(path)?;

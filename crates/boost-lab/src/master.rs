@@ -43,7 +43,7 @@ impl LoadedFmus {
         if let Some(fmu) = self.0.get(&key) {
             return Ok(Arc::clone(fmu));
         }
-        let fmu = member.place.locate(mapping::open(&member.file, member.map.as_ref()))?;
+        let fmu = member.location.locate(mapping::open(&member.file, member.map.as_ref()))?;
         self.0.insert(key, Arc::clone(&fmu));
         Ok(fmu)
     }
@@ -122,7 +122,7 @@ impl<'a> Master<'a> {
     pub fn new(scenario: &'a Scenario, fmus: &mut LoadedFmus) -> Result<Self> {
         let loaded: Vec<_> = scenario.fmus.iter().map(|member| fmus.get(member)).collect::<Result<_>>()?;
         for input in &scenario.inputs {
-            input.place.locate(has_input(&loaded, &input.name))?;
+            input.location.locate(has_input(&loaded, &input.name))?;
             check_units(scenario, &loaded, input)?;
         }
         let mut members = vec![];
@@ -133,12 +133,12 @@ impl<'a> Master<'a> {
                 |name: &str| wires.iter().any(|wires| wires.inputs.names().iter().any(|input| input == name));
             let mut inputs: Vec<&Input> = vec![];
             for input in &member.inputs {
-                input.place.locate(has_input(&loaded[index..=index], &input.name))?;
+                input.location.locate(has_input(&loaded[index..=index], &input.name))?;
                 inputs.push(input);
             }
             for input in &scenario.inputs {
                 if wired(&input.name) {
-                    return Err(input.place.error(format!(
+                    return Err(input.location.error(format!(
                         "{} gets {} from another FMU; a signal among its own inputs would replace it",
                         member.name, input.name
                     )));
@@ -153,7 +153,7 @@ impl<'a> Master<'a> {
                 values: vec![f64::NAN; inputs.len()],
                 signals: inputs.iter().map(|input| input.signal.clone()).collect(),
             };
-            let instance = member.place.locate(fmu.instantiate(&member.name))?;
+            let instance = member.location.locate(fmu.instantiate(&member.name))?;
             members.push(Coupled { member, instance, driven, wires });
         }
         let noise = noise(scenario, &members)?;
@@ -298,7 +298,7 @@ fn has_input(fmus: &[Arc<Fmu>], name: &str) -> Result<()> {
 /// Sets values.
 fn assign(instance: &mut Instance, values: &[Assignment]) -> Result<()> {
     values.iter().try_for_each(|assignment| {
-        assignment.place.locate(instance.set_value(&assignment.name, &assignment.value))
+        assignment.location.locate(instance.set_value(&assignment.name, &assignment.value))
     })
 }
 
@@ -306,8 +306,8 @@ impl Coupled<'_> {
     /// Sets start values and enters the initialization. Signals have the values of the experiment's start.
     fn begin(&mut self, start_time: f64, experiment_start: f64, also: &[Assignment]) -> Result<()> {
         self.instance.set_up(start_time, None)?;
-        for (set, place) in &self.member.parameters {
-            place.locate(self.instance.set_parameters(set))?;
+        for (set, location) in &self.member.parameters {
+            location.locate(self.instance.set_parameters(set))?;
         }
         assign(&mut self.instance, &self.member.values)?;
         assign(&mut self.instance, also)?;
@@ -346,7 +346,7 @@ fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], target: usize) -> Result<Vec<Wi
         for &name in &names {
             if let Some(other) = wired.insert(name, source) {
                 let [one, two] = [other, source].map(|index| scenario.fmus[index].name.as_str());
-                return Err(member.place.error(format!("{one} and {two} both have an output {name}")));
+                return Err(member.location.error(format!("{one} and {two} both have an output {name}")));
             }
         }
         if !names.is_empty() {
@@ -381,7 +381,7 @@ fn conversion(name: &str, giver: (&Member, &Fmu), taker: (&Member, &Fmu)) -> Res
     };
     conversion.ok_or_else(|| {
         let message = format!("{name} is in {taken}, but {} has it in {given}", giver.0.name);
-        taker.0.place.error(message + ", which does not convert")
+        taker.0.location.error(message + ", which does not convert")
     })
 }
 
@@ -396,7 +396,7 @@ fn check_units(scenario: &Scenario, fmus: &[Arc<Fmu>], input: &Input) -> Result<
     for other in takers {
         if conversion(&input.name, first, other)? != Linear::IDENTITY {
             let unit = |fmu: &Fmu| fmu.variable(&input.name).map(|variable| variable.unit.clone());
-            return Err(input.place.error(format!(
+            return Err(input.location.error(format!(
                 "{} has {} in {}, {} in {}: give each a signal of its own, or a map",
                 first.0.name,
                 input.name,
@@ -428,7 +428,7 @@ fn noise(scenario: &Scenario, members: &[Coupled<'_>]) -> Result<Vec<NoiseOn>> {
             let names =
                 members.iter().flat_map(|coupled| &coupled.wires).flat_map(|wires| wires.inputs.names());
             let like = like(&noise.name, names.map(String::as_str));
-            return Err(noise.place.error(format!("no FMU gets {} from another{like}", noise.name)));
+            return Err(noise.location.error(format!("no FMU gets {} from another{like}", noise.name)));
         }
     }
     Ok(all)
@@ -454,7 +454,7 @@ impl Recorder {
         if let Some(record) = &scenario.record {
             for recorded in record {
                 let found = find(&recorded.name, scenario, fmus);
-                add(&recorded.name, recorded.place.locate(found)?);
+                add(&recorded.name, recorded.location.locate(found)?);
             }
         } else {
             for input in &scenario.inputs {

@@ -167,7 +167,7 @@ impl Data {
             let line = row.position().map_or(0, csv::Position::line);
             last_line = line;
             for ((values, column), quantity) in values.iter_mut().zip(&found).zip(&QUANTITIES) {
-                let Some(Column { index, factor, offset, is_relative }) = column else { continue };
+                let Some(DataColumn { index, factor, offset, is_relative }) = column else { continue };
                 let text = row.get(*index).unwrap_or_default();
                 let number = text.parse().ok().filter(|number: &f64| number.is_finite());
                 let number = number.with_context(|| {
@@ -243,18 +243,18 @@ impl Heading {
 }
 
 /// Where a quantity's numbers stand, and how they convert.
-struct Column {
+struct DataColumn {
     index: usize,
     factor: f64,
     offset: f64,
     is_relative: bool,
 }
 
-fn column_name<'a>(found: &[Option<Column>], header: &'a [Heading]) -> &'a str {
+fn column_name<'a>(found: &[Option<DataColumn>], header: &'a [Heading]) -> &'a str {
     found[0].as_ref().map_or("", |column| &header[column.index].name)
 }
 
-fn find(quantity: &Quantity, header: &[Heading], naming: &Naming) -> Result<Option<Column>> {
+fn find(quantity: &Quantity, header: &[Heading], naming: &Naming) -> Result<Option<DataColumn>> {
     let named = naming.columns.iter().find(|(name, _)| name == quantity.name);
     let candidates = named.map_or_else(|| quantity.columns.to_vec(), |(_, column)| vec![column.as_str()]);
     let position = |name: &&str| header.iter().position(|heading| heading.name == *name);
@@ -288,7 +288,7 @@ fn find(quantity: &Quantity, header: &[Heading], naming: &Naming) -> Result<Opti
             unit.map_or("", |unit| unit)
         );
     };
-    Ok(Some(Column { index, factor, offset, is_relative: matches!(name, "1" | "%") }))
+    Ok(Some(DataColumn { index, factor, offset, is_relative: matches!(name, "1" | "%") }))
 }
 
 #[cfg(test)]

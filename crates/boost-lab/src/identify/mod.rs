@@ -28,7 +28,7 @@ use serde::Serialize;
 
 use self::data::Data;
 pub use self::data::{Naming, quantities};
-use self::phases::Noise;
+use self::phases::MeasurementNoise;
 pub use self::report::{html, json};
 use crate::importer::Fmu;
 use crate::plot::Figure;
@@ -87,7 +87,7 @@ pub struct Fit {
 }
 
 /// A fit, with those of its parameters that it does not tell.
-type Outcome = Result<(Fit, Vec<Unidentified>)>;
+type FitOutcome = Result<(Fit, Vec<Unidentified>)>;
 
 /// How far measurements are from a fit.
 #[derive(Clone, Debug, Serialize)]
@@ -214,7 +214,7 @@ pub struct Identification {
     rows: usize,
     duration: f64,
     known: Known,
-    noise: Option<Noise>,
+    noise: Option<MeasurementNoise>,
     phases_at_rest: usize,
     /// The fits, in the order in which they were made.
     pub fits: Vec<Fit>,
@@ -310,7 +310,7 @@ pub fn identify(
 }
 
 impl Identification {
-    fn take(&mut self, names: &[&str], outcome: Outcome) {
+    fn take(&mut self, names: &[&str], outcome: FitOutcome) {
         match outcome {
             Ok((fit, unidentified)) => {
                 self.fits.push(fit);

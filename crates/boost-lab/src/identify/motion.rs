@@ -13,11 +13,11 @@ use boost_fmu::plant::variables::{ActuationStates, ActuatorStates, Inputs};
 use nalgebra::{DMatrix, DVector};
 
 use super::data::Data;
-use super::phases::{Noise, Phase, Rest, is_after_gap, plunger_duty};
-use super::points::{Point, residual_panel, residuals, with_measured};
+use super::phases::{MeasurementNoise, Phase, Rest, is_after_gap, plunger_duty};
+use super::points::{ResidualPoint, residual_panel, residuals, with_measured};
 use super::rod::{Prior, STOPS};
 use super::statistics::{Reliable, Solution, nonlinear};
-use super::{Fit, Known, Outcome, Residuals, Unidentified};
+use super::{Fit, FitOutcome, Known, Residuals, Unidentified};
 use crate::plot::{Figure, Line, Panel, color};
 
 pub const NAMES: [&str; 6] = [
@@ -42,7 +42,7 @@ const STABLE: f64 = 2.5;
 const MOST_HALVINGS: f64 = 3.0;
 /// No measurement is better than that, whatever it shows at rest: a converter's steps may hide the noise, and
 /// the model itself errs.
-const LEAST_NOISE: Noise = Noise { chamber: 10.0, position: 1e-6 };
+const LEAST_NOISE: MeasurementNoise = MeasurementNoise { chamber: 10.0, position: 1e-6 };
 /// The horizontal axis of the drawing.
 const TIME: &str = "time after the step (s)";
 
@@ -170,10 +170,10 @@ pub fn identify(
     phases: &[Phase],
     known: &Known,
     pressure: [f64; 4],
-    noise: Option<Noise>,
+    noise: Option<MeasurementNoise>,
     prior: &Prior,
     validates: impl Fn(usize) -> bool,
-) -> Outcome {
+) -> FitOutcome {
     const LEAST_TRANSIENTS: usize = 4;
     let noise = noise.context("nothing is at rest, where transients would begin")?;
     let transients = transients(data, phases, validates);
@@ -187,11 +187,11 @@ pub fn identify(
         );
     }
     let (free, mut unidentified) = seen(&tuning);
-    let noise = Noise {
+    let noise = MeasurementNoise {
         chamber: noise.chamber.max(LEAST_NOISE.chamber),
         position: noise.position.max(LEAST_NOISE.position),
     };
-    let problem = Problem { data, known, pressure, noise, prior, whitening: whitening(prior)?, tuning };
+    let problem = TransientFit { data, known, pressure, noise, prior, whitening: whitening(prior)?, tuning };
     // Of a logarithm the error itself is the relative one.
     let Reliable { free, solution, left_out } =
         Reliable::fit(free, |free| problem.fit(free), |solution, place, _| solution.standard_error(place))?;
@@ -229,17 +229,17 @@ pub fn identify(
 
 /// The transients that are fitted. Its parameters are the logarithms of those that are free, in the order of
 /// [`NAMES`], and after them the rod's, in the units of the fit that they come from.
-struct Problem<'a> {
+struct TransientFit<'a> {
     data: &'a Data,
     known: &'a Known,
     pressure: [f64; 4],
-    noise: Noise,
+    noise: MeasurementNoise,
     prior: &'a Prior,
     whitening: DMatrix<f64>,
     tuning: Vec<&'a Transient<'a>>,
 }
 
-impl<'a> Problem<'a> {
+impl<'a> TransientFit<'a> {
     fn model(&self, free: &[usize], values: &[f64]) -> Model<'a> {
         let mut own = NAMES.map(|name| self.known.value(name));
         for (&index, value) in free.iter().zip(values) {
@@ -335,7 +335,7 @@ fn results(
     data: &Data,
     transients: &[Transient<'_>],
     model: &Model<'_>,
-    noise: Noise,
+    noise: MeasurementNoise,
 ) -> (Figure, Vec<Residuals>) {
     let simulated: Vec<_> = transients.iter().map(|transient| model.simulate(data, transient)).collect();
     let points = |measured: fn(&Data, usize) -> f64, computed: fn(&(f64, f64)) -> f64| {
@@ -345,7 +345,12 @@ fn results(
             rows.map(|(row, result)| {
                 let measured = measured(data, row);
                 let residual = measured - computed(result);
-                Point { place: data.time[row] - begin, measured, residual, validates: transient.validates }
+                ResidualPoint {
+                    place: data.time[row] - begin,
+                    measured,
+                    residual,
+                    validates: transient.validates,
+                }
             })
             .collect::<Vec<_>>()
         };
@@ -362,7 +367,7 @@ fn results(
             chosen.filter(|index| change(index) > 0.0).max_by(|a, b| change(a).total_cmp(&change(b)))
         })
         .collect();
-    let panel = |all: &[Vec<Point>], factor: f64, label: &str| {
+    let panel = |all: &[Vec<ResidualPoint>], factor: f64, label: &str| {
         let mut panel = Panel::new(TIME, label).height(190.0);
         for (number, &index) in drawn.iter().enumerate() {
             let time: Vec<_> = all[index].iter().map(|point| point.place).collect();
@@ -370,7 +375,7 @@ fn results(
             let line = Line::new(&time, computed).color(color::BLACK).thin();
             panel = panel.line(if number == 0 { line.label("computed") } else { line });
         }
-        let scaled = |point: &Point| Point { measured: factor * point.measured, ..*point };
+        let scaled = |point: &ResidualPoint| ResidualPoint { measured: factor * point.measured, ..*point };
         let points: Vec<_> = drawn.iter().flat_map(|&index| all[index].iter().map(scaled)).collect();
         with_measured(panel, &points)
     };

@@ -52,7 +52,7 @@ pub struct Rest {
 
 /// The standard deviations of measurements at rest.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Noise {
+pub struct MeasurementNoise {
     /// Of the chamber's pressure (Pa).
     #[serde(rename = "actuator_pressure")]
     pub chamber: f64,
@@ -142,7 +142,7 @@ fn rest(data: &Data, known: &Known, rows: Range<usize>) -> Option<Rest> {
 }
 
 /// The scatter of measurements at rest; none where nothing is.
-pub fn noise(data: &Data, phases: &[Phase]) -> Option<Noise> {
+pub fn noise(data: &Data, phases: &[Phase]) -> Option<MeasurementNoise> {
     let rests =
         || phases.iter().filter_map(|phase| phase.rest.as_ref()).filter(|rest| !rest.is_limited_by_tank);
     let scatter = |values: &[f64], mean: fn(&Rest) -> f64| {
@@ -150,7 +150,7 @@ pub fn noise(data: &Data, phases: &[Phase]) -> Option<Noise> {
             rests().flat_map(|rest| values[rest.rows.clone()].iter().map(move |value| value - mean(rest))),
         )
     };
-    Some(Noise {
+    Some(MeasurementNoise {
         chamber: scatter(&data.chamber, |rest| rest.chamber)?,
         position: scatter(&data.position, |rest| rest.position)?,
     })

@@ -8,10 +8,10 @@ use boost_fmu::plant::STIFFEST_FRICTION;
 use boost_fmu::plant::actuator::Actuator;
 
 use super::data::Data;
-use super::phases::{Noise, Rest};
-use super::points::{Point, curve, drawing, residuals};
+use super::phases::{MeasurementNoise, Rest};
+use super::points::{ResidualPoint, curve, drawing, residuals};
 use super::statistics::{Reliable, Solution, nonlinear};
-use super::{Fit, Known, Outcome, ParameterEstimate, Residuals, Unidentified};
+use super::{Fit, FitOutcome, Known, ParameterEstimate, Residuals, Unidentified};
 use crate::plot::Figure;
 
 const COULOMB: &str = "actuator.coulomb_friction";
@@ -88,7 +88,7 @@ fn friction(stands: &[Stand<'_>], rate: f64) -> Vec<f64> {
         .collect()
 }
 
-fn stands<'a>(data: &Data, rests: &[&'a Rest], noise: Noise) -> Vec<Stand<'a>> {
+fn stands<'a>(data: &Data, rests: &[&'a Rest], noise: MeasurementNoise) -> Vec<Stand<'a>> {
     let mut stands: Vec<Stand<'a>> = vec![];
     for &rest in rests {
         let mut way = vec![];
@@ -114,7 +114,12 @@ fn stands<'a>(data: &Data, rests: &[&'a Rest], noise: Noise) -> Vec<Stand<'a>> {
 }
 
 /// Spring and friction, and what the fit of the motion needs of them.
-pub fn identify(data: &Data, rests: &[&Rest], known: &Known, noise: Option<Noise>) -> (Prior, Outcome) {
+pub fn identify(
+    data: &Data,
+    rests: &[&Rest],
+    known: &Known,
+    noise: Option<MeasurementNoise>,
+) -> (Prior, FitOutcome) {
     let [preload, stiffness, hardening, coulomb, friction_stiffness] = NAMES.map(|name| known.value(name));
     let start = [
         preload / SCALES[0],
@@ -225,7 +230,7 @@ impl<'a> Balance<'a> {
     fn drawing(&self, rod: &Rod) -> (Figure, Residuals) {
         let friction = friction(self.stands, rod.rate);
         let held = self.held(rod);
-        let point = |&index: &usize| Point {
+        let point = |&index: &usize| ResidualPoint {
             place: 1e3 * self.stands[index].rest.position,
             measured: self.force(index) - rod.actuator.parameters.coulomb_friction * friction[index],
             residual: self.force(index) - held[index],
@@ -242,7 +247,7 @@ fn fit(
     data: &Data,
     rests: &[&Rest],
     known: &Known,
-    noise: Option<Noise>,
+    noise: Option<MeasurementNoise>,
     start: &[f64],
 ) -> Result<(Fit, Vec<Unidentified>, Prior)> {
     const LEAST_POSITIONS: usize = 8;

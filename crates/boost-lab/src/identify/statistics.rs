@@ -68,7 +68,7 @@ pub fn nonlinear(
     least_variance: f64,
     residuals: impl Fn(&[f64]) -> Vec<f64>,
 ) -> Result<Solution> {
-    let problem = Problem { parameters: DVector::from_row_slice(start), residuals };
+    let problem = LeastSquares { parameters: DVector::from_row_slice(start), residuals };
     let (problem, report) =
         LevenbergMarquardt::new().with_tol(TOLERANCE).with_patience(PATIENCE).minimize(problem);
     if !report.termination.was_successful() {
@@ -116,12 +116,12 @@ impl Reliable {
     }
 }
 
-struct Problem<F> {
+struct LeastSquares<F> {
     parameters: DVector<f64>,
     residuals: F,
 }
 
-impl<F: Fn(&[f64]) -> Vec<f64>> Problem<F> {
+impl<F: Fn(&[f64]) -> Vec<f64>> LeastSquares<F> {
     fn values(&self, parameters: &DVector<f64>) -> DVector<f64> {
         DVector::from_vec((self.residuals)(parameters.as_slice()))
     }
@@ -142,7 +142,7 @@ impl<F: Fn(&[f64]) -> Vec<f64>> Problem<F> {
     }
 }
 
-impl<F: Fn(&[f64]) -> Vec<f64>> LeastSquaresProblem<f64, Dyn, Dyn> for Problem<F> {
+impl<F: Fn(&[f64]) -> Vec<f64>> LeastSquaresProblem<f64, Dyn, Dyn> for LeastSquares<F> {
     type ResidualStorage = Owned<f64, Dyn>;
     type JacobianStorage = Owned<f64, Dyn, Dyn>;
     type ParameterStorage = Owned<f64, Dyn>;

@@ -14,7 +14,7 @@ pre { font-size: 0.8em; background: #f6f6f6; padding: 0.8em; overflow-x: auto; }
 ";
 
 #[derive(Serialize)]
-struct JsonReport<'a> {
+struct ReproductionReport<'a> {
     all_claims_hold: bool,
     figures: Vec<JsonFigure<'a>>,
 }
@@ -40,7 +40,7 @@ struct JsonClaim<'a> {
 /// When a number is not finite.
 pub fn json(figures: &[Reproduced]) -> Result<String> {
     let claims = |claims: &'_ [Claim]| claims.iter().all(Claim::holds);
-    let report = JsonReport {
+    let report = ReproductionReport {
         all_claims_hold: figures.iter().all(|figure| claims(&figure.evidence.claims)),
         figures: figures
             .iter()

@@ -13,20 +13,20 @@ use toml::de::{DeTable, DeValue};
 
 /// Where something stands in a file.
 #[derive(Clone, Debug)]
-pub struct Place {
+pub struct Location {
     file: Arc<str>,
     line: usize,
     key: String,
 }
 
-impl Place {
-    /// An error with its place.
+impl Location {
+    /// An error with its location.
     #[must_use]
     pub fn error(&self, message: impl Display) -> Error {
         anyhow!("{}, line {}, {}: {message}", self.file, self.line, self.key)
     }
 
-    /// Puts the place before whatever went wrong.
+    /// Puts the location before whatever went wrong.
     ///
     /// # Errors
     /// When something went wrong.
@@ -34,7 +34,7 @@ impl Place {
         result.map_err(|error| self.error(format!("{error:#}")))
     }
 
-    /// The place of what stands below it.
+    /// The location of what stands below it.
     fn child(&self, key: impl Display, line: usize) -> Self {
         Self { file: Arc::clone(&self.file), line, key: key.to_string() }
     }
@@ -65,13 +65,13 @@ impl<'a> Document<'a> {
     }
 
     /// The file's table.
-    pub fn root(&self) -> Table<'_> {
-        let place = Place { file: Arc::clone(&self.file), line: 1, key: "the file".to_owned() };
-        Table {
+    pub fn root(&self) -> TomlTable<'_> {
+        let location = Location { file: Arc::clone(&self.file), line: 1, key: "the file".to_owned() };
+        TomlTable {
             document: self,
             table: self.root.get_ref(),
             path: String::new(),
-            place,
+            location,
             known: RefCell::default(),
         }
     }
@@ -82,18 +82,18 @@ fn line(text: &str, span: &Range<usize>) -> usize {
 }
 
 /// A table, and which keys were asked for.
-pub struct Table<'a> {
+pub struct TomlTable<'a> {
     document: &'a Document<'a>,
     table: &'a DeTable<'a>,
     path: String,
-    place: Place,
+    location: Location,
     known: RefCell<Vec<String>>,
 }
 
-impl<'a> Table<'a> {
+impl<'a> TomlTable<'a> {
     /// Where it stands.
-    pub fn place(&self) -> &Place {
-        &self.place
+    pub fn location(&self) -> &Location {
+        &self.location
     }
 
     /// A value that may be left out.
@@ -105,7 +105,7 @@ impl<'a> Table<'a> {
 
     /// A value that must be there.
     pub fn required(&self, key: &str, expected: &str) -> Result<Node<'a>> {
-        self.optional(key).ok_or_else(|| self.place.error(format!("{key} is missing: {expected}")))
+        self.optional(key).ok_or_else(|| self.location.error(format!("{key} is missing: {expected}")))
     }
 
     /// All values with their keys, in the order of the file.
@@ -124,7 +124,7 @@ impl<'a> Table<'a> {
             if !known.iter().any(|known| known == key) {
                 let node = self.node(key, value);
                 return Err(node
-                    .place
+                    .location
                     .error(format!("this key is not known{}", like(key, known.iter().map(String::as_str)))));
             }
         }
@@ -138,7 +138,7 @@ impl<'a> Table<'a> {
             format!("\"{key}\"")
         };
         let path = if self.path.is_empty() { key } else { format!("{}.{key}", self.path) };
-        Node::new(self.document, value, path, &self.place)
+        Node::new(self.document, value, path, &self.location)
     }
 }
 
@@ -147,7 +147,7 @@ pub struct Node<'a> {
     document: &'a Document<'a>,
     value: &'a DeValue<'a>,
     path: String,
-    place: Place,
+    location: Location,
 }
 
 impl<'a> Node<'a> {
@@ -155,15 +155,15 @@ impl<'a> Node<'a> {
         document: &'a Document<'a>,
         value: &'a Spanned<DeValue<'a>>,
         path: String,
-        parent: &Place,
+        parent: &Location,
     ) -> Self {
-        let place = parent.child(&path, line(document.text, &value.span()));
-        Self { document, value: value.get_ref(), path, place }
+        let location = parent.child(&path, line(document.text, &value.span()));
+        Self { document, value: value.get_ref(), path, location }
     }
 
     /// Where it stands.
-    pub fn place(&self) -> &Place {
-        &self.place
+    pub fn location(&self) -> &Location {
+        &self.location
     }
 
     /// The value as TOML has it.
@@ -182,7 +182,7 @@ impl<'a> Node<'a> {
             DeValue::Array(list) => format!("a list of {}", list.len()),
             DeValue::Table(_) => "a table".to_owned(),
         };
-        self.place.error(format!("expected {expected}, found {found}"))
+        self.location.error(format!("expected {expected}, found {found}"))
     }
 
     /// A finite number.
@@ -224,13 +224,13 @@ impl<'a> Node<'a> {
     }
 
     /// The value, if it is a table.
-    pub fn table(&self, expected: &str) -> Result<Table<'a>> {
+    pub fn table(&self, expected: &str) -> Result<TomlTable<'a>> {
         let DeValue::Table(table) = self.value else { return Err(self.unexpected(expected)) };
-        Ok(Table {
+        Ok(TomlTable {
             document: self.document,
             table,
             path: self.path.clone(),
-            place: self.place.clone(),
+            location: self.location.clone(),
             known: RefCell::default(),
         })
     }
@@ -239,7 +239,7 @@ impl<'a> Node<'a> {
     pub fn list(&self, expected: &str) -> Result<Vec<Node<'a>>> {
         let DeValue::Array(list) = self.value else { return Err(self.unexpected(expected)) };
         let node = |(index, value)| {
-            Node::new(self.document, value, format!("{}[{}]", self.path, index + 1), &self.place)
+            Node::new(self.document, value, format!("{}[{}]", self.path, index + 1), &self.location)
         };
         Ok(list.iter().enumerate().map(node).collect())
     }

@@ -8,7 +8,7 @@ use fmu_package::reading;
 use fmu_package::terminal::number as shown;
 use toml::de::DeValue;
 
-use super::document::{Node, Table};
+use super::document::{Node, TomlTable};
 
 /// What a time may fall short of an instant by (s): communication points are computed as multiples of the step.
 const ROUNDING: f64 = 1e-9;
@@ -124,7 +124,7 @@ fn read_ramp(node: &Node<'_>) -> Result<Signal> {
     let begin = number("begin", "the time at which the ramp begins (s)")?;
     let end = number("end", "the time at which the ramp ends (s)")?;
     if begin >= end {
-        return Err(table.place().error(format!(
+        return Err(table.location().error(format!(
             "expected an end after the begin, found {} s to {} s",
             shown(begin),
             shown(end)
@@ -149,7 +149,7 @@ fn read_sine(node: &Node<'_>) -> Result<Signal> {
     Ok(signal)
 }
 
-fn read_csv(table: &Table<'_>, file: &Node<'_>, folder: &Path) -> Result<Signal> {
+fn read_csv(table: &TomlTable<'_>, file: &Node<'_>, folder: &Path) -> Result<Signal> {
     let column = table.required("column", "the name of the column")?;
     let name = column.string("the name of the column")?;
     let hold = match table.optional("hold") {
@@ -159,9 +159,9 @@ fn read_csv(table: &Table<'_>, file: &Node<'_>, folder: &Path) -> Result<Signal>
         })?,
     };
     let path = file.path("the path of a CSV file", folder)?;
-    let text = file.place().locate(reading::text(&path).map_err(anyhow::Error::from))?;
+    let text = file.location().locate(reading::text(&path).map_err(anyhow::Error::from))?;
     let points = csv_column(&text, name).with_context(|| format!("cannot read {}", path.display()));
-    let points = file.place().locate(points)?;
+    let points = file.location().locate(points)?;
     Ok(if hold { Signal::Steps(points) } else { Signal::Lines(points) })
 }
 

@@ -27,7 +27,7 @@ use crate::journal::digest;
 use crate::mapping;
 use crate::master::{LoadedFmus, Master};
 use crate::scenario::document::Document;
-use crate::scenario::{Assignment, Place, Recorded, Scenario};
+use crate::scenario::{Assignment, Location, Recorded, Scenario};
 
 /// The folder of the runs' records, in that of the results.
 const RECORDS: &str = "records";
@@ -50,14 +50,14 @@ pub struct Parameter {
     /// What the study calls it: the variable, with the FMU's name and a colon before it.
     pub name: String,
     /// Where it stands.
-    pub place: Place,
+    pub location: Location,
 }
 
 impl Parameter {
     /// The FMU's name in the scenario and the variable's name.
     fn parts(&self) -> Result<(&str, &str)> {
         self.name.split_once(':').ok_or_else(|| {
-            self.place.error("expected the FMU's name in the scenario, a colon and the variable's name")
+            self.location.error("expected the FMU's name in the scenario, a colon and the variable's name")
         })
     }
 }
@@ -118,14 +118,14 @@ impl Study {
     /// Loads the FMUs, and checks against them what the study names.
     ///
     /// # Errors
-    /// When an FMU cannot be imported, or the study names what there is not; the message names the place.
+    /// When an FMU cannot be imported, or the study names what there is not; the message names the location.
     pub fn load(self) -> Result<Loaded> {
         let mut fmus = LoadedFmus::default();
         let master = Master::new(&self.scenario, &mut fmus)?;
         for measure in &self.measures {
             if !master.recorded().any(|name| name == measure.variable) {
                 let message = format!("{} is not among what the scenario records", measure.variable);
-                return Err(measure.place.error(message));
+                return Err(measure.location.error(message));
             }
         }
         drop(master);
@@ -135,17 +135,17 @@ impl Study {
             let Some(member) = self.scenario.fmus.iter().find(|known| known.name == member) else {
                 let names: Vec<_> = self.scenario.fmus.iter().map(|member| member.name.as_str()).collect();
                 let message = format!("the scenario has no FMU {member}: there are {}", names.join(", "));
-                return Err(parameter.place.error(message));
+                return Err(parameter.location.error(message));
             };
             let fmu = fmus.get(member)?;
-            let variable = parameter.place.locate(fmu.variable(name))?;
+            let variable = parameter.location.locate(fmu.variable(name))?;
             if !variable.is_settable() {
                 let message = format!("{name} is calculated by the FMU and cannot be set");
-                return Err(parameter.place.error(message));
+                return Err(parameter.location.error(message));
             }
             for value in self.points.iter().filter_map(|point| point[index].as_ref()) {
                 let fitted = value.fit(variable, &[], fmu.description());
-                parameter.place.locate(fitted.map_err(anyhow::Error::from))?;
+                parameter.location.locate(fitted.map_err(anyhow::Error::from))?;
             }
             data_types.push(variable.data_type.clone());
         }
@@ -164,7 +164,7 @@ fn record_measured(scenario: &mut Scenario, measures: &[Measure], keeps_records:
     };
     for measure in measures {
         if !record.iter().any(|recorded| recorded.name == measure.variable) {
-            record.push(Recorded { name: measure.variable.clone(), place: measure.place.clone() });
+            record.push(Recorded { name: measure.variable.clone(), location: measure.location.clone() });
         }
     }
     scenario.record = Some(record);
@@ -335,8 +335,8 @@ impl Loaded {
                 let member = scenario.fmus.iter_mut().find(|known| known.name == member);
                 let member = member.with_context(|| format!("{} is of no FMU", parameter.name))?;
                 member.values.retain(|assignment| assignment.name != name);
-                let place = parameter.place.clone();
-                member.values.push(Assignment { name: name.to_owned(), value: value.clone(), place });
+                let location = parameter.location.clone();
+                member.values.push(Assignment { name: name.to_owned(), value: value.clone(), location });
             }
         }
         Ok(scenario)

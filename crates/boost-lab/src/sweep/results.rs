@@ -37,7 +37,7 @@ pub(super) fn refuse_names(parameters: &[Parameter], measures: &[Measure]) -> Re
     let taken: Vec<_> = parameters.chain([RUN, ERROR, WARNINGS]).collect();
     // TOML itself refuses two measures of a name.
     match measures.iter().find(|measure| taken.contains(&measure.name.as_str())) {
-        Some(measure) => Err(measure.place.error(format!(
+        Some(measure) => Err(measure.location.error(format!(
             "the results have a column {} already; give the measure another name",
             measure.name
         ))),
@@ -46,9 +46,9 @@ pub(super) fn refuse_names(parameters: &[Parameter], measures: &[Measure]) -> Re
 }
 
 /// A table of columns.
-pub struct Table(Vec<Column>);
+pub struct Table(Vec<ResultColumn>);
 
-struct Column {
+struct ResultColumn {
     name: String,
     cells: Cells,
 }
@@ -67,7 +67,7 @@ impl Table {
         let study = loaded.study();
         let whole = |value| i32::try_from(value).ok();
         let runs = outcomes.iter().map(|outcome| whole(outcome.run)).collect();
-        let mut columns = vec![Column { name: RUN.to_owned(), cells: Cells::Whole(runs) }];
+        let mut columns = vec![ResultColumn { name: RUN.to_owned(), cells: Cells::Whole(runs) }];
         for (index, (parameter, data_type)) in study.parameters.iter().zip(&loaded.data_types).enumerate() {
             let values = study.points.iter().map(|point| point[index].as_ref());
             let cells = match data_type.as_str() {
@@ -92,17 +92,17 @@ impl Table {
                 ),
                 _ => Cells::Text(values.map(|value| value.map(written)).collect()),
             };
-            columns.push(Column { name: parameter.name.clone(), cells });
+            columns.push(ResultColumn { name: parameter.name.clone(), cells });
         }
         for (index, measure) in study.measures.iter().enumerate() {
             let values = outcomes.iter().map(|outcome| outcome.measures[index]).collect();
-            columns.push(Column { name: measure.name.clone(), cells: Cells::Number(values) });
+            columns.push(ResultColumn { name: measure.name.clone(), cells: Cells::Number(values) });
         }
         let errors = outcomes.iter().map(|outcome| outcome.error.clone()).collect();
-        columns.push(Column { name: ERROR.to_owned(), cells: Cells::Text(errors) });
+        columns.push(ResultColumn { name: ERROR.to_owned(), cells: Cells::Text(errors) });
         let joined = |outcome: &Outcome| (!outcome.warnings.is_empty()).then(|| outcome.warnings.join("\n"));
         let warnings = outcomes.iter().map(joined).collect();
-        columns.push(Column { name: WARNINGS.to_owned(), cells: Cells::Text(warnings) });
+        columns.push(ResultColumn { name: WARNINGS.to_owned(), cells: Cells::Text(warnings) });
         Self(columns)
     }
 

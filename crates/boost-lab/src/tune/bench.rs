@@ -217,7 +217,7 @@ impl<'a> Bench<'a> {
     }
 
     /// An instance at the engine speed of a column, initialized.
-    fn start(&self, column: usize, duty: f64) -> Result<Run> {
+    fn start(&self, column: usize, duty: f64) -> Result<SteppedInstance> {
         let mut instance = self.plant.instantiate("plant")?;
         instance.set_up(0.0, None)?;
         for set in self.parameters {
@@ -234,7 +234,7 @@ impl<'a> Bench<'a> {
         instance.set(&mut all, &values.iter().map(|(_, value)| *value).collect::<Vec<_>>())?;
         instance.enter_initialization()?;
         instance.exit_initialization()?;
-        Ok(Run {
+        Ok(SteppedInstance {
             instance,
             steps_done: 0,
             sample_time: self.schedule.sample_time,
@@ -245,7 +245,7 @@ impl<'a> Bench<'a> {
 }
 
 /// An instance that steps.
-struct Run {
+struct SteppedInstance {
     instance: Instance,
     steps_done: u32,
     sample_time: f64,
@@ -253,7 +253,7 @@ struct Run {
     boost: Selection,
 }
 
-impl Run {
+impl SteppedInstance {
     fn step(&mut self) -> Result<()> {
         self.instance.step(f64::from(self.steps_done) * self.sample_time, self.sample_time)?;
         self.steps_done += 1;

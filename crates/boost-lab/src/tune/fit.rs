@@ -57,7 +57,7 @@ impl FirstOrder {
 
         let mut spacing = LONGEST_DELAY * duration / f64::from(COARSEST);
         let mut best = best_of((0..=COARSEST).map(|index| f64::from(index) * spacing), |delay| {
-            Problem::solve(response, interval, delay, guess)
+            ResponseFit::solve(response, interval, delay, guess)
         })?;
         for _ in 1..GRIDS {
             let (middle, coarser) = (best.delay, spacing);
@@ -65,7 +65,7 @@ impl FirstOrder {
             let delays = (0..=2 * REFINEMENT).map(|index| middle - coarser + f64::from(index) * spacing);
             let start = best.parameters;
             best = best_of(delays.filter(|delay| *delay >= 0.0), |delay| {
-                Problem::solve(response, interval, delay, start)
+                ResponseFit::solve(response, interval, delay, start)
             })?;
         }
         best.model()
@@ -82,21 +82,21 @@ impl FirstOrder {
 /// The solution with the least sum of squares.
 fn best_of<'a>(
     delays: impl Iterator<Item = f64>,
-    solve: impl Fn(f64) -> Option<Problem<'a>>,
-) -> Option<Problem<'a>> {
+    solve: impl Fn(f64) -> Option<ResponseFit<'a>>,
+) -> Option<ResponseFit<'a>> {
     delays.filter_map(solve).min_by(|a, b| a.sum_of_squares().total_cmp(&b.sum_of_squares()))
 }
 
 /// Gain and time constant for a delay. The parameters are the gain and the logarithm of the time constant,
 /// which keeps it above zero.
-struct Problem<'a> {
+struct ResponseFit<'a> {
     response: &'a [f64],
     interval: f64,
     delay: f64,
     parameters: Vector2<f64>,
 }
 
-impl<'a> Problem<'a> {
+impl<'a> ResponseFit<'a> {
     fn solve(response: &'a [f64], interval: f64, delay: f64, guess: Vector2<f64>) -> Option<Self> {
         let problem = Self { response, interval, delay, parameters: guess };
         let (problem, report) = LevenbergMarquardt::new().minimize(problem);
@@ -144,7 +144,7 @@ impl<'a> Problem<'a> {
     }
 }
 
-impl LeastSquaresProblem<f64, Dyn, U2> for Problem<'_> {
+impl LeastSquaresProblem<f64, Dyn, U2> for ResponseFit<'_> {
     type ResidualStorage = Owned<f64, Dyn>;
     type JacobianStorage = Owned<f64, Dyn, U2>;
     type ParameterStorage = Owned<f64, U2>;

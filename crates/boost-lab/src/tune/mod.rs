@@ -109,8 +109,8 @@ impl Feedback {
     /// Lambda tuning of a model with gain (Pa/%), time constant (s) and delay (s).
     #[must_use]
     pub fn tuned(gain: f64, time_constant: f64, delay: f64, lambda: f64) -> Self {
-        let feedback::Tuning { gain, integral_time, derivative_time, .. } =
-            feedback::Tuning::new(&LocalModel { gain, time_constant, delay }, lambda);
+        let feedback::FeedbackSettings { gain, integral_time, derivative_time, .. } =
+            feedback::FeedbackSettings::new(&LocalModel { gain, time_constant, delay }, lambda);
         Self { gain, integral_time, derivative_time }
     }
 }

@@ -26,7 +26,7 @@ const DRAWN_POINTS: usize = 6;
 const DRAWN_TIME_CONSTANTS: f64 = 5.0;
 
 #[derive(Serialize)]
-struct JsonReport<'a> {
+struct TuningReport<'a> {
     plant: &'a str,
     plant_parameters: String,
     controller: &'a str,
@@ -63,7 +63,7 @@ pub fn json(tuning: &Tuning<'_>) -> Result<String> {
         cell,
         responses: tuning.point(cell.row, cell.column),
     });
-    let report = JsonReport {
+    let report = TuningReport {
         plant: tuning.task.plant.description().attribute("modelName"),
         plant_parameters: tuning.task.plant_parameters_written(),
         controller: &schedule.controller,
