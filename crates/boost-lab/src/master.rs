@@ -29,15 +29,10 @@ const INITIAL_EXCHANGES: usize = 2;
 pub struct LoadedFmus(BTreeMap<(PathBuf, Option<String>), Arc<Fmu>>);
 
 impl LoadedFmus {
-    /// Those that are loaded.
     pub fn iter(&self) -> impl Iterator<Item = &Fmu> {
         self.0.values().map(Arc::as_ref)
     }
 
-    /// The FMU of a member.
-    ///
-    /// # Errors
-    /// When it cannot be imported, or does not fit its map.
     pub fn get(&mut self, member: &Member) -> Result<Arc<Fmu>> {
         let key = (member.file.clone(), member.map.as_ref().map(mapping::setting).transpose()?);
         if let Some(fmu) = self.0.get(&key) {
@@ -106,9 +101,7 @@ enum Source {
     Instance { member: usize, position: usize },
 }
 
-/// What a run gave.
 pub struct Run {
-    /// The recorded variables.
     pub record: Record,
     /// What the instances warned of, with their names.
     pub warnings: Vec<(String, Message)>,
@@ -116,9 +109,6 @@ pub struct Run {
 
 impl<'a> Master<'a> {
     /// Instantiates and couples the FMUs of a scenario.
-    ///
-    /// # Errors
-    /// When an FMU cannot be imported, or the scenario names what it has not.
     pub fn new(scenario: &'a Scenario, fmus: &mut LoadedFmus) -> Result<Self> {
         let loaded: Vec<_> = scenario.fmus.iter().map(|member| fmus.get(member)).collect::<Result<_>>()?;
         for input in &scenario.inputs {
@@ -161,13 +151,11 @@ impl<'a> Master<'a> {
         Ok(Self { scenario, members, noise, recorder, steps_done: 0 })
     }
 
-    /// The names of what is recorded.
     pub fn recorded(&self) -> impl Iterator<Item = &str> {
         self.recorder.record.columns().iter().map(|column| column.name.as_str())
     }
 
     /// The communication point that was reached (s).
-    #[must_use]
     pub fn time(&self) -> f64 {
         self.scenario.start_time + f64::from(self.steps_done) * self.scenario.step
     }
@@ -176,9 +164,6 @@ impl<'a> Master<'a> {
     ///
     /// Those that start with the experiment are initialized together; those that run in come after them, with
     /// what these put out.
-    ///
-    /// # Errors
-    /// What an FMU refuses.
     pub fn initialize(&mut self) -> Result<()> {
         let start_time = self.scenario.start_time;
         let (late, prompt): (Vec<_>, Vec<_>) =
@@ -211,9 +196,6 @@ impl<'a> Master<'a> {
     }
 
     /// Takes a communication step and records its end.
-    ///
-    /// # Errors
-    /// What an FMU refuses.
     pub fn step(&mut self) -> Result<()> {
         let (time, size) = (self.time(), self.scenario.step);
         for coupled in &mut self.members {
@@ -241,9 +223,6 @@ impl<'a> Master<'a> {
     }
 
     /// Runs a scenario from its start to its end; `progress` is called after each step.
-    ///
-    /// # Errors
-    /// What an FMU refuses.
     pub fn run(mut self, mut progress: impl FnMut(u32)) -> Result<Run> {
         self.initialize()?;
         for index in 0..self.scenario.steps {
@@ -295,7 +274,6 @@ fn has_input(fmus: &[Arc<Fmu>], name: &str) -> Result<()> {
     bail!("no FMU has an input {name}{}", like(name, names))
 }
 
-/// Sets values.
 fn assign(instance: &mut Instance, values: &[Assignment]) -> Result<()> {
     values.iter().try_for_each(|assignment| {
         assignment.location.locate(instance.set_value(&assignment.name, &assignment.value))

@@ -108,7 +108,6 @@ const QUANTITIES: [Quantity; 9] = [
 ];
 
 /// The names of the quantities, for the command's help.
-#[must_use]
 pub fn quantities() -> String {
     QUANTITIES.map(|quantity| quantity.name).join(", ")
 }
@@ -142,9 +141,6 @@ pub struct Data {
 
 impl Data {
     /// Reads a CSV file. A header may give a unit in brackets: `tank_pressure (kPa)`.
-    ///
-    /// # Errors
-    /// The message names line and column, and says what was expected.
     pub fn read(path: &Path, naming: &Naming) -> Result<Self> {
         Self::parse(&reading::text(path)?, naming).with_context(|| path.display().to_string())
     }
@@ -221,7 +217,6 @@ impl Data {
     }
 }
 
-/// A column's name and unit.
 struct Heading {
     name: String,
     unit: Option<String>,

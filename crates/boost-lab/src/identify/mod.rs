@@ -39,11 +39,9 @@ const MOST_RESIDUAL: f64 = 1.5;
 /// A parameter of the plant that the data tell.
 #[derive(Clone, Debug, Serialize)]
 pub struct ParameterEstimate {
-    /// The plant's variable.
     pub name: String,
     /// The estimate, in `unit`.
     pub value: f64,
-    /// The value's standard error.
     pub standard_error: f64,
     /// The unit, the plant's.
     pub unit: String,
@@ -54,9 +52,7 @@ pub struct ParameterEstimate {
 /// A parameter that the data do not tell.
 #[derive(Clone, Debug, Serialize)]
 pub struct Unidentified {
-    /// The plant's variable.
     pub name: String,
-    /// Why not.
     pub reason: String,
 }
 
@@ -71,18 +67,14 @@ impl Unidentified {
     }
 }
 
-/// A fit of some parameters.
 #[derive(Clone, Debug, Serialize)]
 pub struct Fit {
-    /// What it is of.
     pub title: String,
-    /// How it was made.
     pub method: String,
     /// How far measurements are from it.
     pub residuals: Vec<Residuals>,
     #[serde(skip)]
     drawing: Figure,
-    /// What was found.
     pub parameters: Vec<ParameterEstimate>,
 }
 
@@ -92,7 +84,6 @@ type FitOutcome = Result<(Fit, Vec<Unidentified>)>;
 /// How far measurements are from a fit.
 #[derive(Clone, Debug, Serialize)]
 pub struct Residuals {
-    /// Of what.
     pub name: String,
     /// The unit of the three numbers.
     pub unit: String,
@@ -131,7 +122,6 @@ pub struct Known {
 }
 
 impl Known {
-    /// Reads what a plant has with parameter sets.
     fn read(plant: &Arc<Fmu>, sets: &[ParameterSet]) -> Result<Self> {
         let mut instance = plant.instantiate("plant")?;
         instance.set_up(0.0, None)?;
@@ -207,9 +197,7 @@ impl Known {
     }
 }
 
-/// The result of an identification.
 pub struct Identification {
-    /// The data's file.
     pub file: String,
     rows: usize,
     duration: f64,
@@ -225,10 +213,6 @@ pub struct Identification {
 }
 
 /// Identifies the actuation of a plant from a CSV file. What is known before is the plant's with parameter sets.
-///
-/// # Errors
-/// When the file is not as it should be (the message names line and column) or tells no parameter at all, or
-/// the plant is no `BoostPlant`.
 pub fn identify(
     path: &Path,
     naming: &Naming,
@@ -329,13 +313,11 @@ impl Identification {
         found.map_or_else(|| self.known.value(name), |estimate| estimate.value)
     }
 
-    /// All that was found.
     pub fn parameters(&self) -> impl Iterator<Item = &ParameterEstimate> {
         self.fits.iter().flat_map(|fit| &fit.parameters)
     }
 
     /// What was found, for the plant.
-    #[must_use]
     pub fn parameter_set(&self, plant: &Fmu) -> ParameterSet {
         let parameter = |estimate: &ParameterEstimate| Parameter {
             name: estimate.name.clone(),

@@ -46,7 +46,6 @@ const LEAST_NOISE: MeasurementNoise = MeasurementNoise { chamber: 10.0, position
 /// The horizontal axis of the drawing.
 const TIME: &str = "time after the step (s)";
 
-/// What follows a step.
 struct Transient<'a> {
     before: &'a Rest,
     rows: Range<usize>,

@@ -50,12 +50,10 @@ pub fn drawing(
     Figure::new().row([fit]).row([residual_panel(points, x_label, residual_label).height(90.0)]).shared_x()
 }
 
-/// A panel with measurements.
 pub fn with_measured(panel: Panel, points: &[ResidualPoint]) -> Panel {
     dots(points, |point| point.measured).fold(panel, |panel, (line, label)| panel.line(line.label(label)))
 }
 
-/// A panel with residuals.
 pub fn residual_panel(points: &[ResidualPoint], x_label: &str, label: &str) -> Panel {
     dots(points, |point| point.residual).fold(Panel::new(x_label, label), |panel, (line, _)| panel.line(line))
 }

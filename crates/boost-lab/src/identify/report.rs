@@ -23,10 +23,6 @@ struct IdentificationReport<'a> {
     notes: &'a [String],
 }
 
-/// The text of report.json.
-///
-/// # Errors
-/// When a number is not finite.
 pub fn json(identification: &Identification) -> Result<String> {
     let Identification { file, rows, duration, known, noise, phases_at_rest, fits, unidentified, notes } =
         identification;
@@ -45,8 +41,6 @@ pub fn json(identification: &Identification) -> Result<String> {
     Ok(serde_json::to_string_pretty(&report)? + "\n")
 }
 
-/// The text of report.html.
-#[must_use]
 pub fn html(identification: &Identification) -> String {
     let Identification { file, rows, duration, noise, phases_at_rest, fits, unidentified, notes, .. } =
         identification;

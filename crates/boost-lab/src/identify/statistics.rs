@@ -182,7 +182,6 @@ fn inverse_root(jacobian: &DMatrix<f64>) -> Result<DMatrix<f64>> {
     Ok(unscaled * inverse)
 }
 
-/// See the head of the module.
 fn covariance(
     jacobian: &DMatrix<f64>,
     residuals: &DVector<f64>,
@@ -212,7 +211,6 @@ fn covariance(
     &factors * independent * factors
 }
 
-/// The root of the mean square.
 pub fn root_mean_square(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let (count, sum) =
         values.into_iter().fold((0_u32, 0.0), |(count, sum), value| (count + 1, sum + value * value));

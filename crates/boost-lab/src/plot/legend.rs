@@ -14,7 +14,6 @@ const LETTER: f64 = 0.56;
 /// How near a line may come to the box.
 const CLEARANCE: f64 = 4.0;
 
-/// The legend of a panel.
 pub struct Legend<'a> {
     entries: Vec<(&'a Line, &'a str)>,
     place: LegendPosition,

@@ -34,10 +34,6 @@ struct JsonClaim<'a> {
     claim: &'a Claim,
 }
 
-/// The text of report.json.
-///
-/// # Errors
-/// When a number is not finite.
 pub fn json(figures: &[Reproduced]) -> Result<String> {
     let claims = |claims: &'_ [Claim]| claims.iter().all(Claim::holds);
     let report = ReproductionReport {
@@ -59,8 +55,6 @@ pub fn json(figures: &[Reproduced]) -> Result<String> {
     Ok(serde_json::to_string_pretty(&report)? + "\n")
 }
 
-/// The text of report.html.
-#[must_use]
 pub fn html(figures: &[Reproduced], fmus: &[String]) -> String {
     let claims = || figures.iter().flat_map(|figure| &figure.evidence.claims);
     let (all, holding) = (claims().count(), claims().filter(|claim| claim.holds()).count());

@@ -21,15 +21,11 @@ pub struct Location {
 
 impl Location {
     /// An error with its location.
-    #[must_use]
     pub fn error(&self, message: impl Display) -> Error {
         anyhow!("{}, line {}, {}: {message}", self.file, self.line, self.key)
     }
 
     /// Puts the location before whatever went wrong.
-    ///
-    /// # Errors
-    /// When something went wrong.
     pub fn locate<T>(&self, result: Result<T>) -> Result<T> {
         result.map_err(|error| self.error(format!("{error:#}")))
     }
@@ -59,12 +55,10 @@ impl<'a> Document<'a> {
         Ok(Self { text, file: file.into(), root, files: RefCell::default() })
     }
 
-    /// The files that it names.
     pub fn into_files(self) -> Vec<PathBuf> {
         self.files.into_inner()
     }
 
-    /// The file's table.
     pub fn root(&self) -> TomlTable<'_> {
         let location = Location { file: Arc::clone(&self.file), line: 1, key: "the file".to_owned() };
         TomlTable {
@@ -91,7 +85,6 @@ pub struct TomlTable<'a> {
 }
 
 impl<'a> TomlTable<'a> {
-    /// Where it stands.
     pub fn location(&self) -> &Location {
         &self.location
     }
@@ -101,6 +94,11 @@ impl<'a> TomlTable<'a> {
         self.known.borrow_mut().push(key.to_owned());
         let (key, value) = self.table.get_key_value(key)?;
         Some(self.node(key.get_ref(), value))
+    }
+
+    /// Accepts a title, which is for readers of the file.
+    pub fn title(&self) -> Result<()> {
+        self.optional("title").map_or(Ok(()), |title| title.string("a text").map(|_| ()))
     }
 
     /// A value that must be there.
@@ -161,12 +159,10 @@ impl<'a> Node<'a> {
         Self { document, value: value.get_ref(), path, location }
     }
 
-    /// Where it stands.
     pub fn location(&self) -> &Location {
         &self.location
     }
 
-    /// The value as TOML has it.
     pub fn value(&self) -> &'a DeValue<'a> {
         self.value
     }
@@ -202,7 +198,6 @@ impl<'a> Node<'a> {
         if number > 0.0 { Ok(number) } else { Err(self.unexpected(expected)) }
     }
 
-    /// A whole number.
     pub fn integer<T: std::str::FromStr>(&self, expected: &str) -> Result<T> {
         match self.value {
             DeValue::Integer(number) if number.radix() == 10 => number.as_str().parse().ok(),
@@ -235,7 +230,6 @@ impl<'a> Node<'a> {
         })
     }
 
-    /// The values of a list.
     pub fn list(&self, expected: &str) -> Result<Vec<Node<'a>>> {
         let DeValue::Array(list) = self.value else { return Err(self.unexpected(expected)) };
         let node = |(index, value)| {

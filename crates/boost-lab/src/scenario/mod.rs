@@ -19,8 +19,6 @@ pub use self::signal::Signal;
 /// An experiment with coupled FMUs.
 #[derive(Clone, Debug)]
 pub struct Scenario {
-    /// What it shows, in a line.
-    pub title: String,
     /// The communication step (s).
     pub step: f64,
     /// When it begins (s).
@@ -29,7 +27,6 @@ pub struct Scenario {
     pub stop_time: f64,
     /// How many communication steps there are from its beginning to its end.
     pub steps: u32,
-    /// In which order the FMUs step.
     pub stepping: Stepping,
     /// The FMUs, in the order of stepping.
     pub fmus: Vec<Member>,
@@ -52,16 +49,13 @@ pub enum Stepping {
     AtOnce,
 }
 
-/// An FMU of an experiment.
 #[derive(Clone, Debug)]
 pub struct Member {
     /// Its name in the experiment.
     pub name: String,
-    /// The path of the FMU.
     pub file: PathBuf,
     /// Which of its variables are those of the interface, where it has other names or units.
     pub map: Option<NameMap>,
-    /// Where it stands.
     pub location: Location,
     /// Parameter sets that are set before initialization.
     pub parameters: Vec<(ParameterSet, Location)>,
@@ -87,55 +81,41 @@ pub struct RunIn {
     pub after: Vec<Assignment>,
 }
 
-/// A value for a variable.
 #[derive(Clone, Debug)]
 pub struct Assignment {
-    /// The variable's name in the FMU.
     pub name: String,
     /// In the unit that the FMU declares.
     pub value: Value,
-    /// Where it stands.
     pub location: Location,
 }
 
-/// What drives an input.
 #[derive(Clone, Debug)]
 pub struct Input {
-    /// The variable's name in the FMU.
     pub name: String,
-    /// Its value over time.
     pub signal: Signal,
-    /// Where it stands.
     pub location: Location,
 }
 
 /// Normally distributed noise on what one FMU gives another.
 #[derive(Clone, Debug)]
 pub struct Noise {
-    /// The variable's name in the FMU.
     pub name: String,
     /// In the variable's unit.
     pub standard_deviation: f64,
     /// Of the generator: the same seed gives the same noise.
     pub seed: u64,
-    /// Where it stands.
     pub location: Location,
 }
 
-/// A variable that is recorded.
 #[derive(Clone, Debug)]
 pub struct Recorded {
     /// Its name, with its FMU's name and a colon before it where there are several.
     pub name: String,
-    /// Where it stands.
     pub location: Location,
 }
 
 impl Scenario {
     /// Reads a file. FMUs are looked for in `fmus`, or else beside the file, as everything else is.
-    ///
-    /// # Errors
-    /// When it is not as it should be; the message names file, line and key, and what was expected.
     pub fn read(path: &Path, fmus: Option<&Path>) -> Result<Self> {
         let text = reading::text(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -146,12 +126,10 @@ impl Scenario {
 
     /// Reads the text of a file, whose name is for messages. What it refers to is looked for in `folder`, FMUs
     /// in `fmus`.
-    ///
-    /// # Errors
-    /// As [`read`](Self::read).
     pub fn parse(file: &str, text: &str, folder: &Path, fmus: &Path) -> Result<Self> {
         let document = Document::parse(file, text)?;
         let root = document.root();
+        root.title()?;
         let start = root.optional("start_time");
         let start_time = start.map_or(Ok(0.0), |node| node.number("a time in s"))?;
         let stop = root.required("stop_time", "a time in s")?;
@@ -161,7 +139,6 @@ impl Scenario {
         }
         let step = root.required("step", "the communication step in s")?.positive("a time above 0 in s")?;
         let mut scenario = Self {
-            title: root.optional("title").map_or(Ok(""), |node| node.string("a text"))?.to_owned(),
             step,
             start_time,
             stop_time,
@@ -186,15 +163,11 @@ impl Scenario {
     }
 
     /// The signal that drives an input of every FMU that has it.
-    #[must_use]
     pub fn input(&self, name: &str) -> Option<&Signal> {
         self.inputs.iter().find(|input| input.name == name).map(|input| &input.signal)
     }
 
     /// Gives an FMU another value before initialization.
-    ///
-    /// # Errors
-    /// When the scenario has no FMU of this name.
     pub fn set_value(&mut self, fmu: &str, name: &str, value: Value) -> Result<()> {
         let member = self.member_mut(fmu)?;
         member.values.retain(|assignment| assignment.name != name);
@@ -204,9 +177,6 @@ impl Scenario {
     }
 
     /// Gives an input of all FMUs that have it another signal.
-    ///
-    /// # Errors
-    /// When the scenario has no signal for it.
     pub fn set_input(&mut self, name: &str, signal: Signal) -> Result<()> {
         let input = self.inputs.iter_mut().find(|input| input.name == name);
         input.with_context(|| format!("the scenario has no signal for {name}"))?.signal = signal;
@@ -214,9 +184,6 @@ impl Scenario {
     }
 
     /// Gives an input of one FMU a signal of its own.
-    ///
-    /// # Errors
-    /// When the scenario has no FMU of this name.
     pub fn set_own_input(&mut self, fmu: &str, name: &str, signal: Signal) -> Result<()> {
         let member = self.member_mut(fmu)?;
         member.inputs.retain(|input| input.name != name);
@@ -295,7 +262,6 @@ fn read_values(node: &Node<'_>) -> Result<Vec<Assignment>> {
     table.entries().map(|(name, node)| read_value(name, &node)).collect()
 }
 
-/// A value for a variable.
 pub(crate) fn read_value(name: &str, node: &Node<'_>) -> Result<Assignment> {
     const EXPECTED: &str = "a number, true, false or a text";
     let value = match node.value() {

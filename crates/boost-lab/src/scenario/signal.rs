@@ -13,10 +13,8 @@ use super::document::{Node, TomlTable};
 /// What a time may fall short of an instant by (s): communication points are computed as multiples of the step.
 const ROUNDING: f64 = 1e-9;
 
-/// A signal over time.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Signal {
-    /// One value.
     Constant(f64),
     /// Each value from its time on; the first also before.
     Steps(Vec<(f64, f64)>),
@@ -37,7 +35,6 @@ pub enum Signal {
 
 impl Signal {
     /// The value at a time (s).
-    #[must_use]
     pub fn at(&self, time: f64) -> f64 {
         match self {
             Self::Constant(value) => *value,
@@ -61,7 +58,6 @@ impl Signal {
     }
 
     /// The instants at which it jumps or bends (s).
-    #[must_use]
     pub fn points(&self) -> &[(f64, f64)] {
         match self {
             Self::Steps(points) | Self::Lines(points) => points,
@@ -70,9 +66,6 @@ impl Signal {
     }
 
     /// Reads a signal; CSV files are looked for in `folder`.
-    ///
-    /// # Errors
-    /// When it is not a signal, or its file is not valid; the message names the place.
     pub(super) fn read(node: &Node<'_>, folder: &Path) -> Result<Self> {
         const EXPECTED: &str = "a number, or a table with one of steps, points, ramp, sine and csv";
         if matches!(node.value(), DeValue::Integer(_) | DeValue::Float(_)) {

@@ -149,7 +149,6 @@ fn read_latin_hypercube(node: &Node<'_>) -> Result<Design> {
     Ok(Design { parameters, points })
 }
 
-/// The points one by one.
 fn read_list(node: &Node<'_>) -> Result<Design> {
     const EXPECTED: &str =
         "a list of tables [[list]], one for each run, of values by the names of parameters";

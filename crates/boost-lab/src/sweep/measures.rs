@@ -11,11 +11,9 @@ use crate::scenario::{Location, Scenario, Signal};
 /// A number that is taken from a run.
 #[derive(Clone, Debug)]
 pub struct Measure {
-    /// What the study calls it.
     pub name: String,
     /// The variable that it is of, as the scenario records it.
     pub variable: String,
-    /// Where it stands.
     pub location: Location,
     kind: Kind,
 }
@@ -61,7 +59,6 @@ const QUALITIES: [(&str, Quality); 4] = [
 const EXPECTED: &str = "a table with the name of a variable under one of final, mean, minimum, maximum, \
                         overshoot_up, overshoot_down, rise_time and end_error";
 
-/// Reads the measures of a study.
 pub fn read(node: &Node<'_>, scenario: &Scenario) -> Result<Vec<Measure>> {
     let table = node.table("a table of measures by their names")?;
     let measures: Vec<_> =

@@ -32,10 +32,7 @@ use crate::scenario::{Assignment, Location, Recorded, Scenario};
 /// The folder of the runs' records, in that of the results.
 const RECORDS: &str = "records";
 
-/// A parameter study.
 pub struct Study {
-    /// What it shows, in a line.
-    pub title: String,
     /// The scenario that runs, for the values that are not varied.
     pub scenario: Scenario,
     parameters: Vec<Parameter>,
@@ -44,12 +41,10 @@ pub struct Study {
     keeps_records: bool,
 }
 
-/// A parameter that is varied.
 #[derive(Clone, Debug)]
 pub struct Parameter {
     /// What the study calls it: the variable, with the FMU's name and a colon before it.
     pub name: String,
-    /// Where it stands.
     pub location: Location,
 }
 
@@ -73,9 +68,6 @@ pub struct Loaded {
 impl Study {
     /// Reads a file, and the scenario that it names, which is looked for beside it. FMUs are looked for in
     /// `fmus`, or else beside the scenario.
-    ///
-    /// # Errors
-    /// When it is not as it should be; the message names file, line and key, and what was expected.
     pub fn read(path: &Path, fmus: Option<&Path>) -> Result<Self> {
         let text = reading::text(path)?;
         let document = Document::parse(&path.to_string_lossy(), &text)?;
@@ -86,6 +78,7 @@ impl Study {
         // The scenario's messages have places of their own.
         let mut scenario = Scenario::read(&file, fmus)?;
         scenario.files.push(path.to_owned());
+        root.title()?;
         let keeps_records = root.optional("records").map_or(Ok(false), |node| {
             node.value().as_bool().ok_or_else(|| node.unexpected("true where each run's record is kept"))
         })?;
@@ -94,7 +87,6 @@ impl Study {
         let measures = measures::read(&measures, &scenario)?;
         results::refuse_names(&parameters, &measures)?;
         let study = Self {
-            title: root.optional("title").map_or(Ok(""), |node| node.string("a text"))?.to_owned(),
             parameters,
             points,
             keeps_records,
@@ -109,16 +101,12 @@ impl Study {
     }
 
     /// What is written to a folder for results.
-    #[must_use]
     pub fn outputs(&self, folder: &Path) -> Vec<PathBuf> {
         let names = [journal::NAME, results::CSV, results::PARQUET].into_iter();
         names.chain(self.keeps_records.then_some(RECORDS)).map(|name| folder.join(name)).collect()
     }
 
     /// Loads the FMUs, and checks against them what the study names.
-    ///
-    /// # Errors
-    /// When an FMU cannot be imported, or the study names what there is not; the message names the location.
     pub fn load(self) -> Result<Loaded> {
         let mut fmus = LoadedFmus::default();
         let master = Master::new(&self.scenario, &mut fmus)?;
@@ -171,7 +159,6 @@ fn record_measured(scenario: &mut Scenario, measures: &[Measure], keeps_records:
 }
 
 /// A value as results and messages show it; a number reads back as the same double.
-#[must_use]
 pub fn written(value: &Value) -> String {
     match value {
         Value::Real(value, _) => format!("{value:?}"),
@@ -182,30 +169,22 @@ pub fn written(value: &Value) -> String {
 }
 
 impl Loaded {
-    /// The study.
-    #[must_use]
     pub fn study(&self) -> &Study {
         &self.study
     }
 
-    /// How many runs it has.
-    #[must_use]
     pub fn runs(&self) -> usize {
         self.study.points.len()
     }
 
     /// How many runs there can be at once: one, where an FMU can have only one instance in a process.
-    #[must_use]
     pub fn most_threads(&self) -> usize {
         if self.is_single { 1 } else { usize::MAX }
     }
 
     /// All that a run's result depends on, by names: two studies with the same settings have the same results.
-    ///
-    /// # Errors
-    /// When a file of an FMU cannot be read.
     pub fn settings(&self) -> Result<BTreeMap<String, String>> {
-        let Study { scenario, parameters, points, measures, keeps_records, title: _ } = &self.study;
+        let Study { scenario, parameters, points, measures, keeps_records } = &self.study;
         let mut settings = BTreeMap::new();
         let mut set = |name: String, value: String| settings.insert(name, value);
         set("records".into(), keeps_records.to_string());
@@ -265,9 +244,6 @@ impl Loaded {
     }
 
     /// Runs what the journal does not have yet, on so many threads; `progress` is called for each finished run.
-    ///
-    /// # Errors
-    /// When the journal or a record cannot be written. A run that fails is an outcome, no error.
     pub fn run(
         &self,
         journal: StudyJournal,
@@ -295,7 +271,6 @@ impl Loaded {
         Ok(journal.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner).into_outcomes())
     }
 
-    /// Runs one point.
     fn run_one(&self, run: usize, records: &Path) -> Result<Outcome> {
         let mut outcome = Outcome::new(run, self.study.measures.len());
         let simulated = self.point(run).and_then(|scenario| {
@@ -326,7 +301,6 @@ impl Loaded {
         Ok(outcome)
     }
 
-    /// The scenario of a run.
     fn point(&self, run: usize) -> Result<Scenario> {
         let mut scenario = self.study.scenario.clone();
         for (parameter, value) in self.study.parameters.iter().zip(&self.study.points[run]) {

@@ -23,7 +23,6 @@ use super::{Loaded, Parameter, written};
 
 /// The table's files in the folder of a study's results.
 pub const CSV: &str = "results.csv";
-/// See above.
 pub const PARQUET: &str = "results.parquet";
 
 /// The columns that every study has.
@@ -45,7 +44,6 @@ pub(super) fn refuse_names(parameters: &[Parameter], measures: &[Measure]) -> Re
     }
 }
 
-/// A table of columns.
 pub struct Table(Vec<ResultColumn>);
 
 struct ResultColumn {
@@ -62,7 +60,6 @@ enum Cells {
 
 impl Table {
     /// The results of a study; `outcomes` are those of all runs, in their order.
-    #[must_use]
     pub fn new(loaded: &Loaded, outcomes: &[Outcome]) -> Self {
         let study = loaded.study();
         let whole = |value| i32::try_from(value).ok();
@@ -107,9 +104,6 @@ impl Table {
     }
 
     /// Writes CSV; numbers read back as the same doubles, what is missing is empty.
-    ///
-    /// # Errors
-    /// When the writer fails.
     pub fn write_csv(&self, writer: impl Write) -> io::Result<()> {
         let mut csv = csv::Writer::from_writer(writer);
         csv.write_record(self.0.iter().map(|column| column.name.as_str()))?;
@@ -120,9 +114,6 @@ impl Table {
     }
 
     /// Writes Parquet: doubles, 32-bit integers, Booleans and UTF-8 texts, all of which can be missing.
-    ///
-    /// # Errors
-    /// When the writer fails.
     pub fn write_parquet(&self, writer: impl Write + Send) -> io::Result<()> {
         self.write_all_parquet(writer).map_err(|error| io::Error::other(format!("{error:#}")))
     }

@@ -20,7 +20,6 @@ const COARSEST: u32 = 30;
 /// A model of first order with delay, per unit of the step, and how well it fits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FirstOrder {
-    /// The static gain.
     pub gain: Estimate,
     /// The time constant (s).
     pub time_constant: Estimate,
@@ -32,7 +31,6 @@ pub struct FirstOrder {
     pub residual: f64,
 }
 
-/// A number and its standard error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The estimate, in the unit of the parameter.
@@ -45,7 +43,6 @@ impl FirstOrder {
     /// Fits a response that begins at the time 0 with the value 0 and is sampled after each interval (s).
     ///
     /// None where no model fits: the response does not change, or nothing that converges describes it.
-    #[must_use]
     pub fn fit(response: &[f64], interval: f64) -> Option<Self> {
         let last = *response.last()?;
         if response.len() < 10 || last == 0.0 || response.iter().any(|value| !value.is_finite()) {
@@ -72,7 +69,6 @@ impl FirstOrder {
     }
 
     /// The model's response to a step of 1, at a time (s) after it.
-    #[must_use]
     pub fn at(&self, time: f64) -> f64 {
         let since = time - self.delay.value;
         if since <= 0.0 { 0.0 } else { -self.gain.value * (-since / self.time_constant.value).exp_m1() }

@@ -28,11 +28,9 @@ pub enum ScheduleTable {
 }
 
 impl ScheduleTable {
-    /// All of them.
     pub const ALL: [Self; 4] = [Self::Feedforward, Self::Gain, Self::TimeConstant, Self::Delay];
 
     /// The controller's name for a value of the map; rows and columns count from 0 here, from 1 there.
-    #[must_use]
     pub fn parameter(self, row: usize, column: usize) -> String {
         let map = match self {
             Self::Feedforward => "feedforward",
@@ -44,7 +42,6 @@ impl ScheduleTable {
     }
 
     /// The unit that values are identified in.
-    #[must_use]
     pub fn unit(self) -> &'static str {
         match self {
             Self::Feedforward => "%",
@@ -57,7 +54,6 @@ impl ScheduleTable {
 /// The grid of a controller, and its start values that matter for it.
 #[derive(Clone, Debug)]
 pub struct Schedule {
-    /// The controller's name.
     pub controller: String,
     /// The engine speeds of the columns (rpm), ascending.
     pub engine_speeds: Vec<f64>,
@@ -76,18 +72,10 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    /// That of this repository's controller.
-    ///
-    /// # Errors
-    /// When the controller's description is not as it should be.
     pub fn built_in() -> Result<Self> {
         Self::read(Role::Controller.description())
     }
 
-    /// That of a controller.
-    ///
-    /// # Errors
-    /// When a parameter is missing or in another unit; the message names it.
     pub fn read(controller: &FmuDescription) -> Result<Self> {
         let mut ranges = [(0.0, 0.0); 4];
         let engine_speeds = axis(controller, ENGINE_SPEED, "rpm")?;
@@ -116,9 +104,6 @@ impl Schedule {
     }
 
     /// The same controller with other values on its grid, and another time constant of the closed loop (s).
-    ///
-    /// # Errors
-    /// When they are not as many as the controller has, do not ascend, or are not within its ranges.
     pub fn with(
         mut self,
         engine_speeds: Option<Vec<f64>>,
@@ -155,7 +140,6 @@ impl Schedule {
     }
 
     /// Whether the controller takes a value in a map.
-    #[must_use]
     pub fn takes(&self, map: ScheduleTable, value: f64) -> bool {
         let (least, most) = self.ranges[map as usize];
         (least..=most).contains(&value)
