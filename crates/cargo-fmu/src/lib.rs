@@ -57,8 +57,18 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    #[command(after_help = "\
+Examples:
+  cargo fmu new lag
+  cargo fmu new pi-controller --template sampled --vcs none")]
     New(New),
     /// Compile the models of this workspace and write their .fmu files
+    #[command(after_help = "\
+Examples:
+  cargo fmu export                                      # all models, for this platform, into target/fmu
+  cargo fmu export -p lag --target linux64 --target win64
+  cargo fmu export --target linux64 --binary darwin64=liblag.dylib
+  cargo fmu export --parameters slow.ssv                # and lag.ssp, in which the set is bound")]
     Export {
         #[command(flatten)]
         export: Export,
@@ -66,15 +76,30 @@ enum Command {
         #[arg(long, value_name = "FILE.ssv")]
         parameters: Vec<PathBuf>,
     },
+    #[command(after_help = "\
+Example:
+  cargo fmu merge linux/lag.fmu windows/lag.fmu --out lag.fmu --ran win64='Windows 11, FMPy'")]
     Merge(Merge),
+    #[command(after_help = "\
+Example:
+  cargo fmu info target/fmu/lag.fmu")]
     Info(Info),
+    #[command(after_help = "\
+Example:
+  cargo fmu parameters target/fmu/lag.fmu --out slow.ssv")]
     Parameters(Parameters),
     /// Print the completions for a shell
+    #[command(after_help = "\
+Example:
+  cargo fmu completions bash > ~/.local/share/bash-completion/completions/cargo-fmu")]
     Completions {
         /// The shell
         shell: Shell,
     },
     /// Write the manual pages
+    #[command(after_help = "\
+Example:
+  cargo fmu man ~/.local/share/man/man1")]
     Man {
         /// The folder to write to
         #[arg(value_name = "DIR")]
