@@ -1,5 +1,5 @@
 //! Generates the typed interface and the modelDescription.xml of the model.
 
 fn main() {
-    fmi2_export::build::generate("panicking.json");
+    fmi2_export::build::generate("model.json");
 }
