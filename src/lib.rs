@@ -2,7 +2,7 @@
 //! vacuum-actuated wastegate) and its [`controller`], after Criscuolo, Leufvén, Thomasson and Eriksson,
 //! "Model-based boost pressure control with system voltage disturbance rejection" (IFAC 2011).
 //!
-//! Each is a model in the sense of [`fmi2_export::Model`], declared in `modelDescription/`, and is
+//! Each is a model in the sense of [`fmu_export::Model`], declared in `modelDescription/`, and is
 //! compiled into an FMU of its own by a crate that contains nothing but the export.
 
 pub mod controller;

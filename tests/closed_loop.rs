@@ -11,7 +11,7 @@ use boost_fmu::controller::variables as controller;
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables as plant;
 use boost_steps::BOOST_STEPS;
-use fmi2_export::{Context, Experiment, InputSignal, Inputs, Model, Step};
+use fmu_export::{Context, Experiment, InputSignal, Inputs, Model, Step};
 
 /// The controller's sample time and the master's step (s).
 const STEP: f64 = 0.0125;
@@ -28,21 +28,21 @@ struct Instance<M: Model> {
 
 impl<M: Model> Instance<M>
 where
-    <M::Variables as fmi2_export::Variables>::Inputs: Inputs,
+    <M::Variables as fmu_export::Variables>::Inputs: Inputs,
 {
     fn new(start_time: f64) -> Self {
         let experiment = Experiment { start_time, ..Experiment::default() };
         Self { model: M::default(), variables: M::Variables::default(), experiment }
     }
 
-    fn initialize(&mut self, inputs: &<M::Variables as fmi2_export::Variables>::Inputs) {
+    fn initialize(&mut self, inputs: &<M::Variables as fmu_export::Variables>::Inputs) {
         M::check_parameters(&self.variables).expect("the parameters are consistent");
         let mut log = |_, _: std::fmt::Arguments<'_>| {};
         let mut context = Context::new(self.experiment, &mut log);
         self.model.initialize(&mut self.variables, inputs, &mut context).expect("initialization succeeds");
     }
 
-    fn step(&mut self, start: f64, size: f64, inputs: &<M::Variables as fmi2_export::Variables>::Inputs) {
+    fn step(&mut self, start: f64, size: f64, inputs: &<M::Variables as fmu_export::Variables>::Inputs) {
         let inputs = InputSignal::constant(inputs.clone());
         let mut log = |_, _: std::fmt::Arguments<'_>| {};
         let mut context = Context::new(self.experiment, &mut log);

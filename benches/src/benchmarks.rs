@@ -10,9 +10,9 @@ use boost_fmu::controller::variables::{FeedbackStructure, Inputs as ControllerIn
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::system::System;
 use boost_fmu::plant::variables::{InitializationMode, Inputs, Parameters, States, Variables};
-use fmi2_export::Variables as _;
-use fmi2_export::c_types::ValueReference;
-use fmi2_export::description::Causality;
+use fmu_export::Variables as _;
+use fmu_export::c_types::ValueReference;
+use fmu_export::description::Causality;
 
 use crate::closed_loop::{Fmus, Models, controller_library};
 use crate::direct::Direct;

@@ -1,6 +1,6 @@
 //! A model called directly: what a loop in Rust costs without FMI.
 
-use fmi2_export::{Context, Experiment, InputSignal, InputsOf, Model, Step};
+use fmu_export::{Context, Experiment, InputSignal, InputsOf, Model, Step};
 
 /// A model with what surrounds it.
 #[derive(Clone)]

@@ -5,12 +5,12 @@ use std::ffi::{CString, c_char, c_int};
 use std::path::PathBuf;
 use std::ptr;
 
-use fmi2_export::c_types::{
+use fmu_export::c_types::{
     Boolean, CO_SIMULATION, CallbackFunctions, Component, FALSE, FmuState, Integer, Status, TRUE,
     ValueReference,
 };
-use fmi2_export::description::{Causality, VariableDescription};
-use fmi2_export::{Model, Variables};
+use fmu_export::description::{Causality, VariableDescription};
+use fmu_export::{Model, Variables};
 
 /// Declares the functions that are called, by their names in the standard.
 macro_rules! functions {

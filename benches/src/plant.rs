@@ -4,9 +4,9 @@ use std::sync::OnceLock;
 
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables::{InitializationMode, Inputs, Parameters, States, Variables};
-use fmi2_export::Inputs as _;
-use fmi2_export::c_types::ValueReference;
-use fmi2_export::description::Causality;
+use fmu_export::Inputs as _;
+use fmu_export::c_types::ValueReference;
+use fmu_export::description::Causality;
 
 use crate::direct::Direct;
 use crate::library::{Instance, Library, State};

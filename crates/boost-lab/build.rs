@@ -4,5 +4,5 @@
 fn main() {
     println!("cargo:rerun-if-changed=src/importer/logger.c");
     cc::Build::new().file("src/importer/logger.c").warnings_into_errors(true).compile("logger");
-    fmi2_export::build::generate("../../modelDescription/controller.json");
+    fmu_export_build::generate("../../modelDescription/controller.json");
 }

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use boost_interface::{Compatibility, NameMap, Role};
-use fmi2_export::package::terminal::print;
-use fmi2_export::package::{FmuDescription, writing};
+use fmu_package::terminal::print;
+use fmu_package::{FmuDescription, writing};
 
 /// Prints how an FMU fits, and writes a map to be edited where one is asked for. Whether it fits.
 pub fn run(path: &Path, role: Role, map: Option<&Path>, write_map: Option<&Path>) -> Result<bool> {

@@ -1,24 +1,16 @@
-//! The command line: what it takes, and which room does the work.
+//! The command line: what it takes, and which module does it.
 
 mod check;
-mod compile;
 mod coupling;
 mod export;
-mod info;
-mod licenses;
-mod merge;
-mod parameters;
 mod ssp;
-mod target;
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use boost_interface::Role;
+use cargo_fmu::{Info, Merge, Parameters};
 use clap::{Parser, Subcommand};
-use fmi2_export::package::Platform;
-
-use self::target::Target;
 
 /// What the process ends with.
 const EXIT_STATUSES: &str = "\
@@ -41,49 +33,15 @@ struct Arguments {
 enum Command {
     /// Compile the models and write their .fmu files, and Boost.ssp, the system of both
     Export {
-        /// The models to export, `BoostPlant` or `BoostController`; all when none is named
-        models: Vec<String>,
-        /// The folder to write to [default: fmu in cargo's target folder]
-        #[arg(long, value_name = "DIR")]
-        out: Option<PathBuf>,
+        #[command(flatten)]
+        export: cargo_fmu::Export,
         /// Parameter sets that Boost.ssp binds to the FMU that has their parameters
         #[arg(long, value_name = "FILE.ssv")]
         parameters: Vec<PathBuf>,
-        /// What to build for: a folder's name of FMI (linux64, win64, darwin64, aarch64-linux ...) or a target's
-        /// of Rust, which may end in the oldest glibc, as x86_64-unknown-linux-gnu.2.17 [default: this platform]
-        #[arg(long = "target", value_name = "TARGET")]
-        targets: Vec<Target>,
-        /// A library that was built elsewhere from the same sources, and its platform
-        #[arg(long = "binary", value_name = "PLATFORM=FILE", value_parser = of_platform::<PathBuf>)]
-        binaries: Vec<(Platform, PathBuf)>,
     },
-    /// Join FMUs of one model, each with libraries for other platforms, into one with all of them
-    Merge {
-        /// The FMUs
-        #[arg(value_name = "FILE.fmu", required = true)]
-        fmus: Vec<PathBuf>,
-        /// Where the library for a platform was run, for the FMU's documentation
-        #[arg(long = "ran", value_name = "PLATFORM=WHERE", value_parser = of_platform::<String>)]
-        runs: Vec<(Platform, String)>,
-        /// The file to write
-        #[arg(long, short, value_name = "FILE.fmu")]
-        out: PathBuf,
-    },
-    /// Show what an FMU is and which variables it has
-    Info {
-        /// An FMU of any maker
-        #[arg(value_name = "FILE.fmu")]
-        file: PathBuf,
-    },
-    /// Write an FMU's parameters, as they are by default, to a parameter set to be edited
-    Parameters {
-        /// An FMU of any maker
-        #[arg(value_name = "FILE.fmu")]
-        file: PathBuf,
-        /// The file to write [default: <model identifier>.ssv]
-        #[arg(long, value_name = "FILE.ssv")]
-        out: Option<PathBuf>,
-    },
+    Merge(Merge),
+    Info(Info),
+    Parameters(Parameters),
     /// Tell whether an FMU can take the plant's or the controller's place
     ///
     /// Exits with 0 when it can, with 1 when it cannot and with 2 on an error
@@ -124,12 +82,10 @@ enum Command {
 /// Does what the command line asks for. Whether the answer is yes, where it is a question.
 pub fn run() -> Result<bool> {
     match Arguments::parse().command {
-        Command::Export { models, out, parameters, targets, binaries } => {
-            export::run(&models, out, &parameters, &targets, &binaries).map(|()| true)
-        }
-        Command::Merge { fmus, runs, out } => merge::run(&fmus, &runs, &out).map(|()| true),
-        Command::Info { file } => info::run(&file).map(|()| true),
-        Command::Parameters { file, out } => parameters::run(&file, out.as_deref()).map(|()| true),
+        Command::Export { export, parameters } => export::run(export, &parameters).map(|()| true),
+        Command::Merge(merge) => merge.run().map(|()| true),
+        Command::Info(info) => info.run().map(|()| true),
+        Command::Parameters(parameters) => parameters.run().map(|()| true),
         Command::Check { file, role, map, write_map } => {
             check::run(&file, role, map.as_deref(), write_map.as_deref())
         }
@@ -137,10 +93,4 @@ pub fn run() -> Result<bool> {
             ssp::run(&plant, &controller, &map, &parameters, out.as_deref()).map(|()| true)
         }
     }
-}
-
-/// Reads an argument for a platform: its folder, `=`, and the value.
-fn of_platform<Value: From<String>>(text: &str) -> Result<(Platform, Value)> {
-    let (folder, value) = text.split_once('=').context("there is no '=' in it")?;
-    Ok((folder.parse()?, value.to_owned().into()))
 }

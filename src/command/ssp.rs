@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use boost_interface::{Compatibility, NameMap, Role};
-use fmi2_export::package::terminal::print;
-use fmi2_export::package::{FmuDescription, ParameterSet, SystemPackage, reading, writing};
+use fmu_package::terminal::print;
+use fmu_package::{FmuDescription, ParameterSet, SystemPackage, reading, writing};
 
 use super::coupling::{Member, couple};
 

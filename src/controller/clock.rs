@@ -24,7 +24,7 @@ pub struct SampleClock {
     rounding: f64,
 }
 
-fmi2_export::persistent!(SampleClock { executed, rounding });
+fmu_export::persistent!(SampleClock { executed, rounding });
 
 impl SampleClock {
     /// A communication step begins (s) and will end (s). Returns the time (s) before which the samples are

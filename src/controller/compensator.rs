@@ -23,7 +23,7 @@ pub struct SupplyVoltage {
     measured: bool,
 }
 
-fmi2_export::persistent!(SupplyVoltage { measured });
+fmu_export::persistent!(SupplyVoltage { measured });
 
 impl SupplyVoltage {
     /// Takes what is handed over for a measurement (V): the measurement, if there was one yet.

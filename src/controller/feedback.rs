@@ -58,7 +58,7 @@ pub struct Pid {
     measurement: f64,
 }
 
-fmi2_export::persistent!(Pid { integral, derivative, measurement });
+fmu_export::persistent!(Pid { integral, derivative, measurement });
 
 impl Pid {
     /// A controller that begins at rest at a boost pressure (Pa).

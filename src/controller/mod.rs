@@ -34,10 +34,10 @@ pub mod tank_relay;
 
 /// The variables of the controller, generated from `modelDescription/controller.json`.
 pub mod variables {
-    fmi2_export::include_variables!("BoostController");
+    fmu_export::include_variables!("BoostController");
 }
 
-use fmi2_export::{Context, Error, InputsOf, Model, Step};
+use fmu_export::{Context, Error, InputsOf, Model, Step};
 
 use crate::LONGEST_STEP;
 use clock::SampleClock;
@@ -67,7 +67,7 @@ pub struct BoostController {
     boost: Option<BoostLoop>,
 }
 
-fmi2_export::persistent!(BoostController { clock, relay, stage, supply_voltage, boost });
+fmu_export::persistent!(BoostController { clock, relay, stage, supply_voltage, boost });
 
 /// The memory of mode boost.
 #[derive(Clone, Copy, Debug, Default)]
@@ -77,7 +77,7 @@ struct BoostLoop {
     low_pressure: LowPressureLoop,
 }
 
-fmi2_export::persistent!(BoostLoop { pid, reference_model, low_pressure });
+fmu_export::persistent!(BoostLoop { pid, reference_model, low_pressure });
 
 /// A duty at nominal voltage and what it is made of (%).
 #[derive(Clone, Copy, Debug)]

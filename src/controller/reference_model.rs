@@ -19,7 +19,7 @@ pub struct ReferenceModel {
     delayed: Option<f64>,
 }
 
-fmi2_export::persistent!(ReferenceModel { pressure, delayed });
+fmu_export::persistent!(ReferenceModel { pressure, delayed });
 
 /// The reference model at one sample.
 #[derive(Clone, Copy, Debug)]

@@ -5,7 +5,7 @@
 //! identifies, in each point, the first-order system with time delay of eq. (10). The static map of the
 //! feedforward lies on the same grid, so that a place in it is searched once for all tables.
 
-use fmi2_export::Error;
+use fmu_export::Error;
 
 use super::variables::ScheduleParameters;
 

@@ -5,7 +5,7 @@
 //! the low-pressure wastegate opens with the engine speed. At high speed the high-pressure compressor would
 //! choke: it is passed by, its wastegate stands open, and boost is limited by the low-pressure wastegate.
 
-use fmi2_export::Error;
+use fmu_export::Error;
 
 use super::variables::Parameters;
 use crate::elementary::smaller;
@@ -17,7 +17,7 @@ pub struct StageStrategy {
     pub bypassed: bool,
 }
 
-fmi2_export::persistent!(StageStrategy { bypassed });
+fmu_export::persistent!(StageStrategy { bypassed });
 
 impl StageStrategy {
     /// Whether the high-pressure stage is passed by at an engine speed (rpm): from the limit on, until the
@@ -52,7 +52,7 @@ pub struct LowPressureLoop {
     integral: Option<f64>,
 }
 
-fmi2_export::persistent!(LowPressureLoop { integral });
+fmu_export::persistent!(LowPressureLoop { integral });
 
 impl LowPressureLoop {
     /// The opening of the wastegate for a boost pressure above its reference by an error (Pa). It begins

@@ -1,6 +1,6 @@
 //! The relay that keeps the vacuum tank between two pressures by its pump (paper, section 6).
 
-use fmi2_export::Error;
+use fmu_export::Error;
 
 use super::variables::Parameters;
 
@@ -10,7 +10,7 @@ pub struct TankRelay {
     on: bool,
 }
 
-fmi2_export::persistent!(TankRelay { on });
+fmu_export::persistent!(TankRelay { on });
 
 impl TankRelay {
     /// Whether the pump is on at a tank pressure (Pa): on above the one limit until below the other.

@@ -16,7 +16,7 @@ pub struct DutyLatch {
     started: u64,
 }
 
-fmi2_export::persistent!(DutyLatch { held, started });
+fmu_export::persistent!(DutyLatch { held, started });
 
 impl DutyLatch {
     /// Before the first period, with a duty in percent.

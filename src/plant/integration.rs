@@ -133,7 +133,7 @@ pub struct Pace {
     tank_is_frozen: bool,
 }
 
-fmi2_export::persistent!(Pace { actuation, gas_path, tank_is_frozen });
+fmu_export::persistent!(Pace { actuation, gas_path, tank_is_frozen });
 
 impl Default for Pace {
     fn default() -> Self {

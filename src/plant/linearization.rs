@@ -1,7 +1,7 @@
 //! The plant near an operating point: the linear system that tuning and analysis start from, exact but for
 //! rounding.
 
-use fmi2_export::Inputs as _;
+use fmu_export::Inputs as _;
 use num_dual::Dual64;
 
 use super::quantities::quantities;

@@ -44,10 +44,10 @@ pub mod vacuum_tank;
 
 /// The plant's variables, generated from `modelDescription/plant.json`.
 pub mod variables {
-    fmi2_export::include_variables!("BoostPlant");
+    fmu_export::include_variables!("BoostPlant");
 }
 
-use fmi2_export::{Context, Error, Experiment, InputSignal, Model, Step, Variables as _};
+use fmu_export::{Context, Error, Experiment, InputSignal, Model, Step, Variables as _};
 use num_dual::Dual64;
 
 use self::duty_latch::DutyLatch;
@@ -76,7 +76,7 @@ pub struct BoostPlant {
     pace: Pace,
 }
 
-fmi2_export::persistent!(BoostPlant { latch, pace; derived system });
+fmu_export::persistent!(BoostPlant { latch, pace; derived system });
 
 impl Default for BoostPlant {
     fn default() -> Self {

@@ -3,8 +3,8 @@
 
 use std::cell::Cell;
 
-use fmi2_export::Error;
-use fmi2_export::persistence::{Archive, Persistent};
+use fmu_export::Error;
+use fmu_export::persistence::{Archive, Persistent};
 
 use super::Trial;
 use super::rosenbrock::{Begin, Linearization};

@@ -4,8 +4,8 @@
 //! large ones. One state of the fast part drives the slow one, which finds it between the steps of the fast part by
 //! cubic interpolation.
 
-use fmi2_export::Error;
-use fmi2_export::persistence::{Archive, Persistent};
+use fmu_export::Error;
+use fmu_export::persistence::{Archive, Persistent};
 
 use super::course::{Course, Failure, Interval, Memory, Rules, TIME_DIFFERENCE};
 use super::cubic::Cubic;

@@ -7,8 +7,8 @@
 //! many steps, and its inverse for all steps of about the same length. The estimated error falls with the third
 //! power of the step.
 
-use fmi2_export::Error;
-use fmi2_export::persistence::{Archive, Persistent};
+use fmu_export::Error;
+use fmu_export::persistence::{Archive, Persistent};
 
 use super::{Trial, linear};
 

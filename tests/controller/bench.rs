@@ -2,7 +2,7 @@
 
 use boost_fmu::controller::BoostController;
 use boost_fmu::controller::variables::{Inputs, Outputs, Parameters, Variables};
-use fmi2_export::{Context, Error, Experiment, InputSignal, Model, Step};
+use fmu_export::{Context, Error, Experiment, InputSignal, Model, Step};
 
 pub struct Bench {
     pub model: BoostController,

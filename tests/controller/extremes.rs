@@ -3,8 +3,8 @@
 
 use boost_fmu::controller::BoostController;
 use boost_fmu::controller::variables::{Inputs, Variables};
-use fmi2_export::description::{Causality, DataType};
-use fmi2_export::{Inputs as _, Model as _, Variables as _};
+use fmu_export::description::{Causality, DataType};
+use fmu_export::{Inputs as _, Model as _, Variables as _};
 
 use crate::bench::Bench;
 use crate::random::Random;

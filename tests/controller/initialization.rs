@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 use boost_fmu::controller::BoostController;
 use boost_fmu::controller::actuator_inverse;
 use boost_fmu::controller::variables::{ControlMode, Inputs, Outputs, Parameters, Variables};
-use fmi2_export::description::{Causality, DataType};
-use fmi2_export::{Inputs as _, Model as _, Variables as _};
+use fmu_export::description::{Causality, DataType};
+use fmu_export::{Inputs as _, Model as _, Variables as _};
 
 use crate::bench::Bench;
 

@@ -1,6 +1,6 @@
 //! What random importers do.
 
-use fmi2_export::description::{Causality, DataType, ModelDescription, Variability};
+use fmu_export::description::{Causality, DataType, ModelDescription, Variability};
 use proptest::collection::vec;
 use proptest::option;
 use proptest::prelude::*;

@@ -4,10 +4,10 @@ use std::ffi::{CString, c_char};
 use std::marker::PhantomData;
 use std::ptr;
 
-use fmi2_export::c_types::{
+use fmu_export::c_types::{
     CO_SIMULATION, CallbackFunctions, Component, FALSE, FmuState, Status, status_kind,
 };
-use fmi2_export::{Model, Variables as _, c_api};
+use fmu_export::{Model, Variables as _, c_api};
 use proptest::prelude::*;
 use proptest::test_runner::TestCaseError;
 

@@ -17,8 +17,8 @@ use std::{env, fs};
 
 use boost_fmu::controller::BoostController;
 use boost_fmu::plant::BoostPlant;
-use fmi2_export::c_types::Status;
-use fmi2_export::{Model, Variables as _};
+use fmu_export::c_types::Status;
+use fmu_export::{Model, Variables as _};
 use proptest::prelude::*;
 use proptest::test_runner::{RngSeed, TestRunner};
 

@@ -3,7 +3,7 @@
 
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables::{InitializationMode, Inputs, Outputs, Parameters, States, Variables};
-use fmi2_export::{Context, Error, Experiment, InputSignal, Model, Step};
+use fmu_export::{Context, Error, Experiment, InputSignal, Model, Step};
 
 #[derive(Clone)]
 pub struct Bench {

@@ -8,8 +8,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables::{InitializationMode, States, Variables};
-use fmi2_export::description::{Causality, DataType, Initial, ValueReference};
-use fmi2_export::{Context, Experiment, Model, Variables as _};
+use fmu_export::description::{Causality, DataType, Initial, ValueReference};
+use fmu_export::{Context, Experiment, Model, Variables as _};
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 

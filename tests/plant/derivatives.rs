@@ -7,8 +7,8 @@ use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::linearization::linearize;
 use boost_fmu::plant::variables::{InitializationMode, States, Variables};
 use boost_fmu::solver::linear::solve;
-use fmi2_export::description::{Causality, Initial, ValueReference};
-use fmi2_export::{Context, Experiment, Model, Variables as _};
+use fmu_export::description::{Causality, Initial, ValueReference};
+use fmu_export::{Context, Experiment, Model, Variables as _};
 
 use crate::dependencies::{
     Dependencies, declared, differences, name, random_point, reals, reference, unknowns_at,

@@ -3,8 +3,8 @@
 
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables::{InitializationMode, Inputs, Parameters, Variables};
-use fmi2_export::description::{Causality, DataType, Initial};
-use fmi2_export::{InputSignal, Inputs as _, Model as _, Variables as _};
+use fmu_export::description::{Causality, DataType, Initial};
+use fmu_export::{InputSignal, Inputs as _, Model as _, Variables as _};
 
 use crate::bench::Bench;
 use crate::random::Random;

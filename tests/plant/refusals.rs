@@ -2,7 +2,7 @@
 
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables::{Inputs, Parameters, Variables};
-use fmi2_export::Model;
+use fmu_export::Model;
 
 use crate::bench::Bench;
 

@@ -4,8 +4,8 @@
 use std::fmt::{self, Display, Formatter};
 
 use anyhow::{Result, bail};
-use fmi2_export::package::terminal::{in_line, number};
-use fmi2_export::package::{FmuDescription, FmuVariable, Kind, Linear};
+use fmu_package::terminal::{in_line, number};
+use fmu_package::{FmuDescription, FmuVariable, Kind, Linear};
 
 use crate::name_map::{Entry, Meaning, NameMap};
 use crate::{Port, Role};
@@ -388,7 +388,7 @@ fn suggestions<'a>(port: &Port, name: &str, fmu: &'a FmuDescription) -> Vec<&'a 
     let likeness = |variable: &FmuVariable| {
         let likeness = likeness(name, &variable.name);
         // A unit that measures the same thing says more than letters do.
-        let is_alike = |unit: fmi2_export::package::Unit| {
+        let is_alike = |unit: fmu_package::Unit| {
             unit.base.zip(wanted.base).is_some_and(|(own, wanted)| own.to(&wanted).is_some())
         };
         match fmu.unit(&variable.unit) {

@@ -13,7 +13,7 @@ mod translation;
 use std::sync::LazyLock;
 
 use clap::ValueEnum;
-use fmi2_export::package::{FmuDescription, FmuVariable, Kind, Unit};
+use fmu_package::{FmuDescription, FmuVariable, Kind, Unit};
 
 pub use self::compatibility::{Compatibility, Match, Verdict};
 pub use self::name_map::{Entry, Meaning, NameMap};

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use fmi2_export::package::terminal::number;
-use fmi2_export::package::{FmuDescription, Linear, Unit, reading};
+use fmu_package::terminal::number;
+use fmu_package::{FmuDescription, Linear, Unit, reading};
 use serde::{Deserialize, Serialize};
 
 use crate::{Port, Role};

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use fmi2_export::package::terminal::number;
-use fmi2_export::package::{FmuDescription, FmuVariable, Linear};
+use fmu_package::terminal::number;
+use fmu_package::{FmuDescription, FmuVariable, Linear};
 
 use crate::Port;
 use crate::compatibility::{Compatibility, Match};

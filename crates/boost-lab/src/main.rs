@@ -4,7 +4,7 @@ mod command;
 
 use std::process::ExitCode;
 
-use fmi2_export::package::{temporary, terminal};
+use fmu_package::{temporary, terminal};
 
 /// What the process ends with when it could not do what it was asked for; clap does so, too.
 const FAILED: u8 = 2;

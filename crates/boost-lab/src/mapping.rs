@@ -7,7 +7,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use boost_interface::Compatibility;
 pub use boost_interface::NameMap;
-use fmi2_export::package::FmuDescription;
+use fmu_package::FmuDescription;
 
 use crate::importer::Fmu;
 use crate::scenario::Scenario;

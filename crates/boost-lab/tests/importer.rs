@@ -11,7 +11,7 @@ use std::thread;
 use anyhow::Result;
 use boost_interface::Translation;
 use boost_lab::importer::{CallFailed, Fmu, Instance, Status};
-use fmi2_export::package::{FmuDescription, Linear, Value};
+use fmu_package::{FmuDescription, Linear, Value};
 
 use self::careless::DESCRIPTION;
 

@@ -2,4 +2,4 @@
 //! [`boost_fmu::controller::BoostController`].
 #![allow(non_snake_case)]
 
-fmi2_export::export_fmi2!(boost_fmu::controller::BoostController);
+fmu_export::export_fmi2!(boost_fmu::controller::BoostController);

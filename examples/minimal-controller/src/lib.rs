@@ -2,10 +2,10 @@
 //! communication point, and the relay of the vacuum pump. A template for a controller of one's own.
 #![allow(non_snake_case, reason = "the library bears the model identifier")]
 
-use fmi2_export::{Context, Error, InputsOf, Model, Step};
+use fmu_export::{Context, Error, InputsOf, Model, Step};
 
 mod variables {
-    fmi2_export::include_variables!("MinimalController");
+    fmu_export::include_variables!("MinimalController");
 }
 use variables::Variables;
 
@@ -20,7 +20,7 @@ struct MinimalController {
     integral: f64,
 }
 
-fmi2_export::persistent!(MinimalController { integral });
+fmu_export::persistent!(MinimalController { integral });
 
 impl Model for MinimalController {
     type Variables = Variables;
@@ -66,4 +66,4 @@ fn compensated(duty: f64, inputs: &InputsOf<MinimalController>) -> f64 {
     (duty * 12.0 / inputs.supply_voltage_measured.max(6.0)).min(100.0)
 }
 
-fmi2_export::export_fmi2!(MinimalController);
+fmu_export::export_fmi2!(MinimalController);

@@ -13,7 +13,7 @@
 //!
 //! The canvas is what the components span: OMSimulator refuses files that give it another size.
 
-use fmi2_export::package::Placement;
+use fmu_package::Placement;
 
 /// The distance of neighbouring lines in mm.
 const PITCH: f64 = 10.0;

@@ -6,7 +6,7 @@
 //! outputs of the system. Where an FMU's units differ from the interface's, the connection converts.
 
 use boost_interface::{Compatibility, Match, Port, Role};
-use fmi2_export::package::{
+use fmu_package::{
     Connection, Connector, End, FmuVariable, Kind, Linear, System, SystemComponent, SystemPackage,
     SystemStructure, Unit,
 };

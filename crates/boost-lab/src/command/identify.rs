@@ -6,8 +6,8 @@ use anyhow::Result;
 use boost_lab::identify::{Naming, ParameterEstimate, html, identify, json};
 use boost_lab::importer::Fmu;
 use clap::Args;
-use fmi2_export::package::ParameterSet;
-use fmi2_export::package::terminal::{complain, print};
+use fmu_package::ParameterSet;
+use fmu_package::terminal::{complain, print};
 
 /// The files in the folder of results.
 const SET: &str = "identified.ssv";

@@ -14,8 +14,8 @@ use anyhow::{Context, Result, bail};
 use boost_lab::mapping;
 use boost_lab::scenario::Scenario;
 use clap::{Args, Parser, Subcommand};
-use fmi2_export::package::terminal::print;
-use fmi2_export::package::writing;
+use fmu_package::terminal::print;
+use fmu_package::writing;
 
 /// What the process ends with.
 const EXIT_STATUSES: &str = "\

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use boost_lab::reproduce::{FIGURES, Laboratory, html, json};
-use fmi2_export::package::terminal::{number, print};
+use fmu_package::terminal::{number, print};
 
 /// Reproduces figures, all where none is named. Whether all statements hold.
 pub fn run(fmus: &Path, out: &Path, numbers: &[u32]) -> Result<bool> {

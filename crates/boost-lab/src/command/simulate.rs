@@ -8,8 +8,8 @@ use boost_lab::master::{LoadedFmus, Master};
 use boost_lab::plot::{Figure, Line, Panel, color};
 use boost_lab::record::Record;
 use boost_lab::scenario::Scenario;
-use fmi2_export::package::terminal::{complain, print};
-use fmi2_export::package::writing;
+use fmu_package::terminal::{complain, print};
+use fmu_package::writing;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// How many steps go by between two looks at the progress bar.

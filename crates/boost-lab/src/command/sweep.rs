@@ -6,8 +6,8 @@ use anyhow::{Context, Result};
 use boost_lab::sweep::Study;
 use boost_lab::sweep::journal::StudyJournal;
 use boost_lab::sweep::results::{self, Table};
-use fmi2_export::package::terminal::{complain, print};
-use fmi2_export::package::writing;
+use fmu_package::terminal::{complain, print};
+use fmu_package::writing;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Runs a study, or what is left of it.

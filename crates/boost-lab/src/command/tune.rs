@@ -8,8 +8,8 @@ use boost_lab::journal::digest;
 use boost_lab::mapping::{self, NameMap};
 use boost_lab::tune::{CellOrigin, Procedure, Schedule, Task, TuningJournal, html, json};
 use clap::Args;
-use fmi2_export::package::ParameterSet;
-use fmi2_export::package::terminal::{complain, print};
+use fmu_package::ParameterSet;
+use fmu_package::terminal::{complain, print};
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// The name of the parameter set.

@@ -20,8 +20,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
-use fmi2_export::package::terminal::number;
-use fmi2_export::package::{Parameter, ParameterSet, Value};
+use fmu_package::terminal::number;
+use fmu_package::{Parameter, ParameterSet, Value};
 use serde::Serialize;
 
 use self::data::Data;

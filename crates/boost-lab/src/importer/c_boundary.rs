@@ -16,7 +16,7 @@ use std::ptr;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context, Result};
-use fmi2_export::c_types::{
+use fmu_export::c_types::{
     Boolean, CO_SIMULATION, Component, FALSE, FmuState, Integer, TRUE, ValueReference,
 };
 use libloading::Library;

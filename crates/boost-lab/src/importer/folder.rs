@@ -5,8 +5,8 @@ use std::io::BufReader;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use fmi2_export::package::archive;
-use fmi2_export::package::temporary::Folder;
+use fmu_package::archive;
+use fmu_package::temporary::Folder;
 
 /// Extracts an FMU.
 pub fn extract(path: &Path) -> Result<Folder> {

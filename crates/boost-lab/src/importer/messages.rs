@@ -3,8 +3,8 @@
 use std::ffi::c_int;
 use std::fmt;
 
-use fmi2_export::package::FmuDescription;
-use fmi2_export::package::terminal::number;
+use fmu_package::FmuDescription;
+use fmu_package::terminal::number;
 
 /// A status, as the FMU gave it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

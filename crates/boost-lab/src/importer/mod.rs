@@ -24,12 +24,10 @@ use self::c_boundary::{Functions, Handle};
 pub use self::messages::{CallFailed, Message, Status};
 use anyhow::{Context, Result, bail};
 use boost_interface::Translation;
-use fmi2_export::c_types::{FmuState, ValueReference};
-use fmi2_export::package::library::refuse_cut_short;
-use fmi2_export::package::temporary::Folder;
-use fmi2_export::package::{
-    FmuDescription, FmuVariable, Linear, ParameterSet, Platform, Value, like, reading,
-};
+use fmu_export::c_types::{FmuState, ValueReference};
+use fmu_package::library::refuse_cut_short;
+use fmu_package::temporary::Folder;
+use fmu_package::{FmuDescription, FmuVariable, Linear, ParameterSet, Platform, Value, like, reading};
 
 /// The flag of an FMU that can have one instance in a process.
 pub(crate) const ONLY_ONCE: &str = "canBeInstantiatedOnlyOncePerProcess";

@@ -2,7 +2,7 @@
 
 use super::FONT_SIZE;
 use super::color::BLACK;
-use fmi2_export::package::terminal::printable;
+use fmu_package::terminal::printable;
 
 /// How a text lies to its place.
 #[derive(Clone, Copy)]

@@ -1,7 +1,7 @@
 //! Fig. 10: the compensator, eq. (9), under the dip of Fig. 1.
 
 use anyhow::Result;
-use fmi2_export::package::Value;
+use fmu_package::Value;
 
 use super::measure::{at, between, greatest, range};
 use super::{Basis, Claim, Evidence, Laboratory, shipped};

@@ -1,7 +1,7 @@
 //! Fig. 13: steps of the boost reference at 1500 rpm.
 
 use anyhow::Result;
-use fmi2_export::package::Value;
+use fmu_package::Value;
 
 use super::measure::{Following, greatest, least};
 use super::{Basis, Claim, Evidence, Laboratory, shipped};

@@ -1,7 +1,7 @@
 //! Fig. 14: boost control under steps of the supply voltage.
 
 use anyhow::{Context, Result};
-use fmi2_export::package::Value;
+use fmu_package::Value;
 
 use super::measure::{at, greatest, range};
 use super::{Basis, Claim, Evidence, Laboratory, shipped};

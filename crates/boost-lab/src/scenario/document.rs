@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Error, Result, anyhow};
-use fmi2_export::package::like;
+use fmu_package::like;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 

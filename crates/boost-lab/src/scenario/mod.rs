@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use boost_interface::NameMap;
-use fmi2_export::package::terminal::number;
-use fmi2_export::package::{ParameterSet, Value, reading};
+use fmu_package::terminal::number;
+use fmu_package::{ParameterSet, Value, reading};
 use toml::de::DeValue;
 
 pub use self::document::Place;

@@ -1,7 +1,7 @@
 //! Which values the parameters of a study have in which run.
 
 use anyhow::Result;
-use fmi2_export::package::{Value, terminal};
+use fmu_package::{Value, terminal};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;

@@ -1,7 +1,7 @@
 //! The numbers that a study takes from each run.
 
 use anyhow::{Context, Result};
-use fmi2_export::package::terminal::number;
+use fmu_package::terminal::number;
 
 use crate::measure::{Following, between, greatest, least};
 use crate::record::Record;

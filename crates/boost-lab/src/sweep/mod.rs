@@ -15,8 +15,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use anyhow::{Context, Result};
-use fmi2_export::package::temporary::remove_unfinished;
-use fmi2_export::package::{Value, reading, writing};
+use fmu_package::temporary::remove_unfinished;
+use fmu_package::{Value, reading, writing};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use self::design::Design;

@@ -17,7 +17,7 @@ mod schedule;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use fmi2_export::package::{Parameter, ParameterSet, Value};
+use fmu_package::{Parameter, ParameterSet, Value};
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 use serde::Serialize;

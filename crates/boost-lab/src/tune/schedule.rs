@@ -2,8 +2,8 @@
 //! controller an identification must know.
 
 use anyhow::{Context, Result, bail};
-use fmi2_export::package::terminal::number;
-use fmi2_export::package::{FmuDescription, FmuVariable, Value, like};
+use fmu_package::terminal::number;
+use fmu_package::{FmuDescription, FmuVariable, Value, like};
 
 /// What this repository's controller says of itself.
 const BUILT_IN: &str = include_str!(concat!(env!("OUT_DIR"), "/BoostController/modelDescription.xml"));

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-use fmi2_export::package::{self, Platform};
+use fmu_package::{Fmu, Platform};
 
 /// What the FMU says of itself.
 pub const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
@@ -47,7 +47,7 @@ pub fn library() -> &'static [u8] {
 /// Writes an FMU with a description and a library.
 pub fn write(path: &Path, description: &str, library: &[u8]) {
     let platform = Platform::host().expect("FMI 2.0 knows this platform");
-    let fmu = package::Fmu {
+    let fmu = Fmu {
         model_identifier: "careless",
         model_description: description,
         libraries: vec![(platform, library.to_vec())],

@@ -5,11 +5,11 @@
 use std::panic::panic_any;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use fmi2_export::persistence::{Archive, Persistent};
-use fmi2_export::{Context, Error, InputsOf, Model, Step, Variables as _};
+use fmu_export::persistence::{Archive, Persistent};
+use fmu_export::{Context, Error, InputsOf, Model, Step, Variables as _};
 
 mod variables {
-    fmi2_export::include_variables!("TestModel");
+    fmu_export::include_variables!("TestModel");
 }
 use variables::{Gear, Inputs, Manner, Place, Start, Variables};
 
@@ -224,4 +224,4 @@ impl Model for TestModel {
     }
 }
 
-fmi2_export::export_fmi2!(TestModel);
+fmu_export::export_fmi2!(TestModel);

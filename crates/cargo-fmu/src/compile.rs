@@ -1,0 +1,123 @@
+//! Compiles models with cargo, and finds what it made.
+
+use std::collections::BTreeMap;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+
+use anyhow::{Context, Result, bail};
+use cargo_metadata::{CrateType, Message, Metadata, Package};
+use fmu_package::reading;
+
+use super::target::Build;
+
+/// What cargo built.
+pub struct Compiled {
+    /// The library of each model.
+    libraries: BTreeMap<String, PathBuf>,
+    /// The output folders of all build scripts.
+    generated: Vec<PathBuf>,
+    /// The folder of each package, by its name and version.
+    folders: BTreeMap<String, PathBuf>,
+}
+
+impl Compiled {
+    /// The library of a model.
+    pub fn library(&self, model: &str) -> Result<&Path> {
+        let library = self.libraries.get(model).map(PathBuf::as_path);
+        library.with_context(|| format!("cargo built no library of {model}"))
+    }
+
+    /// The folder of what the build generated for a model.
+    pub fn generated(&self, model: &str) -> Result<PathBuf> {
+        self.generated
+            .iter()
+            .map(|folder| folder.join(model))
+            .find(|folder| folder.join("modelDescription.xml").is_file())
+            .with_context(|| {
+                format!("the build made no modelDescription.xml for {model}; does build.rs call fmu_export_build::generate?")
+            })
+    }
+
+    /// The folder of a package by its name and version, if it was compiled.
+    pub fn folder(&self, package: &str) -> Option<&Path> {
+        self.folders.get(package).map(PathBuf::as_path)
+    }
+
+    /// The description that the build generated for a model.
+    pub fn description(&self, model: &str) -> Result<String> {
+        Ok(reading::text(&self.generated(model)?.join("modelDescription.xml"))?)
+    }
+}
+
+/// Compiles packages of a workspace; cargo's progress shows on stderr.
+pub fn compile<'a>(
+    metadata: &Metadata,
+    packages: impl Iterator<Item = &'a Package>,
+    build: &Build,
+) -> Result<Compiled> {
+    let mut command = build.command();
+    command
+        .arg("--message-format=json-render-diagnostics")
+        .arg("--manifest-path")
+        .arg(metadata.workspace_root.join("Cargo.toml"))
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped());
+    for package in packages {
+        command.args(["--package", &package.name]);
+    }
+    let mut child = command.spawn().context("cannot run cargo; install Rust, or set CARGO to where it is")?;
+    let stdout = child.stdout.take().context("cargo has no output")?;
+    let mut compiled = Compiled { libraries: BTreeMap::new(), generated: vec![], folders: BTreeMap::new() };
+    for message in Message::parse_stream(BufReader::new(stdout)) {
+        match message.context("cannot read cargo's messages")? {
+            Message::BuildScriptExecuted(script) => compiled.generated.push(script.out_dir.into()),
+            Message::CompilerArtifact(artifact) => {
+                if artifact.target.crate_types.contains(&CrateType::CDyLib) {
+                    let suffix = build.platform.format().suffix();
+                    let library = artifact.filenames.iter().find(|file| file.extension() == Some(suffix));
+                    if let Some(file) = library {
+                        compiled.libraries.insert(artifact.target.name, file.clone().into());
+                    }
+                }
+                if let Some(package) = name_and_version(&artifact.package_id.repr)
+                    && let Some(folder) = artifact.manifest_path.parent()
+                {
+                    compiled.folders.insert(package, folder.into());
+                }
+            }
+            _ => {}
+        }
+    }
+    if !child.wait().context("cargo did not end")?.success() {
+        bail!("cargo could not build the models for {}; its messages stand above", build.name());
+    }
+    Ok(compiled)
+}
+
+/// Name and version in a package's identifier, which is a URL with these behind a `#`, or the version alone where
+/// the URL ends with the name (the Cargo Book, "Package ID Specifications").
+fn name_and_version(identifier: &str) -> Option<String> {
+    let (url, fragment) = identifier.rsplit_once('#')?;
+    let (name, version) = match fragment.split_once('@') {
+        Some(both) => both,
+        None => (url.split('?').next()?.rsplit('/').next()?, fragment),
+    };
+    Some(format!("{name} {version}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn identifiers_tell_name_and_version() {
+        let same = |identifier: &str| name_and_version(identifier).unwrap();
+        let registry = "registry+https://github.com/rust-lang/crates.io-index#num-dual@0.15.1";
+        assert_eq!(same(registry), "num-dual 0.15.1");
+        assert_eq!(same("path+file:///home/models/lag#0.1.0"), "lag 0.1.0");
+        assert_eq!(same("path+file:///home/models#lag@0.1.0"), "lag 0.1.0");
+        assert_eq!(same("git+https://example.org/lag?branch=main#0.1.0"), "lag 0.1.0");
+        assert_eq!(name_and_version("lag 0.1.0"), None);
+    }
+}

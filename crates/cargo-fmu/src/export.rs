@@ -1,0 +1,297 @@
+//! `export`: compiles the models' libraries with cargo and packs each into an .fmu.
+//!
+//! A model is a workspace member whose library is a `cdylib` named after the model. The description that
+//! goes into the FMU is the very file that the build wrote and compiled into the library, as cargo's
+//! messages tell, so the two cannot differ.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use cargo_metadata::{CrateType, Metadata, MetadataCommand, Package};
+use clap::Args;
+use fmu_package::terminal::print;
+use fmu_package::{Fmu, Library, Platform, PlatformList, library, reading, writing};
+
+use super::compile::{Compiled, compile};
+use super::target::{Build, Target};
+use super::{licenses, of_platform};
+
+/// What is asked for on the command line.
+#[derive(Args, Debug)]
+#[group(skip)]
+pub struct Export {
+    /// The models to export, by their identifiers; all of the workspace when none is named
+    #[arg(value_name = "MODEL")]
+    models: Vec<String>,
+    /// The packages whose models to export
+    #[arg(long = "package", short, value_name = "PACKAGE")]
+    packages: Vec<String>,
+    /// The folder to write to [default: fmu in cargo's target folder]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// What to build for: a folder's name of FMI (linux64, win64, darwin64, aarch64-linux ...) or a target's
+    /// of Rust, which may end in the oldest glibc, as x86_64-unknown-linux-gnu.2.17 [default: this platform]
+    #[arg(long = "target", value_name = "TARGET")]
+    targets: Vec<Target>,
+    /// A library that was built elsewhere from the same sources, and its platform
+    #[arg(long = "binary", value_name = "PLATFORM=FILE", value_parser = of_platform::<PathBuf>)]
+    binaries: Vec<(Platform, PathBuf)>,
+}
+
+/// What will be exported, and where to; nothing is built yet.
+#[derive(Debug)]
+pub struct Plan {
+    metadata: Metadata,
+    builds: Vec<Build>,
+    binaries: Vec<(Platform, PathBuf)>,
+    /// The package of each model.
+    models: BTreeMap<String, Package>,
+    /// The folder of the FMUs.
+    out: PathBuf,
+}
+
+impl Export {
+    /// Finds the models and what they are to be built with.
+    ///
+    /// # Errors
+    /// When there is no workspace, no such model, or no such target, or when the tools for a target are missing.
+    pub fn plan(self) -> Result<Plan> {
+        let builds = builds(&self.targets)?;
+        let metadata = MetadataCommand::new()
+            // Nothing is asked of the dependencies: else cargo would fetch those of members that are not exported.
+            .no_deps()
+            .exec()
+            .context("cargo finds no package here; run this in its folder")?;
+        let models = choose(&metadata, &self.models, &self.packages)?;
+        let out = self.out.unwrap_or_else(|| metadata.target_directory.join("fmu").into());
+        Ok(Plan { metadata, builds, binaries: self.binaries, models, out })
+    }
+}
+
+impl Plan {
+    /// The identifiers of the models.
+    pub fn models(&self) -> impl Iterator<Item = &str> {
+        self.models.keys().map(String::as_str)
+    }
+
+    /// The folder that is written to.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        &self.out
+    }
+
+    /// The file of a model's FMU.
+    #[must_use]
+    pub fn fmu(&self, model: &str) -> PathBuf {
+        self.out.join(format!("{model}.fmu"))
+    }
+
+    /// Builds and writes the FMUs, and says so. `inputs` and `outputs` are other files that the command reads and
+    /// writes: none may be read and written.
+    ///
+    /// # Errors
+    /// When a library cannot be built or does not fit, or a file cannot be read or written.
+    pub fn run(&self, inputs: &[PathBuf], outputs: &[PathBuf]) -> Result<()> {
+        let libraries = self.binaries.iter();
+        let given = libraries
+            .map(|(platform, file)| ModelLibrary::read(*platform, file))
+            .collect::<Result<Vec<_>>>()?;
+        fs::create_dir_all(&self.out)
+            .with_context(|| format!("cannot create the folder {}", self.out.display()))?;
+        let outputs: Vec<_> =
+            self.models().map(|name| self.fmu(name)).chain(outputs.iter().cloned()).collect();
+        let inputs: Vec<_> =
+            self.binaries.iter().map(|(_, file)| file.clone()).chain(inputs.iter().cloned()).collect();
+        writing::refuse_overlap(&outputs, &inputs)?;
+
+        let mut built = vec![];
+        for build in &self.builds {
+            built.push((build.clone(), compile(&self.metadata, self.models.values(), build)?));
+        }
+        let descriptions = descriptions(self.models(), &built)?;
+        let mut libraries = libraries_of(&descriptions, &built, given)?;
+        for (&name, description) in &descriptions {
+            let libraries = libraries.remove(name).unwrap_or_default();
+            let mut files = documentation(&built[0].1.generated(name)?, &libraries)?;
+            files.extend(licenses::files(name, &self.models[name].name, &built)?);
+            let fmu = Fmu {
+                model_identifier: name,
+                model_description: description,
+                libraries: libraries.into_iter().collect(),
+                files,
+            };
+            write(&fmu, &self.fmu(name))?;
+        }
+        Ok(())
+    }
+}
+
+/// The models that are asked for, by their identifiers.
+fn choose(metadata: &Metadata, names: &[String], packages: &[String]) -> Result<BTreeMap<String, Package>> {
+    let members = metadata.workspace_packages();
+    for name in packages {
+        if !members.iter().any(|package| package.name == name.as_str()) {
+            let known: Vec<_> = members.iter().map(|package| package.name.as_str()).collect();
+            bail!("the workspace has no package {name}; it has {}", known.join(", "));
+        }
+    }
+    let mut models = BTreeMap::new();
+    for package in members {
+        if packages.is_empty() || packages.iter().any(|name| package.name == name.as_str()) {
+            let libraries =
+                package.targets.iter().filter(|target| target.crate_types.contains(&CrateType::CDyLib));
+            models.extend(libraries.map(|target| (target.name.clone(), package.clone())));
+        }
+    }
+    if models.is_empty() {
+        bail!(
+            "there is no model in {}: a model is a package with `crate-type = [\"cdylib\"]` in the [lib] of its \
+             Cargo.toml, and its [lib] bears the model identifier as its name",
+            metadata.workspace_root
+        );
+    }
+    let known = models.keys().cloned().collect::<Vec<_>>().join(", ");
+    if let Some(name) = names.iter().find(|name| !models.contains_key(*name)) {
+        bail!("there is no model {name}; there are {known}");
+    }
+    models.retain(|name, _| names.is_empty() || names.contains(name));
+    Ok(models)
+}
+
+/// What is to be built, each with its tools at hand.
+fn builds(targets: &[Target]) -> Result<Vec<Build>> {
+    let mut builds: Vec<Build> = vec![];
+    for build in targets.iter().flat_map(Target::builds) {
+        if builds.contains(&build) {
+            continue;
+        }
+        if let Some(other) = builds.iter().find(|other| other.platform == build.platform)
+            && build.platform != Platform::Darwin64
+        {
+            bail!("{} and {} are both for {}", other.name(), build.name(), build.platform.folder());
+        }
+        builds.push(build);
+    }
+    if builds.is_empty() {
+        builds.push(Build::host()?);
+    }
+    builds.iter().try_for_each(Build::check_tools)?;
+    Ok(builds)
+}
+
+/// The description of each model, which is the same in all builds.
+fn descriptions<'a>(
+    models: impl Iterator<Item = &'a str>,
+    built: &[(Build, Compiled)],
+) -> Result<BTreeMap<&'a str, String>> {
+    let mut descriptions = BTreeMap::new();
+    for name in models {
+        for (build, compiled) in built {
+            let description = compiled.description(name)?;
+            if *descriptions.entry(name).or_insert_with(|| description.clone()) != description {
+                bail!("the build for {} made another description of {name}", build.platform.folder());
+            }
+        }
+    }
+    Ok(descriptions)
+}
+
+/// A library that is to be packed.
+struct ModelLibrary<'a> {
+    platform: Platform,
+    file: &'a Path,
+    bytes: Vec<u8>,
+}
+
+impl<'a> ModelLibrary<'a> {
+    /// Reads a library, which must be one for its platform.
+    fn read(platform: Platform, file: &'a Path) -> Result<Self> {
+        let given = Self { platform, file, bytes: reading::bytes(file)? };
+        Library::read(&given.bytes)
+            .and_then(|library| library.fits(platform))
+            .with_context(|| given.refused())?;
+        Ok(given)
+    }
+
+    fn refused(&self) -> String {
+        format!("{} cannot be the library for {}", self.file.display(), self.platform.folder())
+    }
+}
+
+/// The libraries of each model: those that were compiled, and those that were built elsewhere. By its GUID,
+/// each knows the description that it was built from.
+fn libraries_of<'a>(
+    descriptions: &BTreeMap<&'a str, String>,
+    built: &[(Build, Compiled)],
+    given: Vec<ModelLibrary<'_>>,
+) -> Result<BTreeMap<&'a str, BTreeMap<Platform, Vec<u8>>>> {
+    let mut all = vec![];
+    for &name in descriptions.keys() {
+        for (build, compiled) in built {
+            all.push(ModelLibrary::read(build.platform, compiled.library(name)?)?);
+        }
+    }
+    all.extend(given);
+
+    let mut libraries: BTreeMap<&str, BTreeMap<Platform, Vec<u8>>> = BTreeMap::new();
+    for given in all {
+        let model = descriptions.iter().find(|(_, description)| {
+            guid(description).is_some_and(|guid| holds(&given.bytes, guid.as_bytes()))
+        });
+        let Some((&name, _)) = model else {
+            let models = descriptions.keys().copied().collect::<Vec<_>>().join(" or ");
+            bail!("{}: it was built from another description than {models}", given.refused());
+        };
+        let of_model = libraries.entry(name).or_default();
+        let bytes = match of_model.get(&given.platform) {
+            None => given.bytes,
+            Some(other) if given.platform == Platform::Darwin64 => {
+                library::join(&[other, &given.bytes]).with_context(|| given.refused())?
+            }
+            Some(_) => bail!("{}: {name} has one already", given.refused()),
+        };
+        of_model.insert(given.platform, bytes);
+    }
+    Ok(libraries)
+}
+
+/// A description's GUID.
+fn guid(model_description: &str) -> Option<&str> {
+    model_description.split("guid=\"").nth(1).and_then(|rest| rest.split('"').next())
+}
+
+/// Whether bytes hold a text.
+fn holds(bytes: &[u8], text: &[u8]) -> bool {
+    bytes.windows(text.len()).any(|window| window == text)
+}
+
+/// The page that the build generated in a folder, the list of the platforms that the FMU has libraries for, and
+/// the icon where the model has one.
+fn documentation(
+    generated: &Path,
+    libraries: &BTreeMap<Platform, Vec<u8>>,
+) -> Result<Vec<(String, Vec<u8>)>> {
+    let mut platforms = PlatformList::default();
+    for (platform, library) in libraries {
+        platforms.libraries.insert(*platform, Library::read(library)?);
+    }
+    let mut files = vec![
+        ("documentation/index.html".to_owned(), reading::bytes(&generated.join("index.html"))?),
+        (PlatformList::PATH.to_owned(), platforms.to_string().into_bytes()),
+    ];
+    let icon = generated.join("model.png");
+    if icon.is_file() {
+        files.push(("model.png".to_owned(), reading::bytes(&icon)?));
+    }
+    Ok(files)
+}
+
+/// Writes an FMU and says so.
+fn write(fmu: &Fmu<'_>, path: &Path) -> Result<()> {
+    writing::write(path, |writer| fmu.write(writer))?;
+    let size = fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len();
+    let guid = guid(fmu.model_description).unwrap_or("no GUID");
+    Ok(print(&format!("{}  {} kB  {guid}\n", path.display(), size.div_ceil(1000)))?)
+}

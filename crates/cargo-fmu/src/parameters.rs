@@ -1,0 +1,75 @@
+//! `parameters`: an FMU's parameters as a parameter set to be edited.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use fmu_package::terminal::print;
+use fmu_package::{FmuDescription, FmuVariable, Parameter, ParameterSet, Value, writing};
+
+/// Write an FMU's parameters, as they are by default, to a parameter set to be edited
+#[derive(Args, Debug)]
+pub struct Parameters {
+    /// An FMU of any maker
+    #[arg(value_name = "FILE.fmu")]
+    file: PathBuf,
+    /// The file to write [default: MODEL.ssv, after the model identifier]
+    #[arg(long, value_name = "FILE.ssv")]
+    out: Option<PathBuf>,
+}
+
+impl Parameters {
+    /// Writes the parameters of an FMU, with their start values, to a new file.
+    ///
+    /// # Errors
+    /// When the FMU cannot be read, or the file is there already or cannot be written.
+    pub fn run(&self) -> Result<()> {
+        let description = FmuDescription::read(&self.file)?;
+        let set = defaults(&description).with_context(|| {
+            format!("modelDescription.xml in {} is not as it should be", self.file.display())
+        })?;
+        let name = format!("{}.ssv", set.name);
+        let out = self.out.as_deref().unwrap_or(Path::new(&name));
+        writing::write_new(out, set.to_xml().as_bytes())?;
+        Ok(print(&format!("{}  {} parameters\n", out.display(), set.parameters.len()))?)
+    }
+}
+
+/// The start values of an FMU's parameters.
+fn defaults(description: &FmuDescription) -> Result<ParameterSet> {
+    let parameters = description.of_causality("parameter").filter(|variable| variable.is_settable());
+    let parameters = parameters.map(|variable| {
+        let value = start(variable, description)
+            .with_context(|| format!("the start value of {} is '{}'", variable.name, variable.start))?;
+        Ok(Parameter { name: variable.name.clone(), description: variable.description.clone(), value })
+    });
+    Ok(ParameterSet {
+        name: description.co_simulation_identifier().unwrap_or("Parameters").to_owned(),
+        description: format!(
+            "The parameters of {}, as they are by default",
+            description.attribute("modelName")
+        ),
+        parameters: parameters.collect::<Result<_>>()?,
+        units: description.units.clone(),
+    })
+}
+
+fn start(variable: &FmuVariable, description: &FmuDescription) -> Result<Value> {
+    let text = variable.start.trim();
+    Ok(match variable.data_type.as_str() {
+        "Real" => {
+            let unit = Some(variable.unit.clone()).filter(|unit| !unit.is_empty());
+            Value::Real(text.parse()?, unit)
+        }
+        "Integer" => Value::Integer(text.parse()?),
+        "Boolean" => Value::Boolean(matches!(text, "true" | "1")),
+        "Enumeration" => {
+            let value: i32 = text.parse()?;
+            let enumeration = description.enumeration(&variable.declared_type);
+            let item = enumeration.and_then(|known| known.items.iter().find(|(_, item)| *item == value));
+            Value::Enumeration(item.context("no item has this value")?.0.clone())
+        }
+        "String" => Value::String(variable.start.clone()),
+        other => bail!("values of the type {other} are not known"),
+    })
+}

@@ -1,0 +1,247 @@
+//! What an FMU's libraries are built for: platforms of FMI or Rust's targets, and what it takes to build for
+//! them here.
+
+use std::env::{self, consts};
+use std::ffi::OsString;
+use std::fs;
+use std::io::{self, ErrorKind};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::str::FromStr;
+
+use anyhow::{Context, Result, anyhow, bail};
+use fmu_package::Platform;
+
+/// The profile of the libraries. A workspace whose manifest does not define it gets it as its release profile.
+const PROFILE: &str = "fmu-library";
+
+/// What is asked for by `--target`.
+#[derive(Clone, Debug)]
+pub enum Target {
+    /// A platform, by the name of its folder.
+    Platform(Platform),
+    /// One of Rust's targets.
+    Triple(Build),
+}
+
+/// A build of all libraries for one of Rust's targets.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Build {
+    /// Which folder the libraries belong into.
+    pub platform: Platform,
+    /// Rust's name of the target, and after a dot the oldest glibc that the libraries shall run with; none for
+    /// the host as cargo builds for it by default.
+    target: Option<String>,
+}
+
+impl FromStr for Target {
+    type Err = anyhow::Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let (triple, glibc) = split(text);
+        let Some(platform) = platform(triple) else {
+            let none =
+                |error: io::Error| anyhow!("it is not a Rust target that FMUs are built for, and {error}");
+            return text.parse().map(Self::Platform).map_err(none);
+        };
+        if glibc.is_some() && !triple.ends_with("-linux-gnu") {
+            bail!("only targets with glibc take its version, as x86_64-unknown-linux-gnu.2.17");
+        }
+        Ok(Self::Triple(Build { platform, target: Some(text.to_owned()) }))
+    }
+}
+
+impl Target {
+    /// What is built for it: for macOS, two targets make one platform.
+    pub fn builds(&self) -> Vec<Build> {
+        match self {
+            Self::Triple(build) => vec![build.clone()],
+            &Self::Platform(platform) => triples(platform)
+                .iter()
+                .map(|&triple| Build { platform, target: Some(triple.to_owned()) })
+                .collect(),
+        }
+    }
+}
+
+/// Rust's name of a target, and the version of glibc after a dot.
+fn split(target: &str) -> (&str, Option<&str>) {
+    target.split_once('.').map_or((target, None), |(triple, glibc)| (triple, Some(glibc)))
+}
+
+/// The platform of one of Rust's targets.
+fn platform(triple: &str) -> Option<Platform> {
+    let (architecture, system) = triple.split_once('-')?;
+    Some(match (architecture, system) {
+        // Both go where importers look on macOS; `aarch64-darwin` must be asked for.
+        ("x86_64" | "aarch64", "apple-darwin") => Platform::Darwin64,
+        ("aarch64", "unknown-linux-gnu") => Platform::Aarch64Linux,
+        ("i586" | "i686", "unknown-linux-gnu") => Platform::Linux32,
+        ("x86_64", "unknown-linux-gnu") => Platform::Linux64,
+        ("aarch64", "pc-windows-msvc" | "pc-windows-gnullvm") => Platform::Aarch64Windows,
+        ("i686", "pc-windows-msvc" | "pc-windows-gnu" | "pc-windows-gnullvm") => Platform::Win32,
+        ("x86_64", "pc-windows-msvc" | "pc-windows-gnu" | "pc-windows-gnullvm") => Platform::Win64,
+        _ => return None,
+    })
+}
+
+/// The targets that make a platform's library. For Windows it is the kind that links here.
+fn triples(platform: Platform) -> &'static [&'static str] {
+    match platform {
+        Platform::Aarch64Darwin => &["aarch64-apple-darwin"],
+        Platform::Aarch64Linux => &["aarch64-unknown-linux-gnu"],
+        Platform::Aarch64Windows if cfg!(target_env = "msvc") => &["aarch64-pc-windows-msvc"],
+        Platform::Aarch64Windows => &["aarch64-pc-windows-gnullvm"],
+        Platform::Darwin64 => &["x86_64-apple-darwin", "aarch64-apple-darwin"],
+        Platform::Linux32 => &["i686-unknown-linux-gnu"],
+        Platform::Linux64 => &["x86_64-unknown-linux-gnu"],
+        Platform::Win32 if cfg!(target_env = "msvc") => &["i686-pc-windows-msvc"],
+        Platform::Win32 => &["i686-pc-windows-gnu"],
+        Platform::Win64 if cfg!(target_env = "msvc") => &["x86_64-pc-windows-msvc"],
+        Platform::Win64 => &["x86_64-pc-windows-gnu"],
+    }
+}
+
+impl Build {
+    /// The build for the platform that this runs on.
+    pub fn host() -> Result<Self> {
+        let platform = Platform::host()
+            .context("FMI 2.0 has no name for this platform; see binaries/ in its section 2.3")?;
+        Ok(Self { platform, target: None })
+    }
+
+    /// What messages call it.
+    pub fn name(&self) -> &str {
+        self.target.as_deref().unwrap_or(self.platform.folder())
+    }
+
+    /// Rust's name of the target; none for the host.
+    pub fn triple(&self) -> Option<&str> {
+        self.target.as_deref().map(|target| split(target).0)
+    }
+
+    /// The command that builds the libraries; where to, and which packages, is the caller's.
+    pub fn command(&self) -> Command {
+        let mut command = if self.links_with_zig() {
+            let mut command = Command::new("cargo-zigbuild");
+            command.arg("zigbuild");
+            command
+        } else {
+            let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+            command.arg("build");
+            command
+        };
+        command.args(["--profile", PROFILE]);
+        command.args(["--config", &format!(r#"profile.{PROFILE}.inherits="release""#)]);
+        if let Some(target) = &self.target {
+            command.args(["--target", target]);
+        }
+        match self.platform {
+            // The library calls itself by its file's name instead of the place where it was built.
+            Platform::Darwin64 | Platform::Aarch64Darwin => {
+                command.args(["--config", &format!("profile.{PROFILE}.rpath=true")]);
+            }
+            // The run-time library goes into the FMU (FMI 2.0.5, section 2.3: "option MT").
+            Platform::Win32 | Platform::Win64 | Platform::Aarch64Windows => {
+                let flags = r#"target.'cfg(target_env="msvc")'.rustflags=["-Ctarget-feature=+crt-static"]"#;
+                command.args(["--config", flags]);
+            }
+            _ => {}
+        }
+        command
+    }
+
+    /// Refuses to build where the target's standard library or linker is missing, with what brings them.
+    pub fn check_tools(&self) -> Result<()> {
+        let Some((triple, _)) = self.target.as_deref().map(split) else { return Ok(()) };
+        refuse_missing_std(triple)?;
+        if self.links_with_zig() {
+            if !is_installed("cargo-zigbuild")? {
+                bail!(
+                    "linking for {} takes cargo-zigbuild: `pip install cargo-zigbuild` brings it, and zig",
+                    self.name()
+                );
+            }
+        } else if linker(triple).is_none() && !cfg!(windows) {
+            if triple.ends_with("-windows-gnu") {
+                // What rustc calls by default.
+                let processor = triple.split('-').next().unwrap_or_default();
+                let mingw = format!("{processor}-w64-mingw32-gcc");
+                if !is_installed(&mingw)? {
+                    bail!(
+                        "linking for {triple} takes {mingw}: on Debian, `apt-get install gcc-mingw-w64-{}` \
+                         brings it",
+                        processor.replace('_', "-")
+                    );
+                }
+            } else if triple.contains("-windows-") {
+                bail!(
+                    "no linker for {triple} is known here; {} names one, or build it on Windows",
+                    linker_variable(triple)
+                );
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether zig links it: what no linker here can.
+    fn links_with_zig(&self) -> bool {
+        let Some((triple, glibc)) = self.target.as_deref().map(split) else { return false };
+        let is_native = match self.platform {
+            Platform::Darwin64 | Platform::Aarch64Darwin => consts::OS == "macos",
+            Platform::Linux32 | Platform::Linux64 | Platform::Aarch64Linux => {
+                consts::OS == "linux" && triple.starts_with(consts::ARCH)
+            }
+            // Zig cannot for Windows; mingw does.
+            Platform::Win32 | Platform::Win64 | Platform::Aarch64Windows => true,
+        };
+        glibc.is_some() || !is_native && linker(triple).is_none()
+    }
+}
+
+/// The environment variable that sets cargo's linker for a target.
+fn linker_variable(triple: &str) -> String {
+    format!("CARGO_TARGET_{}_LINKER", triple.to_uppercase().replace('-', "_"))
+}
+
+fn linker(triple: &str) -> Option<OsString> {
+    env::var_os(linker_variable(triple))
+}
+
+fn refuse_missing_std(triple: &str) -> Result<()> {
+    // Cargo builds it.
+    if env::var_os("CARGO_UNSTABLE_BUILD_STD").is_some() {
+        return Ok(());
+    }
+    let rustc = env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
+    let output = Command::new(&rustc)
+        .args(["--print", "target-libdir", "--target", triple])
+        .output()
+        .with_context(|| format!("cannot run {}", rustc.display()))?;
+    if !output.status.success() {
+        let message = String::from_utf8_lossy(&output.stderr);
+        bail!("{} does not know the target {triple}: {}", rustc.display(), message.trim());
+    }
+    let folder = String::from_utf8(output.stdout).context("rustc's answer is not text")?;
+    let has_std = fs::read_dir(Path::new(folder.trim())).is_ok_and(|entries| {
+        entries.flatten().any(|entry| entry.file_name().to_string_lossy().starts_with("libstd-"))
+    });
+    if !has_std {
+        bail!(
+            "{} has no standard library for {triple}: `rustup target add {triple}` brings it; \
+             without rustup, cargo can build it, as docs/platforms.md says",
+            rustc.display()
+        );
+    }
+    Ok(())
+}
+
+/// Whether a program can be run.
+fn is_installed(program: &str) -> Result<bool> {
+    let status = Command::new(program).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+    match status {
+        Ok(_) => Ok(true),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
+        Err(error) => Err(error).with_context(|| format!("cannot run {program}")),
+    }
+}

@@ -1,0 +1,481 @@
+//! The page for people: `documentation/index.html` of the FMU (FMI 2.0.5, section 2.3).
+//!
+//! It says what modelDescription.xml says, from the same resolved model, and takes in the fragment that the
+//! model's author wrote. The page is whole by itself, readable without scripts, the same bytes for the same
+//! model, and XML as well as HTML: every element is closed, so that a parser of either reads the same.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use quick_xml::escape::escape;
+
+use super::dependencies::Structure;
+use super::fragment::Fragment;
+use super::json::{self, Units};
+use super::resolve::{DataType, Field, Part, Resolved, Role, Start};
+use super::xml;
+
+/// The tables of variables in their order on the page: id, title, and whose variables.
+const TABLES: [(&str, &str, Role); 6] = [
+    ("page-inputs", "Inputs", Role::Input),
+    ("page-outputs", "Outputs", Role::Output),
+    ("page-parameters", "Parameters", Role::Parameter),
+    ("page-calculated-parameters", "Calculated parameters", Role::CalculatedParameter),
+    ("page-states", "States", Role::State),
+    ("page-locals", "Local variables", Role::Local),
+];
+
+/// The id on the page of each name that a variable or an enumeration goes by: an array's elements are in its
+/// row.
+pub(crate) fn anchors(model: &Resolved<'_>) -> BTreeMap<String, String> {
+    let others = model.model.enumerations.iter().map(|enumeration| enumeration.name.as_str());
+    let mut anchors: BTreeMap<String, String> =
+        others.chain(["time"]).map(|name| (name.to_owned(), name.to_owned())).collect();
+    for (part, field) in fields(model) {
+        let name = name(part, field);
+        for &position in &field.positions {
+            anchors.insert(model.variables[position].name.clone(), name.clone());
+            if field.role == Role::State {
+                anchors.insert(model.variables[position + 1].name.clone(), derivative(&name));
+            }
+        }
+        if field.role == Role::State {
+            anchors.insert(derivative(&name), derivative(&name));
+        }
+        anchors.insert(name.clone(), name);
+    }
+    anchors
+}
+
+/// Writes the page.
+pub(crate) fn write(
+    model: &Resolved<'_>,
+    structure: &Structure,
+    guid: &str,
+    fragment: Option<&Fragment>,
+) -> String {
+    let page = Page { model, structure, anchors: anchors(model) };
+    let json = model.model;
+    format!(
+        include_str!("page/page.html"),
+        name = escape(&json.model_identifier),
+        description = escape(&json.description),
+        style = include_str!("page/style.css"),
+        script = include_str!("page/filter.js"),
+        contents = page.contents(fragment),
+        facts = page.facts(guid),
+        capabilities = page.capabilities(),
+        commands = page.commands(),
+        model = fragment.map(model_section).unwrap_or_default(),
+        tables = TABLES.map(|table| page.table(table)).concat(),
+        enumerations = page.enumerations(),
+        log_categories = lines(json.log_categories.iter().map(|category| {
+            let (name, meaning) = (escape(&category.name), escape(&category.description));
+            format!("<tr><th scope=\"row\"><code>{name}</code></th><td>{meaning}</td></tr>")
+        })),
+    )
+}
+
+/// The section that holds the fragment.
+fn model_section(fragment: &Fragment) -> String {
+    format!("<section id=\"page-model\">\n<h2>Model</h2>\n{}\n</section>\n", fragment.markup.trim())
+}
+
+/// Every declared variable, with the part that it belongs to.
+fn fields<'m, 'a>(model: &'m Resolved<'a>) -> impl Iterator<Item = (&'m Part<'a>, &'m Field<'a>)> {
+    model.parts.iter().flat_map(|part| part.fields.iter().map(move |field| (part, field)))
+}
+
+/// The name of a declared variable, without subscripts.
+fn name(part: &Part<'_>, field: &Field<'_>) -> String {
+    let component = part.name.map(|name| format!("{name}.")).unwrap_or_default();
+    format!("{component}{}", field.json.name)
+}
+
+fn derivative(name: &str) -> String {
+    format!("der({name})")
+}
+
+struct Page<'m, 'a> {
+    model: &'m Resolved<'a>,
+    structure: &'m Structure,
+    anchors: BTreeMap<String, String>,
+}
+
+impl<'m, 'a> Page<'m, 'a> {
+    /// The declared variables of a role.
+    fn of(&self, role: Role) -> impl Iterator<Item = (&'m Part<'a>, &'m Field<'a>)> + use<'m, 'a> {
+        fields(self.model).filter(move |(_, field)| field.role == role)
+    }
+
+    fn contents(&self, fragment: Option<&Fragment>) -> String {
+        let entry =
+            |id: &str, title: &str, below: &str| format!("<li><a href=\"#{id}\">{title}</a>{below}</li>");
+        let below = |entries: Vec<String>| format!("<ul>\n{}\n</ul>", entries.join("\n"));
+        let mut entries = vec![entry("page-overview", "Overview", ""), entry("page-use", "Use", "")];
+        if let Some(fragment) = fragment {
+            let headings = fragment.headings.iter().map(|(id, title)| entry(id, title, "")).collect();
+            entries.push(entry("page-model", "Model", &below(headings)));
+        }
+        let tables = TABLES.iter().filter(|(_, _, role)| self.of(*role).next().is_some());
+        let tables = tables.map(|(id, title, _)| entry(id, title, "")).collect();
+        entries.push(entry("page-variables", "Variables", &below(tables)));
+        if !self.model.model.enumerations.is_empty() {
+            entries.push(entry("page-enumerations", "Enumerations", ""));
+        }
+        entries.push(entry("page-log-categories", "Log categories", ""));
+        entries.join("\n")
+    }
+
+    fn facts(&self, guid: &str) -> String {
+        let json = self.model.model;
+        let experiment = &json.default_experiment;
+        let counts = TABLES.iter().filter_map(|(_, title, role)| {
+            let count = self.model.of_role(*role).count();
+            (count > 0).then(|| format!("{count} {}", title.to_lowercase()))
+        });
+        let facts = [
+            ("Interface", "FMI 2.0 for co-simulation"),
+            ("Version", self.model.version),
+            ("Author", &json.author),
+            ("Copyright", &json.copyright),
+            ("License", &json.license),
+            ("Generation tool", xml::GENERATION_TOOL),
+            ("GUID", guid),
+            (
+                "Default experiment",
+                &format!(
+                    "{} s to {} s in steps of {} s",
+                    number(experiment.start_time),
+                    number(experiment.stop_time),
+                    number(experiment.step_size)
+                ),
+            ),
+            ("Scalar variables", &counts.collect::<Vec<_>>().join(", ")),
+        ];
+        lines(
+            facts
+                .into_iter()
+                .map(|(term, text)| format!("<div><dt>{term}</dt><dd>{}</dd></div>", escape(text))),
+        )
+    }
+
+    fn capabilities(&self) -> String {
+        let has = &self.model.model.capabilities;
+        let capabilities = [
+            (
+                "canHandleVariableCommunicationStepSize",
+                has.variable_communication_step_size,
+                "communication steps may differ in length",
+            ),
+            (
+                "canInterpolateInputs",
+                has.interpolate_inputs,
+                "inputs may come with their derivatives, by which they change within a step; discrete ones hold \
+                 their values",
+            ),
+            (
+                "canGetAndSetFMUstate",
+                has.get_and_set_state,
+                "the state can be saved and restored, for example to repeat a step",
+            ),
+            (
+                "canSerializeFMUstate",
+                has.serialize_state,
+                "a saved state can be carried into another process",
+            ),
+            (
+                "providesDirectionalDerivative",
+                has.directional_derivatives,
+                "exact partial derivatives, and the outputs' derivatives over time",
+            ),
+        ];
+        lines(capabilities.into_iter().map(|(name, has, meaning)| {
+            let has = if has { "yes" } else { "no" };
+            format!("<tr><th scope=\"row\"><code>{name}</code></th><td>{has}</td><td>{meaning}</td></tr>")
+        }))
+    }
+
+    /// What to type for a run in FMPy, and the inputs as a file.
+    fn commands(&self) -> String {
+        let name = &self.model.model.model_identifier;
+        let run = |options: &str| format!("fmpy simulate {name}.fmu{options} --output-file result.csv\n");
+        let mut commands = format!("fmpy info {name}.fmu\nfmpy validate {name}.fmu\n") + &run("");
+        let experiment = &self.model.model.default_experiment;
+        let (mut header, mut values) = ("\"time\"".to_owned(), number(experiment.start_time));
+        for (part, field) in self.of(Role::Input) {
+            if let Some(value) = self.typed_start(field) {
+                let _ = write!(header, ",\"{}\"", self::name(part, field));
+                let _ = write!(values, ",{value}");
+            }
+        }
+        let parameters = self.of(Role::Parameter);
+        let mut settings =
+            parameters.filter_map(|(part, field)| Some((self::name(part, field), self.typed_start(field)?)));
+        if let Some((parameter, value)) = settings.next() {
+            commands += &run(&format!(" --start-values {parameter} {value}"));
+        }
+        if self.of(Role::Input).next().is_none() {
+            return format!("<pre>{commands}</pre>");
+        }
+        commands += &run(" --input-file inputs.csv");
+        format!(
+            "<pre>{commands}</pre>\n\
+            <p>An <code>inputs.csv</code> with every input at its start value; each later time is another line:</p>\n\
+            <pre>{header}\n{values}</pre>"
+        )
+    }
+
+    /// The start value of a scalar as FMPy's command line and its files of inputs take it; no text, which
+    /// they would need quoted.
+    fn typed_start(&self, field: &Field<'_>) -> Option<String> {
+        let start = self.model.variables[field.positions[0]].start.as_ref();
+        match start.filter(|_| field.json.dimensions.is_empty())? {
+            Start::Boolean(value) => Some(u8::from(*value).to_string()),
+            Start::String(_) => None,
+            Start::Real(value) => Some(number(*value)),
+            value => Some(xml::start(value)),
+        }
+    }
+
+    /// The variables of a role, by component.
+    fn table(&self, (id, title, role): (&str, &str, Role)) -> String {
+        let parts = self.model.parts.iter().map(|part| {
+            let fields: Vec<_> = part.fields.iter().filter(|field| field.role == role).collect();
+            (part, fields)
+        });
+        let parts: Vec<_> = parts.filter(|(_, fields)| !fields.is_empty()).collect();
+        let all = || parts.iter().flat_map(|(_, fields)| fields);
+        if all().next().is_none() {
+            return String::new();
+        }
+        let columns = Columns {
+            start: matches!(role, Role::Input | Role::Parameter | Role::State),
+            range: all().any(|field| field.json.min.is_some() || field.json.max.is_some()),
+        };
+        let mut text = format!("<section id=\"{id}\">\n<h3>{title}</h3>\n<table class=\"variables\">\n");
+        let head = [
+            (true, "name", "Variable"),
+            (true, "reference", "Ref."),
+            (true, "unit", "Unit or type"),
+            (columns.start, "start", "Start"),
+            (columns.range, "range", "Range"),
+            (true, "kind", if role == Role::State { "Initial" } else { "Variability" }),
+            (true, "description", "Description"),
+        ];
+        let head: Vec<_> = head.into_iter().filter(|(shown, _, _)| *shown).collect();
+        let titles =
+            head.iter().map(|(_, class, title)| format!("<th scope=\"col\" class=\"{class}\">{title}</th>"));
+        let titles = lines(titles);
+        let _ = writeln!(text, "<thead><tr>{titles}</tr></thead>");
+        for (part, fields) in &parts {
+            text += "<tbody>\n";
+            if let Some(component) = part.name {
+                let _ = writeln!(
+                    text,
+                    "<tr class=\"component\"><th colspan=\"{}\" scope=\"rowgroup\"><code>{component}</code> {}</th></tr>",
+                    head.len(),
+                    escape(part.description)
+                );
+            }
+            for field in fields {
+                text += &self.row(part, field, &columns);
+                if let [_, width] = field.json.dimensions[..]
+                    && columns.start
+                {
+                    let matrix = self.matrix(field, width);
+                    let _ = writeln!(text, "<tr><td colspan=\"{}\">{matrix}</td></tr>", head.len());
+                }
+            }
+            text += "</tbody>\n";
+        }
+        text + "</table>\n</section>\n"
+    }
+
+    fn row(&self, part: &Part<'_>, field: &Field<'_>, columns: &Columns) -> String {
+        let name = name(part, field);
+        let first = &self.model.variables[field.positions[0]];
+        let dimensions: Vec<_> = field.json.dimensions.iter().map(usize::to_string).collect();
+        let dimensions =
+            if dimensions.is_empty() { String::new() } else { format!("[{}]", dimensions.join(",")) };
+        let mut text =
+            format!("<tr id=\"{name}\"><th scope=\"row\">{}", code(&format!("{name}{dimensions}")));
+        let mut reference = references(field, 0);
+        let mut unit = self.unit_or_type(field);
+        let mut description = escape(&field.json.description).into_owned();
+        if let Some(json) = &field.json.derivative {
+            let rate = &self.model.variables[field.positions[0] + 1];
+            let name = derivative(&name);
+            let _ = write!(text, "<span id=\"{name}\">{}</span>", code(&format!("{name}{dimensions}")));
+            let _ = write!(reference, "<span>{}</span>", references(field, 1));
+            let _ = write!(unit, "<span>{}</span>", escape(rate.unit.as_deref().unwrap_or_default()));
+            let derived = json.description.as_deref().unwrap_or("time derivative");
+            let _ = write!(description, "<span>{}</span>", escape(derived));
+        }
+        let _ = write!(text, "</th><td class=\"reference\">{reference}</td><td class=\"unit\">{unit}</td>");
+        if columns.start {
+            let _ = write!(text, "<td class=\"start\">{}</td>", self.start(field));
+        }
+        if columns.range {
+            let _ = write!(text, "<td class=\"range\">{}</td>", range(field.json));
+        }
+        let kind = match first.initial {
+            Some(initial) if field.role == Role::State => xml::initial(initial),
+            _ => xml::variability(first.variability),
+        };
+        if field.role == Role::Output {
+            description += &self.dependencies(field);
+        }
+        let _ = writeln!(text, "<td class=\"kind\">{kind}</td><td>{description}</td></tr>");
+        text
+    }
+
+    fn unit_or_type(&self, field: &Field<'_>) -> String {
+        match field.data_type {
+            DataType::Real => {
+                let unit = match &field.json.unit {
+                    Some(Units::All(unit)) => unit.clone(),
+                    Some(Units::Each(units)) => units.join(", "),
+                    None => String::new(),
+                };
+                escape(&unit).into_owned()
+            }
+            DataType::Enumeration(enumeration) => {
+                let name = &self.model.model.enumerations[enumeration].name;
+                format!("<a href=\"#{name}\">{name}</a>")
+            }
+            _ => field.json.data_type.clone(),
+        }
+    }
+
+    /// The start values of a scalar or a list, in the display unit, too; a matrix has a table of its own.
+    fn start(&self, field: &Field<'_>) -> String {
+        if let [_, _] = field.json.dimensions[..] {
+            return "below".to_owned();
+        }
+        let starts: Vec<_> = self.starts(field).collect();
+        let mut text = starts.join(", ");
+        if let Some(display) = self.displayed(field) {
+            let _ = write!(text, " <small>{}</small>", escape(&display));
+        }
+        text
+    }
+
+    fn starts(&self, field: &Field<'_>) -> impl Iterator<Item = String> {
+        let starts =
+            field.positions.iter().filter_map(|&position| self.model.variables[position].start.as_ref());
+        starts.map(|start| match (start, field.data_type) {
+            (Start::Real(value), _) => number(*value),
+            (Start::String(text), _) => format!("“{}”", escape(text)),
+            (Start::Item(item), DataType::Enumeration(enumeration)) => {
+                format!("{} ({})", self.model.model.enumerations[enumeration].items[*item].name, item + 1)
+            }
+            (value, _) => xml::start(value),
+        })
+    }
+
+    /// A scalar's start value in its display unit.
+    fn displayed(&self, field: &Field<'_>) -> Option<String> {
+        let variable = &self.model.variables[field.positions[0]];
+        let [_] = field.positions[..] else { return None };
+        let wanted = variable.display_unit.as_ref()?;
+        let Some(Start::Real(start)) = variable.start else { return None };
+        let unit = self.model.units.iter().find(|unit| Some(&unit.name) == variable.unit.as_ref())?;
+        let display = unit.display_units.iter().find(|display| display.name == *wanted)?;
+        // Conversion leaves some parts in 1e16 that nobody wants to read.
+        let value = format!("{:.11e}", start * display.factor + display.offset).parse().ok()?;
+        Some(format!("{} {wanted}", number(value)))
+    }
+
+    /// A matrix's start values, row by row.
+    fn matrix(&self, field: &Field<'_>, columns: usize) -> String {
+        let starts: Vec<_> = self.starts(field).collect();
+        let head = lines((1..=columns).map(|column| format!("<th scope=\"col\">{column}</th>")));
+        let rows = lines(starts.chunks(columns).zip(1..).map(|(values, row)| {
+            let cells = values.iter().map(|value| format!("<td>{value}</td>")).collect::<Vec<_>>().concat();
+            format!("<tr><th scope=\"row\">{row}</th>{cells}</tr>")
+        }));
+        format!(
+            "<details><summary>Start values of <code>{}</code></summary><div class=\"wide\"><table class=\"matrix\">\n\
+            <thead><tr><td></td>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody></table></div></details>",
+            field.json.name
+        )
+    }
+
+    /// What an output depends on at the same instant: inputs and states.
+    fn dependencies(&self, field: &Field<'_>) -> String {
+        let unknowns =
+            self.structure.outputs.iter().filter(|unknown| field.positions.contains(&unknown.variable));
+        let mut knowns: Vec<_> = unknowns.flat_map(|unknown| unknown.dependencies.clone()).collect();
+        knowns.sort_unstable();
+        knowns.dedup();
+        let mut links: Vec<_> = knowns
+            .iter()
+            .map(|&position| &self.anchors[&self.model.variables[position].name])
+            .map(|anchor| format!("<a href=\"#{anchor}\">{}</a>", code(anchor)))
+            .collect();
+        links.dedup();
+        let links = if links.is_empty() { "no input or state".to_owned() } else { links.join(", ") };
+        format!("<span>depends at once on {links}</span>")
+    }
+
+    fn enumerations(&self) -> String {
+        let enumerations = &self.model.model.enumerations;
+        if enumerations.is_empty() {
+            return String::new();
+        }
+        let tables = lines(enumerations.iter().map(|enumeration| {
+            let items = lines(enumeration.items.iter().zip(1..).map(|(item, value): (_, i32)| {
+                let (name, meaning) = (&item.name, escape(&item.description));
+                format!("<tr><td>{value}</td><th scope=\"row\"><code>{name}</code></th><td>{meaning}</td></tr>")
+            }));
+            let (name, meaning) = (&enumeration.name, escape(&enumeration.description));
+            format!(
+                "<table id=\"{name}\">\n<caption><code>{name}</code> {meaning}</caption>\n<tbody>\n{items}\n</tbody>\n</table>"
+            )
+        }));
+        format!("<section id=\"page-enumerations\">\n<h2>Enumerations</h2>\n{tables}\n</section>\n")
+    }
+}
+
+/// The columns that not every table has.
+struct Columns {
+    start: bool,
+    range: bool,
+}
+
+/// The value references of a variable's elements, or (1) of their derivatives.
+fn references(field: &Field<'_>, offset: usize) -> String {
+    match field.positions[..] {
+        [only] => (only + offset).to_string(),
+        [first, .., last] if field.role != Role::State => format!("{first} … {last}"),
+        // Each is followed by its derivative.
+        _ => {
+            let references = field.positions.iter().map(|position| (position + offset).to_string());
+            references.collect::<Vec<_>>().join(", ")
+        }
+    }
+}
+
+/// A name that may break after its dots.
+fn code(name: &str) -> String {
+    format!("<code>{}</code>", name.replace('.', ".<wbr/>"))
+}
+
+fn range(variable: &json::Variable) -> String {
+    match (variable.min, variable.max) {
+        (Some(min), Some(max)) => format!("{} … {}", number(min), number(max)),
+        (Some(min), None) => format!("≥ {}", number(min)),
+        (None, Some(max)) => format!("≤ {}", number(max)),
+        (None, None) => String::new(),
+    }
+}
+
+/// The shortest decimal that reads back as the same double, with an exponent where it saves many zeros.
+fn number(value: f64) -> String {
+    if value == 0.0 || (1e-4..1e6).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
+}
+
+fn lines(lines: impl Iterator<Item = String>) -> String {
+    lines.collect::<Vec<_>>().join("\n")
+}

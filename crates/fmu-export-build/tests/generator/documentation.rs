@@ -1,0 +1,263 @@
+//! The page for people: what it says, what it takes in, and what is refused of a fragment.
+
+use std::collections::BTreeSet;
+use std::fs;
+
+use fmu_export_build::{Generated, generate_into};
+use quick_xml::escape::escape;
+use quick_xml::events::Event;
+use quick_xml::{Reader, XmlVersion};
+use serde_json::Value;
+
+use super::{folder, folder_with_model, generate, read};
+
+/// The values of an attribute in a page, which is read as XML: so every element is closed.
+fn values(page: &str, wanted: &str) -> Vec<String> {
+    let mut reader = Reader::from_str(page);
+    let mut values = vec![];
+    loop {
+        match reader.read_event().expect("the page is XML") {
+            Event::Start(element) | Event::Empty(element) => {
+                for attribute in element.attributes() {
+                    let attribute = attribute.expect("attributes are XML");
+                    if attribute.key.as_ref() == wanted {
+                        let value = attribute.normalized_value(XmlVersion::Implicit1_0).expect("it is XML");
+                        values.push(value.into_owned());
+                    }
+                }
+            }
+            Event::Eof => return values,
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn every_variable_has_a_row_and_every_link_a_target() {
+    let page = read(&generate(&folder("page")).documentation);
+    let ids = values(&page, "id");
+    let unique: BTreeSet<_> = ids.iter().map(String::as_str).collect();
+    assert_eq!(unique.len(), ids.len());
+    // One by one, as they are declared.
+    for name in [
+        "time",
+        "inflow",
+        "enabled",
+        "level",
+        "drain",
+        "fills",
+        "first.area",
+        "first.mass",
+        "der(first.mass)",
+        "first.outflow",
+        "second.area",
+        "second.mass",
+        "der(second.mass)",
+        "second.outflow",
+        "settings.mode",
+        "settings.label",
+        "settings.table",
+        "settings.gain",
+        "settings.reserve",
+        "der(settings.reserve)",
+    ] {
+        assert!(unique.contains(name), "{name}");
+    }
+    let links: Vec<_> = values(&page, "href");
+    let within: Vec<_> = links.iter().filter_map(|link| link.strip_prefix('#')).collect();
+    assert!(within.len() > 20, "{within:?}");
+    for target in &within {
+        assert!(unique.contains(target), "{target}");
+    }
+    // From the fragment: variables, an array's element, a picture's link.
+    for target in ["level", "der(first.mass)", "settings.table", "FillMode", "first.mass"] {
+        assert!(within.contains(&target), "{target}");
+    }
+}
+
+#[test]
+fn the_page_says_what_the_json_says() {
+    let page = read(&generate(&folder("page says")).documentation);
+    let text = |text: &str| assert!(page.contains(text), "{text}");
+    text("<dd>A. N. Author &amp; Co.</dd>");
+    text("<td class=\"start\">0.5 <small>500 g/s</small></td><td class=\"range\">0 … 10</td>");
+    text("<td class=\"start\">“a &lt;b&gt;”</td>");
+    text("<td class=\"start\">half_full (2)</td>");
+    text("<a href=\"#FillMode\">FillMode</a>");
+    text("Half &quot;full&quot;");
+    text("<tr><th scope=\"row\">2</th><td>3</td><td>4</td></tr>");
+    text("depends at once on <a href=\"#enabled\"><code>enabled</code></a>, <a href=\"#second.mass\">");
+    text("depends at once on no input or state");
+    text("\"time\",\"inflow\",\"enabled\"\n0,0.5,1</pre>");
+    text("fmpy simulate Vessels.fmu --start-values first.area 0.5 --output-file result.csv");
+    text("<li><a href=\"#balance\">Balance of first.<wbr/>mass</a></li>");
+    // The picture is in the page, with what it shows.
+    text("viewBox=\"0 0 60 30\" role=\"img\" aria-label=\"Two vessels &amp; a &quot;pipe&quot;\">");
+    assert!(!page.contains("<?xml") && !page.contains("<img"));
+    let description = read(&generate(&folder("page guid")).model_description);
+    let guid = description.split('"').find(|part| part.starts_with('{')).expect("the GUID is there");
+    text(guid);
+}
+
+/// Generates the small model after an edit of its JSON, with files beside it.
+fn generated(
+    name: &str,
+    edit: impl FnOnce(&mut Value),
+    beside: &[(&str, &str)],
+) -> Result<Generated, String> {
+    let folder = folder_with_model(name);
+    let file = folder.join("vessels.json");
+    let mut model: Value = serde_json::from_str(&read(&file)).expect("it is JSON");
+    edit(&mut model);
+    fs::write(&file, model.to_string()).expect("the folder for tests is writable");
+    for (name, content) in beside {
+        fs::write(folder.join(name), content).expect("the folder for tests is writable");
+    }
+    generate_into(&file, &folder, "1.2.3").map_err(|error| {
+        assert!(!folder.join("Vessels").exists(), "{name}: something was written");
+        error.to_string().replace(&format!("{}{}", folder.display(), std::path::MAIN_SEPARATOR), "")
+    })
+}
+
+/// What HTML has other uses for.
+#[test]
+fn every_text_is_a_text_on_the_page() {
+    const TEXT: &str = r#"<a> & "b" 'c' &amp; --> </script> µ°C 熱"#;
+    let awkward = |model: &mut Value| {
+        for key in ["description", "author", "copyright", "license"] {
+            model[key] = TEXT.into();
+        }
+        model["log_categories"][2]["description"] = TEXT.into();
+        model["enumerations"][0]["description"] = TEXT.into();
+        model["enumerations"][0]["items"][0]["description"] = TEXT.into();
+        let settings = &mut model["components"][2];
+        settings["description"] = TEXT.into();
+        for key in ["description", "start"] {
+            settings["variables"][1][key] = TEXT.into();
+        }
+    };
+    let page = read(&generated("texts on the page", awkward, &[]).expect("any text will do").documentation);
+    // Title and head, three facts, a log category, an enumeration and its item, the component in three
+    // tables, and a parameter with its start value.
+    assert_eq!(page.matches(&*escape(TEXT)).count(), 2 + 3 + 1 + 2 + 3 + 2);
+    assert_eq!(page.matches("</script>").count(), 1);
+    values(&page, "id");
+}
+
+#[test]
+fn documentation_and_icon_may_be_absent_and_enter_no_guid() {
+    let whole = generate(&folder("with documentation"));
+    let without = |model: &mut Value| {
+        let model = model.as_object_mut().expect("it is an object");
+        assert!(model.remove("documentation").is_some() && model.remove("icon").is_some());
+    };
+    let bare = generated("without documentation", without, &[]).expect("both are optional");
+    assert_eq!(read(&bare.model_description), read(&whole.model_description));
+    assert_eq!(bare.icon, None);
+    let page = read(&bare.documentation);
+    assert!(!page.contains("page-model") && page.contains("id=\"first.mass\""));
+    assert!(values(&page, "href").iter().any(|link| link == "#page-states"));
+}
+
+#[test]
+fn an_icon_that_the_json_no_longer_names_is_removed() {
+    let folder = folder_with_model("icon");
+    let again = || generate_into(&folder.join("vessels.json"), &folder, "1").expect("nothing is wrong").icon;
+    let icon = again().expect("the JSON names one");
+    assert!(icon.exists());
+    let without = read(&folder.join("vessels.json")).replace("\"icon\": \"vessels.png\",", "");
+    fs::write(folder.join("vessels.json"), without).expect("the folder for tests is writable");
+    assert_eq!(again(), None);
+    assert!(!icon.exists());
+}
+
+/// What is said of the small model with another fragment.
+fn refusal(fragment: &str) -> String {
+    let name: String =
+        fragment.chars().map(|letter| if letter.is_ascii_alphanumeric() { letter } else { '_' }).collect();
+    let name = format!("fragment {}", &name[..name.len().min(60)]);
+    match generated(&name, |_| {}, &[("vessels.html", fragment), ("text.svg", "<p>no picture</p>")]) {
+        Ok(_) => "nothing was refused".to_owned(),
+        Err(refusal) => refusal,
+    }
+}
+
+#[test]
+fn a_fragment_names_existing_variables() {
+    assert_eq!(
+        refusal("<p>It\nfollows <var>first.mas</var></p>"),
+        "vessels.html: variable 'first.mas': line 2 names it, but the model has no such variable"
+    );
+    assert_eq!(
+        refusal("<var>settings.table[3,1]</var>"),
+        "vessels.html: variable 'settings.table[3,1]': line 1 names it, but the model has no such variable"
+    );
+    for nameless in ["<var/>", "<var></var>", "<var><b>level</b></var>"] {
+        assert_eq!(refusal(nameless), "vessels.html: line 1: <var> is for the name of a variable");
+    }
+    assert_eq!(
+        refusal("<a href=\"#balance\">there</a>"),
+        "vessels.html: line 1: it links to '#balance', which is not on the page"
+    );
+    for id in ["level", "page-states", "FillMode"] {
+        assert_eq!(
+            refusal(&format!("<p id=\"{id}\">twice</p>")),
+            format!("vessels.html: line 1: another element has the id '{id}'")
+        );
+    }
+    assert_eq!(
+        refusal("<p id=\"a\"></p>\n<p id=\"a\"></p>"),
+        "vessels.html: line 2: another element has the id 'a'"
+    );
+    assert_eq!(
+        refusal("<h3>Balance</h3>"),
+        "vessels.html: line 1: <h3> needs an id, for the page's contents"
+    );
+}
+
+#[test]
+fn a_fragment_refers_to_no_other_file() {
+    for element in ["script", "style", "link", "iframe", "h1", "body"] {
+        assert_eq!(
+            refusal(&format!("<{element}></{element}>")),
+            format!("vessels.html: line 1: <{element}> has no place within a page that is whole by itself")
+        );
+    }
+    for (markup, attribute) in [
+        ("<img src=\"level.png\" alt=\"level\"/>", "src=\"level.png\""),
+        ("<svg><image href=\"https://example.org/a.png\"/></svg>", "href=\"https://example.org/a.png\""),
+        ("<svg><use xlink:href=\"other.svg#a\"/></svg>", "xlink:href=\"other.svg#a\""),
+        ("<p style=\"background: url(a.png)\"></p>", "style=\"background: url(a.png)\""),
+    ] {
+        assert_eq!(refusal(markup), format!("vessels.html: line 1: {attribute} is loaded from elsewhere"));
+    }
+    assert_eq!(refusal("<p onclick=\"f()\"></p>"), "vessels.html: line 1: onclick is a script");
+    assert_eq!(refusal("<p><a href=\"https://example.org\">a link</a></p>"), "nothing was refused");
+    assert_eq!(refusal("<img src=\"vessels.svg\"/>"), "vessels.html: line 1: <img> needs an alt");
+    assert_eq!(refusal("<img src=\"text.svg\" alt=\"\"/>"), "text.svg: line 1: it is not an SVG");
+}
+
+#[test]
+fn a_fragment_is_xml() {
+    assert_eq!(refusal("<p>a&nbsp;b</p>"), "vessels.html: line 1: write the character itself, not &nbsp;");
+    assert_eq!(refusal("<p>\n<b>open</p>").split(": ").next(), Some("vessels.html"));
+    assert!(refusal("<p>\n<b>open</p>").contains("line 2: "), "{}", refusal("<p>\n<b>open</p>"));
+    assert_eq!(refusal("<p>\nopen"), "vessels.html: line 2: it ends within <p>");
+    assert_eq!(refusal("<![CDATA[x]]>"), "vessels.html: line 1: HTML has no CDATA");
+    assert!(refusal("<p class=a></p>").starts_with("vessels.html: line 1: "));
+}
+
+#[test]
+fn missing_files_are_refused_by_name() {
+    let missing = |key: &'static str, file: &'static str| {
+        generated(&format!("missing {key}"), move |model| model[key] = file.into(), &[])
+            .expect_err("the file is not there")
+    };
+    for (key, file) in [("documentation", "nowhere.html"), ("icon", "nowhere.png")] {
+        let refusal = missing(key, file);
+        assert!(refusal.starts_with(&format!("{file}: ")), "{refusal}");
+    }
+    assert_eq!(missing("icon", "vessels.svg"), "vessels.svg: it is not a PNG");
+    let refusal = refusal("<img src=\"nowhere.svg\" alt=\"nothing\"/>");
+    assert!(refusal.starts_with("nowhere.svg: "), "{refusal}");
+}

@@ -1,0 +1,772 @@
+//! The C boundary: one function of the standard each, generic over the model. [`export_fmi2!`] makes the
+//! symbols of them, in the library that is exported and nowhere else.
+//!
+//! All `unsafe` of the crate is here (and in the call of the logger). What these functions rely on is what
+//! the standard demands of an importer: a component comes from `fmi2Instantiate` and is used by one
+//! thread at a time until `fmi2FreeInstance`; arrays have as many elements as their counts say, and those
+//! that results are written to overlap with no other argument; strings end in NUL. What can be checked is
+//! checked: null pointers, components and states of another FMU, UTF-8, every number.
+//!
+//! Nothing is relied on beyond that. Arrays and results may lie at any address: 32-bit compilers place
+//! doubles at multiples of 4, where Rust's types want 8, and bindings of other languages hand out pieces of
+//! buffers. What the importer's memory holds before a result is written to it is not looked at, and no Rust
+//! enum is read from it.
+//!
+//! [`export_fmi2!`]: crate::export_fmi2
+
+#![allow(clippy::missing_safety_doc, clippy::too_many_arguments)]
+
+use std::borrow::Cow;
+use std::ffi::{CStr, c_char, c_int};
+use std::ptr;
+use std::slice;
+use std::sync::PoisonError;
+
+use crate::c_types::{
+    Boolean, Byte, CO_SIMULATION, CallbackFunctions, Component, ComponentEnvironment, FALSE, FmuState,
+    Integer, Status, ValueReference, status_kind,
+};
+use crate::calling_sequence::Function;
+use crate::error::Error;
+use crate::instance::{Answer, Instance, Memory};
+use crate::logger::Logger;
+use crate::model::{Experiment, Model, Variables};
+use crate::panics::contain;
+use crate::saved_states;
+use crate::serialized_state::checksum;
+
+/// `fmi2GetVersion`.
+pub const VERSION: &CStr = c"2.0";
+/// `fmi2GetTypesPlatform`.
+pub const TYPES_PLATFORM: &CStr = c"default";
+
+/// Silences the default panic hook, which writes to the host's stderr; a panic's message goes to the
+/// importer's logger instead. The hook is this library's own: the standard library is linked into it.
+pub fn silence_panics() {
+    static ONCE: std::sync::Once = std::sync::Once::new();
+    ONCE.call_once(|| std::panic::set_hook(Box::new(|_| {})));
+}
+
+/// What a component points to. Both FMUs of a coupled system live in one process; the first word, in the
+/// same place in each, tells one FMU's components from another's.
+#[repr(C)]
+struct Slave<M: Model> {
+    fmu: u64,
+    instance: Instance<M>,
+}
+
+impl<M: Model> Slave<M> {
+    /// The first word of this FMU's components.
+    const FMU: u64 = checksum(M::Variables::DESCRIPTION.guid.as_bytes());
+
+    /// The slave behind a component, unless that is null or another FMU's.
+    ///
+    /// # Safety
+    /// `component` is null or came from `instantiate` of this or another FMU made by this crate, is not
+    /// freed, and is used by no other thread meanwhile.
+    unsafe fn of<'a>(component: Component) -> Option<&'a mut Self> {
+        let slave = component.cast::<Self>();
+        if slave.is_null() || !slave.is_aligned() {
+            return None;
+        }
+        // SAFETY: by the caller's word, a component that is not null begins with this word; it is aligned for it.
+        let fmu = unsafe { slave.cast::<u64>().read() };
+        // SAFETY: a component that begins with this FMU's word is one of `M`, alive and not shared.
+        (fmu == Self::FMU).then(|| unsafe { &mut *slave })
+    }
+}
+
+/// Runs the body of a function on the instance behind a component.
+///
+/// # Safety
+/// As for [`Slave::of`].
+unsafe fn call<M: Model>(
+    component: Component,
+    function: Function,
+    body: impl FnOnce(&mut Instance<M>) -> Answer,
+) -> Status {
+    // SAFETY: by the caller's word.
+    let Some(slave) = (unsafe { Slave::<M>::of(component) }) else { return Status::Error };
+    let status = slave.instance.call(function, body);
+    // From here on the slave is not looked at: the importer's logger may call it, or free it.
+    if let Some(messages) = slave.instance.take_messages() {
+        messages.deliver();
+    }
+    status
+}
+
+/// An array argument; null is taken for an empty one.
+///
+/// # Safety
+/// Unless null, `array` has `count` elements that nothing changes during the call.
+unsafe fn elements<'a, T: Copy>(name: &str, array: *const T, count: usize) -> Result<Cow<'a, [T]>, Error> {
+    if count == 0 {
+        return Ok(Cow::Borrowed(&[]));
+    }
+    let array = not_null(name, array.cast_mut())?.cast_const();
+    Ok(if array.is_aligned() {
+        // SAFETY: not null, aligned, and by the caller's word of this length.
+        Cow::Borrowed(unsafe { slice::from_raw_parts(array, count) })
+    } else {
+        // SAFETY: by the caller's word, each of these is an element.
+        (0..count).map(|index| unsafe { array.add(index).read_unaligned() }).collect()
+    })
+}
+
+/// Has an array written to.
+///
+/// # Safety
+/// Unless null, `array` has `count` elements that nothing else uses during the call.
+unsafe fn write_elements<T: Copy>(
+    name: &str,
+    array: *mut T,
+    count: usize,
+    write: impl FnOnce(&mut [T]) -> Answer,
+) -> Answer {
+    if count == 0 {
+        return write(&mut []);
+    }
+    let array = not_null(name, array)?;
+    if array.is_aligned() {
+        // SAFETY: not null, aligned, and by the caller's word of this length and not aliased.
+        return write(unsafe { slice::from_raw_parts_mut(array, count) });
+    }
+    // SAFETY: by the caller's word.
+    let mut values = unsafe { elements(name, array, count) }?.into_owned();
+    let answer = write(&mut values);
+    // After an error too: what was written is handed out, as it is in the importer's own array.
+    for (index, value) in values.into_iter().enumerate() {
+        // SAFETY: by the caller's word, this is an element.
+        unsafe { array.add(index).write_unaligned(value) };
+    }
+    answer
+}
+
+/// An argument that points to something.
+fn not_null<T>(name: &str, argument: *mut T) -> Result<*mut T, Error> {
+    if argument.is_null() { Err(Error::new(format!("the argument {name} is NULL"))) } else { Ok(argument) }
+}
+
+/// A string argument.
+///
+/// # Safety
+/// `text` is null or ends in NUL.
+unsafe fn c_string<'a>(name: &str, text: *const c_char) -> Result<&'a CStr, Error> {
+    let text = not_null(name, text.cast_mut())?;
+    // SAFETY: not null, and by the caller's word NUL-terminated.
+    Ok(unsafe { CStr::from_ptr(text) })
+}
+
+/// `fmi2Instantiate`: null, and a message, when an argument is wrong.
+#[must_use]
+pub unsafe fn instantiate<M: Model>(
+    instance_name: *const c_char,
+    fmu_type: c_int,
+    guid: *const c_char,
+    _resource_location: *const c_char,
+    functions: *const CallbackFunctions,
+    _visible: Boolean,
+    logging_on: Boolean,
+) -> Component {
+    if functions.is_null() {
+        return ptr::null_mut();
+    }
+    // SAFETY: the importer passes null or a callbacks struct that is valid during this call. What is needed of
+    // it is copied; the rest is not looked at, and the struct may lie at any address.
+    let (callback, environment) = unsafe {
+        let environment = (&raw const (*functions).component_environment).read_unaligned();
+        ((&raw const (*functions).logger).read_unaligned(), ComponentEnvironment(environment))
+    };
+    let description = M::Variables::DESCRIPTION;
+    // SAFETY: the importer passes null or a string.
+    let name = unsafe { c_string("instanceName", instance_name) };
+    let logger = Logger::new(
+        callback,
+        environment,
+        name.as_ref().map_or_else(|_| c"".to_owned(), |&name| name.to_owned()),
+        description.log_categories,
+        logging_on != FALSE,
+    );
+    let check = || -> Result<(), Error> {
+        // C's white space: section 2.1.5 requires at least one other character.
+        if name?.to_bytes().iter().all(|byte| matches!(byte, b' ' | b'\t'..=b'\r')) {
+            return Err(Error::new("the argument instanceName is blank"));
+        }
+        // SAFETY: the importer passes null or a string.
+        let guid = unsafe { c_string("fmuGUID", guid) }?;
+        if guid.to_bytes() != description.guid.as_bytes() {
+            return Err(Error::new(format!(
+                "the GUID {guid:?} is another FMU's; the one of {} is {}",
+                description.model_identifier, description.guid
+            )));
+        }
+        if fmu_type != CO_SIMULATION {
+            return Err(Error::new("this FMU is for co-simulation, not for model exchange"));
+        }
+        Ok(())
+    };
+    match check().and_then(|()| Instance::<M>::new_memory()) {
+        Ok(memory) => {
+            let instance = Instance::new(logger, memory);
+            Box::into_raw(Box::new(Slave { fmu: Slave::<M>::FMU, instance })).cast()
+        }
+        Err(error) => {
+            logger.error(format_args!("fmi2Instantiate: {error}"));
+            if let Some(messages) = logger.take() {
+                messages.deliver();
+            }
+            ptr::null_mut()
+        }
+    }
+}
+
+/// `fmi2FreeInstance`; the states that were not freed are freed too.
+pub unsafe fn free_instance<M: Model>(component: Component) {
+    // SAFETY: the component is the importer's (see the module).
+    let Some(slave) = (unsafe { Slave::<M>::of(component) }) else { return };
+    // A call after this one is recognized as invalid as long as the memory is not reused.
+    slave.fmu = 0;
+    // SAFETY: the pointer came from `instantiate::<M>` and, by the standard, is used no more.
+    let slave = unsafe { Box::from_raw(ptr::from_mut(slave)) };
+    saved_states::free_all_of(component.addr());
+    // A panic here cannot be reported: the logger belongs to the instance that is freed.
+    let _ = contain(|| drop(slave));
+}
+
+/// `fmi2SetDebugLogging`.
+pub unsafe fn set_debug_logging<M: Model>(
+    component: Component,
+    logging_on: Boolean,
+    count: usize,
+    categories: *const *const c_char,
+) -> Status {
+    // SAFETY: the component and the arrays are the importer's, as the standard has them (see the module).
+    unsafe {
+        call::<M>(component, Function::SetDebugLogging, |instance| {
+            let names = elements("categories", categories, count)?
+                .iter()
+                .map(|&name| c_string("categories", name))
+                .collect::<Result<Vec<_>, _>>()?;
+            instance.set_debug_logging(logging_on != FALSE, &names)
+        })
+    }
+}
+
+/// `fmi2SetupExperiment`.
+pub unsafe fn setup_experiment<M: Model>(
+    component: Component,
+    tolerance_defined: Boolean,
+    tolerance: f64,
+    start_time: f64,
+    stop_time_defined: Boolean,
+    stop_time: f64,
+) -> Status {
+    let experiment = Experiment {
+        start_time,
+        stop_time: (stop_time_defined != FALSE).then_some(stop_time),
+        tolerance: (tolerance_defined != FALSE).then_some(tolerance),
+    };
+    // SAFETY: the component is the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::SetupExperiment, |instance| instance.setup_experiment(experiment))
+    }
+}
+
+/// Defines functions that take the component alone.
+macro_rules! transitions {
+    ($($name:ident: $function:ident, $standard:literal;)*) => {$(
+        #[doc = concat!("`", $standard, "`.")]
+        pub unsafe fn $name<M: Model>(component: Component) -> Status {
+            // SAFETY: the component is the importer's (see the module).
+            unsafe { call::<M>(component, Function::$function, Instance::$name) }
+        }
+    )*};
+}
+
+transitions! {
+    enter_initialization_mode: EnterInitializationMode, "fmi2EnterInitializationMode";
+    exit_initialization_mode: ExitInitializationMode, "fmi2ExitInitializationMode";
+    terminate: Terminate, "fmi2Terminate";
+    reset: Reset, "fmi2Reset";
+}
+
+/// Defines functions that get or set arrays of values that C and Rust share.
+macro_rules! accessors {
+    ($($get:ident: $get_function:ident, $set:ident: $set_function:ident, $type:ty;)*) => {$(
+        #[doc = concat!("`fmi2", stringify!($get_function), "`.")]
+        pub unsafe fn $get<M: Model>(
+            component: Component,
+            references: *const ValueReference,
+            count: usize,
+            values: *mut $type,
+        ) -> Status {
+            // SAFETY: the component and the arrays are the importer's (see the module).
+            unsafe {
+                call::<M>(component, Function::$get_function, |instance| {
+                    let references = elements("vr", references, count)?;
+                    write_elements("value", values, count, |values| instance.$get(&references, values))
+                })
+            }
+        }
+
+        #[doc = concat!("`fmi2", stringify!($set_function), "`.")]
+        pub unsafe fn $set<M: Model>(
+            component: Component,
+            references: *const ValueReference,
+            count: usize,
+            values: *const $type,
+        ) -> Status {
+            // SAFETY: the component and the arrays are the importer's (see the module).
+            unsafe {
+                call::<M>(component, Function::$set_function, |instance| {
+                    instance.$set(&elements("vr", references, count)?, &elements("value", values, count)?)
+                })
+            }
+        }
+    )*};
+}
+
+accessors! {
+    get_real: GetReal, set_real: SetReal, f64;
+    get_integer: GetInteger, set_integer: SetInteger, Integer;
+    get_boolean: GetBoolean, set_boolean: SetBoolean, Boolean;
+}
+
+/// `fmi2GetString`. The strings stay valid until the next call of it for this instance.
+pub unsafe fn get_string<M: Model>(
+    component: Component,
+    references: *const ValueReference,
+    count: usize,
+    values: *mut *const c_char,
+) -> Status {
+    // SAFETY: the component and the arrays are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::GetString, |instance| {
+            let references = elements("vr", references, count)?;
+            write_elements("value", values, count, |values| {
+                let status = instance.get_string(&references)?;
+                for (value, text) in values.iter_mut().zip(&instance.strings) {
+                    *value = text.as_ptr();
+                }
+                Ok(status)
+            })
+        })
+    }
+}
+
+/// `fmi2SetString`. The strings are copied.
+pub unsafe fn set_string<M: Model>(
+    component: Component,
+    references: *const ValueReference,
+    count: usize,
+    values: *const *const c_char,
+) -> Status {
+    // SAFETY: the component and the arrays are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::SetString, |instance| {
+            let texts = elements("value", values, count)?
+                .iter()
+                .map(|&text| {
+                    c_string("value", text)?.to_str().map_err(|_| Error::new("a string is not valid UTF-8"))
+                })
+                .collect::<Result<Vec<_>, _>>()?;
+            instance.set_string(&elements("vr", references, count)?, &texts)
+        })
+    }
+}
+
+/// Reads from the state with a handle.
+fn with_state<M: Model, T>(
+    state: FmuState,
+    body: impl FnOnce(&Memory<M>) -> Result<T, Error>,
+) -> Result<T, Error> {
+    if state.is_null() {
+        return Err(Error::new("the argument FMUstate is NULL"));
+    }
+    let state = saved_states::find::<Memory<M>>(state.addr())?;
+    body(&state.read().unwrap_or_else(PoisonError::into_inner))
+}
+
+/// Keeps a memory as a new state; its handle.
+fn keep<M: Model>(component: Component, memory: Memory<M>) -> FmuState {
+    ptr::without_provenance_mut(saved_states::keep(component.addr(), memory))
+}
+
+/// `fmi2GetFMUstate`: into a new state where `*state` is null, otherwise over the one that is there.
+pub unsafe fn get_fmu_state<M: Model>(component: Component, state: *mut FmuState) -> Status {
+    // SAFETY: the component and the state are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::GetFMUstate, |instance| {
+            let state = not_null("FMUstate", state)?;
+            let memory = instance.memory()?.clone();
+            let handle = state.read_unaligned();
+            if handle.is_null() {
+                state.write_unaligned(keep(component, memory));
+            } else {
+                let there = saved_states::find::<Memory<M>>(handle.addr())?;
+                *there.write().unwrap_or_else(PoisonError::into_inner) = memory;
+            }
+            Ok(Status::Ok)
+        })
+    }
+}
+
+/// `fmi2SetFMUstate`.
+pub unsafe fn set_fmu_state<M: Model>(component: Component, state: FmuState) -> Status {
+    // SAFETY: the component is the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::SetFMUstate, |instance| {
+            with_state(state, |memory| {
+                instance.restore(memory);
+                Ok(Status::Ok)
+            })
+        })
+    }
+}
+
+/// `fmi2FreeFMUstate`: a null state is freed already.
+pub unsafe fn free_fmu_state<M: Model>(component: Component, state: *mut FmuState) -> Status {
+    // SAFETY: the component and the state are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::FreeFMUstate, |_| {
+            if !state.is_null() {
+                let handle = state.read_unaligned();
+                if !handle.is_null() {
+                    saved_states::free::<Memory<M>>(handle.addr())?;
+                    state.write_unaligned(ptr::null_mut());
+                }
+            }
+            Ok(Status::Ok)
+        })
+    }
+}
+
+/// `fmi2SerializedFMUstateSize`.
+pub unsafe fn serialized_fmu_state_size<M: Model>(
+    component: Component,
+    state: FmuState,
+    size: *mut usize,
+) -> Status {
+    // SAFETY: the component and the size are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::SerializedFMUstateSize, |_| {
+            let size = not_null("size", size)?;
+            size.write_unaligned(with_state(state, Instance::<M>::serialize)?.len());
+            Ok(Status::Ok)
+        })
+    }
+}
+
+/// `fmi2SerializeFMUstate`: into as many bytes as `fmi2SerializedFMUstateSize` says.
+pub unsafe fn serialize_fmu_state<M: Model>(
+    component: Component,
+    state: FmuState,
+    serialized_state: *mut Byte,
+    size: usize,
+) -> Status {
+    // SAFETY: the component and the array are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::SerializeFMUstate, |_| {
+            let bytes = with_state(state, Instance::<M>::serialize)?;
+            if size != bytes.len() {
+                return Err(Error::new(format!("size is {size}, the state has {} bytes", bytes.len())));
+            }
+            write_elements("serializedState", serialized_state.cast::<u8>(), size, |target| {
+                target.copy_from_slice(&bytes);
+                Ok(Status::Ok)
+            })
+        })
+    }
+}
+
+/// `fmi2DeSerializeFMUstate`: always into a new state. Unlike `fmi2GetFMUstate` it does not read `*state`,
+/// which the standard does not ask to be set before; what stands there may happen to be a state's handle.
+pub unsafe fn deserialize_fmu_state<M: Model>(
+    component: Component,
+    serialized_state: *const Byte,
+    size: usize,
+    state: *mut FmuState,
+) -> Status {
+    // SAFETY: the component, the array and the state are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::DeSerializeFMUstate, |_| {
+            let bytes = elements("serializedState", serialized_state.cast::<u8>(), size)?;
+            let state = not_null("FMUstate", state)?;
+            state.write_unaligned(keep(component, Instance::<M>::deserialize(&bytes)?));
+            Ok(Status::Ok)
+        })
+    }
+}
+
+/// Defines functions of capabilities that this crate's FMUs declare not to have.
+macro_rules! not_supported {
+    ($($name:ident($($argument:ty),*): $function:ident, $capability:literal;)*) => {$(
+        #[doc = concat!("`fmi2", stringify!($function), "`: an error, as `", $capability, "` says.")]
+        pub unsafe fn $name<M: Model>(component: Component, $(_: $argument),*) -> Status {
+            // SAFETY: the component is the importer's (see the module).
+            unsafe {
+                call::<M>(component, Function::$function, |_| {
+                    Err(Error::new(concat!("not supported by this FMU (", $capability, ")")))
+                })
+            }
+        }
+    )*};
+}
+
+not_supported! {
+    cancel_step(): CancelStep, "canRunAsynchronuously is false";
+}
+
+/// `fmi2GetDirectionalDerivative`.
+pub unsafe fn get_directional_derivative<M: Model>(
+    component: Component,
+    unknowns: *const ValueReference,
+    unknown_count: usize,
+    knowns: *const ValueReference,
+    known_count: usize,
+    seeds: *const f64,
+    sensitivities: *mut f64,
+) -> Status {
+    // SAFETY: the component and the arrays are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::GetDirectionalDerivative, |instance| {
+            let unknowns = elements("vUnknown_ref", unknowns, unknown_count)?;
+            let knowns = elements("vKnown_ref", knowns, known_count)?;
+            let seeds = elements("dvKnown", seeds, known_count)?;
+            write_elements("dvUnknown", sensitivities, unknown_count, |sensitivities| {
+                instance.get_directional_derivative(&unknowns, &knowns, &seeds, sensitivities)
+            })
+        })
+    }
+}
+
+/// `fmi2GetRealOutputDerivatives`.
+pub unsafe fn get_real_output_derivatives<M: Model>(
+    component: Component,
+    references: *const ValueReference,
+    count: usize,
+    orders: *const Integer,
+    values: *mut f64,
+) -> Status {
+    // SAFETY: the component and the arrays are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::GetRealOutputDerivatives, |instance| {
+            let references = elements("vr", references, count)?;
+            let orders = elements("order", orders, count)?;
+            write_elements("value", values, count, |values| {
+                instance.get_real_output_derivatives(&references, &orders, values)
+            })
+        })
+    }
+}
+
+/// `fmi2SetRealInputDerivatives`.
+pub unsafe fn set_real_input_derivatives<M: Model>(
+    component: Component,
+    references: *const ValueReference,
+    count: usize,
+    orders: *const Integer,
+    values: *const f64,
+) -> Status {
+    // SAFETY: the component and the arrays are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::SetRealInputDerivatives, |instance| {
+            instance.set_real_input_derivatives(
+                &elements("vr", references, count)?,
+                &elements("order", orders, count)?,
+                &elements("value", values, count)?,
+            )
+        })
+    }
+}
+
+/// `fmi2DoStep`.
+pub unsafe fn do_step<M: Model>(
+    component: Component,
+    current_communication_point: f64,
+    communication_step_size: f64,
+    _no_set_fmu_state_prior_to_current_point: Boolean,
+) -> Status {
+    // SAFETY: the component is the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::DoStep, |instance| {
+            instance.do_step(current_communication_point, communication_step_size)
+        })
+    }
+}
+
+/// Answers a question for the status of a step. What only a step in the background has is discarded,
+/// as section 2.1.3 says of status information that cannot be given.
+///
+/// # Safety
+/// As for [`call`]; `value` is null or may be written to.
+unsafe fn status<M: Model, T>(
+    component: Component,
+    function: Function,
+    value: *mut T,
+    answer: impl FnOnce(&Instance<M>) -> Option<T>,
+) -> Status {
+    // SAFETY: by the caller's word.
+    unsafe {
+        call::<M>(component, function, |instance| {
+            let value = not_null("value", value)?;
+            if let Some(known) = answer(instance) {
+                value.write_unaligned(known);
+                return Ok(Status::Ok);
+            }
+            instance.tell_discarded(format_args!("{}: there is no such status of a step", function.name()));
+            Ok(Status::Discard)
+        })
+    }
+}
+
+/// `fmi2GetStatus`: steps are never pending.
+pub unsafe fn get_status<M: Model>(component: Component, _kind: c_int, value: *mut c_int) -> Status {
+    // SAFETY: the component and the value are the importer's (see the module).
+    unsafe { status::<M, _>(component, Function::GetStatus, value, |_| None) }
+}
+
+/// `fmi2GetRealStatus`: the end of the last completed step.
+pub unsafe fn get_real_status<M: Model>(component: Component, kind: c_int, value: *mut f64) -> Status {
+    // SAFETY: the component and the value are the importer's (see the module).
+    unsafe {
+        status::<M, _>(component, Function::GetRealStatus, value, |instance| {
+            (kind == status_kind::LAST_SUCCESSFUL_TIME).then(|| instance.last_successful_time())
+        })
+    }
+}
+
+/// `fmi2GetIntegerStatus`: no status is an Integer.
+pub unsafe fn get_integer_status<M: Model>(
+    component: Component,
+    _kind: c_int,
+    value: *mut Integer,
+) -> Status {
+    // SAFETY: the component and the value are the importer's (see the module).
+    unsafe { status::<M, _>(component, Function::GetIntegerStatus, value, |_| None) }
+}
+
+/// `fmi2GetBooleanStatus`: a slave never ends the simulation.
+pub unsafe fn get_boolean_status<M: Model>(component: Component, kind: c_int, value: *mut Boolean) -> Status {
+    // SAFETY: the component and the value are the importer's (see the module).
+    unsafe {
+        status::<M, _>(component, Function::GetBooleanStatus, value, |_| {
+            (kind == status_kind::TERMINATED).then_some(FALSE)
+        })
+    }
+}
+
+/// `fmi2GetStringStatus`: steps are never pending.
+pub unsafe fn get_string_status<M: Model>(
+    component: Component,
+    _kind: c_int,
+    value: *mut *const c_char,
+) -> Status {
+    // SAFETY: the component and the value are the importer's (see the module).
+    unsafe { status::<M, _>(component, Function::GetStringStatus, value, |_| None) }
+}
+
+/// Makes the 34 C functions of FMI 2.0 co-simulation for a model, in a library of the crate type `cdylib`.
+///
+/// ```ignore
+/// fmu_export::export_fmi2!(MyModel);
+/// ```
+#[macro_export]
+macro_rules! export_fmi2 {
+    ($model:ty) => {
+        const _: () = {
+            use ::std::ffi::{c_char, c_int};
+            use $crate::c_types::{
+                Boolean, Byte, CallbackFunctions, Component, FmuState, Integer, Status, ValueReference,
+            };
+
+            #[unsafe(no_mangle)]
+            extern "C" fn fmi2GetTypesPlatform() -> *const c_char {
+                $crate::c_api::TYPES_PLATFORM.as_ptr()
+            }
+
+            #[unsafe(no_mangle)]
+            extern "C" fn fmi2GetVersion() -> *const c_char {
+                $crate::c_api::VERSION.as_ptr()
+            }
+
+            #[unsafe(no_mangle)]
+            unsafe extern "C" fn fmi2Instantiate(
+                instance_name: *const c_char,
+                fmu_type: c_int,
+                guid: *const c_char,
+                resource_location: *const c_char,
+                functions: *const CallbackFunctions,
+                visible: Boolean,
+                logging_on: Boolean,
+            ) -> Component {
+                $crate::c_api::silence_panics();
+                // SAFETY: the arguments are the importer's, unchanged.
+                unsafe {
+                    $crate::c_api::instantiate::<$model>(
+                        instance_name, fmu_type, guid, resource_location, functions, visible, logging_on,
+                    )
+                }
+            }
+
+            #[unsafe(no_mangle)]
+            unsafe extern "C" fn fmi2FreeInstance(component: Component) {
+                // SAFETY: the argument is the importer's, unchanged.
+                unsafe { $crate::c_api::free_instance::<$model>(component) }
+            }
+
+            $crate::export_fmi2! { @functions $model;
+                fmi2SetDebugLogging = set_debug_logging(
+                    on: Boolean, count: usize, categories: *const *const c_char);
+                fmi2SetupExperiment = setup_experiment(
+                    tolerance_defined: Boolean, tolerance: f64, start_time: f64,
+                    stop_time_defined: Boolean, stop_time: f64);
+                fmi2EnterInitializationMode = enter_initialization_mode();
+                fmi2ExitInitializationMode = exit_initialization_mode();
+                fmi2Terminate = terminate();
+                fmi2Reset = reset();
+                fmi2GetReal = get_real(vr: *const ValueReference, count: usize, values: *mut f64);
+                fmi2GetInteger = get_integer(vr: *const ValueReference, count: usize, values: *mut Integer);
+                fmi2GetBoolean = get_boolean(vr: *const ValueReference, count: usize, values: *mut Boolean);
+                fmi2GetString = get_string(
+                    vr: *const ValueReference, count: usize, values: *mut *const c_char);
+                fmi2SetReal = set_real(vr: *const ValueReference, count: usize, values: *const f64);
+                fmi2SetInteger = set_integer(
+                    vr: *const ValueReference, count: usize, values: *const Integer);
+                fmi2SetBoolean = set_boolean(
+                    vr: *const ValueReference, count: usize, values: *const Boolean);
+                fmi2SetString = set_string(
+                    vr: *const ValueReference, count: usize, values: *const *const c_char);
+                fmi2GetFMUstate = get_fmu_state(state: *mut FmuState);
+                fmi2SetFMUstate = set_fmu_state(state: FmuState);
+                fmi2FreeFMUstate = free_fmu_state(state: *mut FmuState);
+                fmi2SerializedFMUstateSize = serialized_fmu_state_size(state: FmuState, size: *mut usize);
+                fmi2SerializeFMUstate = serialize_fmu_state(state: FmuState, bytes: *mut Byte, size: usize);
+                fmi2DeSerializeFMUstate = deserialize_fmu_state(
+                    bytes: *const Byte, size: usize, state: *mut FmuState);
+                fmi2GetDirectionalDerivative = get_directional_derivative(
+                    unknowns: *const ValueReference, unknown_count: usize,
+                    knowns: *const ValueReference, known_count: usize,
+                    seed: *const f64, sensitivity: *mut f64);
+                fmi2SetRealInputDerivatives = set_real_input_derivatives(
+                    vr: *const ValueReference, count: usize, orders: *const Integer, values: *const f64);
+                fmi2GetRealOutputDerivatives = get_real_output_derivatives(
+                    vr: *const ValueReference, count: usize, orders: *const Integer, values: *mut f64);
+                fmi2DoStep = do_step(time: f64, size: f64, no_set_fmu_state_prior: Boolean);
+                fmi2CancelStep = cancel_step();
+                fmi2GetStatus = get_status(kind: c_int, value: *mut c_int);
+                fmi2GetRealStatus = get_real_status(kind: c_int, value: *mut f64);
+                fmi2GetIntegerStatus = get_integer_status(kind: c_int, value: *mut Integer);
+                fmi2GetBooleanStatus = get_boolean_status(kind: c_int, value: *mut Boolean);
+                fmi2GetStringStatus = get_string_status(kind: c_int, value: *mut *const c_char);
+            }
+        };
+    };
+    (@functions $model:ty; $($symbol:ident = $function:ident($($argument:ident: $type:ty),* $(,)?);)*) => {$(
+        #[unsafe(no_mangle)]
+        unsafe extern "C" fn $symbol(component: Component, $($argument: $type),*) -> Status {
+            // SAFETY: the arguments are the importer's, unchanged.
+            unsafe { $crate::c_api::$function::<$model>(component, $($argument),*) }
+        }
+    )*};
+}

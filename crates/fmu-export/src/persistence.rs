@@ -1,0 +1,188 @@
+//! Memory as bytes: writes and reads a model, its variables and everything that the runtime stores of an instance,
+//! so that a saved state outlives its process (FMI 2.0.5, section 2.1.8).
+//!
+//! One function serves both directions: [`Persistent::persist`] names each part of a value once, and the
+//! [`Archive`] either takes the part's bits or replaces them. [`persistent!`](crate::persistent) writes
+//! that function for a struct, and does not compile when a field is left out.
+
+use crate::error::Error;
+
+/// Bytes that are being written, or read back.
+///
+/// Numbers are little-endian; a floating-point number is its 64 bits.
+#[derive(Debug)]
+pub struct Archive<'a>(Direction<'a>);
+
+#[derive(Debug)]
+enum Direction<'a> {
+    Writing(Vec<u8>),
+    /// What is left to read.
+    Reading(&'a [u8]),
+}
+
+impl<'a> Archive<'a> {
+    /// An archive that writes what is persisted.
+    pub(crate) fn writing() -> Self {
+        Self(Direction::Writing(Vec::new()))
+    }
+
+    /// An archive that reads what was persisted.
+    pub(crate) fn reading(bytes: &'a [u8]) -> Self {
+        Self(Direction::Reading(bytes))
+    }
+
+    /// What was written; nothing for an archive that is read.
+    pub(crate) fn into_bytes(self) -> Vec<u8> {
+        match self.0 {
+            Direction::Writing(bytes) => bytes,
+            Direction::Reading(_) => Vec::new(),
+        }
+    }
+
+    /// Whether everything was read.
+    pub(crate) fn is_exhausted(&self) -> bool {
+        matches!(self.0, Direction::Reading([]) | Direction::Writing(_))
+    }
+
+    /// Writes bytes, or replaces them by as many that are read.
+    ///
+    /// # Errors
+    /// When fewer are left to read.
+    pub fn bytes(&mut self, bytes: &mut [u8]) -> Result<(), Error> {
+        match &mut self.0 {
+            Direction::Writing(written) => written.extend_from_slice(bytes),
+            Direction::Reading(left) => {
+                let (next, rest) = left.split_at_checked(bytes.len()).ok_or_else(too_short)?;
+                bytes.copy_from_slice(next);
+                *left = rest;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes a number of elements, or reads one of which at least so many bytes are left.
+    fn length(&mut self, length: usize) -> Result<usize, Error> {
+        let mut number = length as u64;
+        number.persist(self)?;
+        match &self.0 {
+            Direction::Writing(_) => Ok(length),
+            Direction::Reading(left) => {
+                usize::try_from(number).ok().filter(|&number| number <= left.len()).ok_or_else(too_short)
+            }
+        }
+    }
+}
+
+fn too_short() -> Error {
+    Error::new("the serialized state ends too early")
+}
+
+/// A value whose bits can be written and read back. After reading, it equals the one that was written,
+/// bit for bit.
+pub trait Persistent {
+    /// Hands every part of the value to the archive, always in the same order.
+    ///
+    /// # Errors
+    /// When what is read cannot be such a value.
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error>;
+}
+
+/// Makes a struct [`Persistent`](crate::persistence::Persistent), field by field. Fields that follow from
+/// the others or from the variables stand behind `derived`; `Model::restored` computes them anew. Every
+/// field has to be named.
+///
+/// ```
+/// #[derive(Default)]
+/// struct Memory { samples: u64, integral: f64, integral_by_sample: f64 }
+///
+/// fmu_export::persistent!(Memory { samples, integral; derived integral_by_sample });
+/// ```
+#[macro_export]
+macro_rules! persistent {
+    ($type:ty { $($field:ident),* $(,)? $(; derived $($derived:ident),+ $(,)?)? }) => {
+        impl $crate::persistence::Persistent for $type {
+            #[allow(unused_variables)]
+            fn persist(
+                &mut self,
+                archive: &mut $crate::persistence::Archive<'_>,
+            ) -> ::core::result::Result<(), $crate::Error> {
+                let Self { $($field,)* $($($derived: _,)+)? } = self;
+                $($crate::persistence::Persistent::persist($field, archive)?;)*
+                ::core::result::Result::Ok(())
+            }
+        }
+    };
+}
+
+macro_rules! numbers {
+    ($($number:ty),*) => {$(
+        impl Persistent for $number {
+            fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+                let mut bytes = self.to_le_bytes();
+                archive.bytes(&mut bytes)?;
+                *self = Self::from_le_bytes(bytes);
+                Ok(())
+            }
+        }
+    )*};
+}
+
+numbers!(u8, u32, u64, i32, i64, f64);
+
+impl Persistent for bool {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        let mut byte = u8::from(*self);
+        byte.persist(archive)?;
+        *self = match byte {
+            0 => false,
+            1 => true,
+            other => return Err(Error::new(format!("{other} in the serialized state is not a Boolean"))),
+        };
+        Ok(())
+    }
+}
+
+impl Persistent for String {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        let mut bytes = std::mem::take(self).into_bytes();
+        bytes.resize(archive.length(bytes.len())?, 0);
+        archive.bytes(&mut bytes)?;
+        *self = Self::from_utf8(bytes)
+            .map_err(|_| Error::new("a string in the serialized state is not valid UTF-8"))?;
+        Ok(())
+    }
+}
+
+impl<T: Persistent + Default> Persistent for Option<T> {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        let mut is_some = self.is_some();
+        is_some.persist(archive)?;
+        if is_some {
+            self.get_or_insert_default().persist(archive)
+        } else {
+            *self = None;
+            Ok(())
+        }
+    }
+}
+
+impl<T: Persistent + Default> Persistent for Vec<T> {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        let length = archive.length(self.len())?;
+        self.resize_with(length, T::default);
+        self.as_mut_slice().persist(archive)
+    }
+}
+
+/// The elements alone: their number is not part of the value.
+impl<T: Persistent> Persistent for [T] {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        self.iter_mut().try_for_each(|element| element.persist(archive))
+    }
+}
+
+impl<T: Persistent, const N: usize> Persistent for [T; N] {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        self.as_mut_slice().persist(archive)
+    }
+}

@@ -1,0 +1,274 @@
+//! ZIP archives: written so that the same parts give the same bytes, and read as what they may be when a
+//! stranger made them.
+//!
+//! Nothing is extracted here. What would do harm when extracted is refused: paths that lead out of
+//! the archive's folder, two entries of one path, entries of unbelievable sizes.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{self, File};
+use std::io::{self, Cursor, Read, Seek, Write};
+use std::path::Path;
+
+use zip::read::ZipFile;
+use zip::result::ZipError;
+use zip::write::{SimpleFileOptions, ZipWriter};
+use zip::{CompressionMethod, DateTime, ZipArchive};
+
+use super::reading::{LARGEST_CONTENT, LARGEST_TEXT, up_to, utf_8};
+
+/// Opens the archive of an FMU or a system, after a look at all its entries.
+///
+/// # Errors
+/// When it is not a ZIP archive, or an entry would do harm; the message names it.
+pub fn open<R: Read + Seek>(reader: R) -> io::Result<ZipArchive<R>> {
+    let mut archive = ZipArchive::new(reader)
+        .map_err(|error| broken(format!("it is not a ZIP archive: {}", plain(error))))?;
+    let mut paths = Paths::default();
+    let mut size = 0_u64;
+    for index in 0..archive.len() {
+        let entry = archive.by_index_raw(index).map_err(plain)?;
+        paths.add(&path_of(&entry)?)?;
+        size = size.saturating_add(entry.size());
+        if size > LARGEST_CONTENT {
+            return Err(broken(format!("its entries claim to hold more than {LARGEST_CONTENT} bytes")));
+        }
+    }
+    Ok(archive)
+}
+
+/// The text of an entry.
+///
+/// # Errors
+/// When there is no such entry, or it is not text, too large or damaged.
+pub fn read_text<R: Read + Seek>(archive: &mut ZipArchive<R>, path: &str) -> io::Result<String> {
+    read_text_up_to(LARGEST_TEXT, archive, path)
+}
+
+fn read_text_up_to<R: Read + Seek>(
+    largest: u64,
+    archive: &mut ZipArchive<R>,
+    path: &str,
+) -> io::Result<String> {
+    let entry = archive.by_name(path).map_err(|_| broken(format!("there is no {path} in it")))?;
+    up_to(largest, entry)
+        .and_then(utf_8)
+        .map_err(|error| broken(format!("its {path} cannot be read: {error}")))
+}
+
+/// All files of an archive, by their paths. What they hold is taken off the bytes that are `left`, of which several
+/// archives may share the same: [`LARGEST_CONTENT`] for all that is held at once.
+///
+/// # Errors
+/// When an entry is not a file, damaged, or the files are larger than what is left.
+pub fn read_files<R: Read + Seek>(
+    archive: &mut ZipArchive<R>,
+    left: &mut u64,
+) -> io::Result<BTreeMap<String, Vec<u8>>> {
+    let mut files = BTreeMap::new();
+    for index in 0..archive.len() {
+        let entry = archive.by_index(index).map_err(plain)?;
+        let path = path_of(&entry)?;
+        if entry.is_symlink() {
+            return Err(broken(format!("its entry '{path}' is a link")));
+        }
+        if entry.is_dir() {
+            continue;
+        }
+        let mut content = vec![];
+        let read = entry
+            .take(*left + 1)
+            .read_to_end(&mut content)
+            .map_err(|error| broken(format!("its {path} cannot be read: {error}")))?;
+        *left = left.checked_sub(read as u64).ok_or_else(|| {
+            broken(format!("with its {path} more than {LARGEST_CONTENT} bytes would be held at once"))
+        })?;
+        files.insert(path, content);
+    }
+    Ok(files)
+}
+
+/// Extracts an archive that was [opened](open) to an empty folder.
+///
+/// # Errors
+/// When an entry cannot be written, is damaged or is larger than it claims to be; the message names it.
+pub fn extract<R: Read + Seek>(archive: &mut ZipArchive<R>, folder: &Path) -> io::Result<()> {
+    for index in 0..archive.len() {
+        let mut entry = archive.by_index(index).map_err(plain)?;
+        let path = path_of(&entry)?;
+        let target = folder.join(&path);
+        let mut extract = || {
+            if path.ends_with('/') {
+                return fs::create_dir_all(&target);
+            }
+            target.parent().map_or(Ok(()), fs::create_dir_all)?;
+            let size = entry.size();
+            // An entry that holds more than it claims would fill the disk.
+            let copied = io::copy(&mut entry.by_ref().take(size + 1), &mut File::create_new(&target)?)?;
+            if copied == size { Ok(()) } else { Err(broken("its size is not what the archive says")) }
+        };
+        extract().map_err(|error| {
+            io::Error::new(error.kind(), format!("its entry '{path}' cannot be extracted: {error}"))
+        })?;
+    }
+    Ok(())
+}
+
+fn path_of<R: Read>(entry: &ZipFile<'_, R>) -> io::Result<String> {
+    Ok(entry.name().map_err(plain)?.into_owned())
+}
+
+/// The paths of an archive's entries.
+#[derive(Default)]
+struct Paths(BTreeSet<String>);
+
+impl Paths {
+    /// Adds a path, unless extracting it would do harm.
+    fn add(&mut self, path: &str) -> io::Result<()> {
+        if !is_inside(path) {
+            return Err(broken(format!("its entry '{path}' would be extracted outside of its folder")));
+        }
+        // Windows and macOS take paths that differ in case for one.
+        if !self.0.insert(path.to_lowercase()) {
+            return Err(broken(format!("its entry '{path}' stands twice")));
+        }
+        Ok(())
+    }
+}
+
+/// Whether a path stays in the folder that it is extracted to, on every system.
+fn is_inside(path: &str) -> bool {
+    // A folder's path ends with a slash.
+    let path = path.strip_suffix('/').unwrap_or(path);
+    // Windows leaves out the dots and blanks at the end of a name.
+    let is_name = |part: &str| !part.trim_end_matches(['.', ' ']).is_empty();
+    !path.contains(['\\', ':', '\0']) && path.split('/').all(is_name)
+}
+
+/// The error, without saying twice what the system says.
+fn plain(error: ZipError) -> io::Error {
+    match error {
+        ZipError::Io(error) => error,
+        other => broken(other.to_string()),
+    }
+}
+
+/// What is wrong with a file that was read.
+pub(crate) fn broken(message: impl Into<String>) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, message.into())
+}
+
+/// Writes an archive of paths and contents: the order of the entries, their times and permissions are fixed. What
+/// [`open`] would refuse is not written.
+pub(crate) fn write(mut writer: impl Write, entries: &[(String, &[u8])]) -> io::Result<()> {
+    let mut paths = Paths::default();
+    entries.iter().try_for_each(|(path, _)| paths.add(path))?;
+    writer.write_all(&zipped(entries).map_err(plain)?)
+}
+
+/// The bytes of an archive. They are made in memory: a `ZipWriter` that is dropped after a failed write tries again,
+/// and prints that this fails, too.
+fn zipped(entries: &[(String, &[u8])]) -> Result<Vec<u8>, ZipError> {
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Deflated)
+        .last_modified_time(DateTime::default())
+        .unix_permissions(0o644);
+    let mut zip = ZipWriter::new(Cursor::new(vec![]));
+    for (path, content) in entries {
+        zip.start_file(path.as_str(), options)?;
+        zip.write_all(content)?;
+    }
+    Ok(zip.finish()?.into_inner())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn archive(paths: &[&str]) -> Cursor<Vec<u8>> {
+        let entries: Vec<_> = paths.iter().map(|&path| (path.to_owned(), b"text".as_slice())).collect();
+        Cursor::new(zipped(&entries).unwrap())
+    }
+
+    fn refusal(bytes: Cursor<Vec<u8>>) -> String {
+        open(bytes).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_text_is_read() {
+        let mut opened = open(archive(&["a.txt", "folder/b.txt"])).unwrap();
+        assert_eq!(read_text(&mut opened, "folder/b.txt").unwrap(), "text");
+        let missing = read_text(&mut opened, "c.txt").unwrap_err().to_string();
+        assert_eq!(missing, "there is no c.txt in it");
+    }
+
+    #[test]
+    fn paths_out_of_the_folder_are_refused() {
+        for path in
+            ["../a", "a/../../b", "/etc/passwd", "a//b", "./a", "C:/a", "a\\..\\b", "a/.", ".. /a", "a/..."]
+        {
+            let expected = format!("its entry '{path}' would be extracted outside of its folder");
+            assert_eq!(refusal(archive(&["first", path])), expected);
+            let written = write(io::sink(), &[(path.to_owned(), b"")]);
+            assert_eq!(written.unwrap_err().to_string(), expected);
+        }
+    }
+
+    #[test]
+    fn paths_that_differ_only_in_case_are_refused() {
+        assert_eq!(refusal(archive(&["a/b", "A/b"])), "its entry 'A/b' stands twice");
+    }
+
+    #[test]
+    fn a_file_that_is_not_an_archive_is_refused() {
+        let message = refusal(Cursor::new(b"no archive".to_vec()));
+        assert!(message.starts_with("it is not a ZIP archive"), "{message}");
+    }
+
+    #[test]
+    fn a_decompression_bomb_is_refused() {
+        let blanks = vec![b' '; 100_000];
+        let bytes = Cursor::new(zipped(&[("bomb.xml".to_owned(), blanks.as_slice())]).unwrap());
+        let read = |largest| read_text_up_to(largest, &mut open(bytes.clone()).unwrap(), "bomb.xml");
+        assert_eq!(read(100_000).unwrap().len(), 100_000);
+        assert_eq!(
+            read(99_999).unwrap_err().to_string(),
+            "its bomb.xml cannot be read: it is larger than 99999 bytes"
+        );
+    }
+
+    #[test]
+    fn all_files_are_read_up_to_a_size() {
+        let mut zip = ZipWriter::new(Cursor::new(vec![]));
+        zip.add_directory("folder/", SimpleFileOptions::default()).unwrap();
+        for path in ["folder/a", "b"] {
+            zip.start_file(path, SimpleFileOptions::default()).unwrap();
+            zip.write_all(b"text").unwrap();
+        }
+        let bytes = zip.finish().unwrap();
+        let read =
+            |mut left| read_files(&mut open(bytes.clone()).unwrap(), &mut left).map(|files| (files, left));
+        let expected = ["b", "folder/a"].map(|path| (path.to_owned(), b"text".to_vec()));
+        assert_eq!(read(9).unwrap(), (BTreeMap::from(expected), 1));
+        assert_eq!(
+            read(7).unwrap_err().to_string(),
+            "with its b more than 1073741824 bytes would be held at once"
+        );
+    }
+
+    #[test]
+    fn a_link_is_not_a_file() {
+        let mut zip = ZipWriter::new(Cursor::new(vec![]));
+        zip.add_symlink("a", "/etc/passwd", SimpleFileOptions::default()).unwrap();
+        let mut archive = open(zip.finish().unwrap()).unwrap();
+        assert_eq!(read_files(&mut archive, &mut 8).unwrap_err().to_string(), "its entry 'a' is a link");
+    }
+
+    #[test]
+    fn a_damaged_text_is_refused() {
+        let mut bytes = archive(&["a.txt"]);
+        let place = bytes.get_ref().windows(5).position(|window| window == b"a.txt").unwrap();
+        bytes.get_mut()[place + 6] ^= 0x55;
+        let message = read_text(&mut open(bytes).unwrap(), "a.txt").unwrap_err().to_string();
+        assert!(message.starts_with("its a.txt cannot be read"), "{message}");
+    }
+}

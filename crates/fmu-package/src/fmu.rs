@@ -1,0 +1,151 @@
+//! The .fmu archive (FMI 2.0.5, section 2.3): a ZIP file that holds modelDescription.xml and, for each
+//! platform, the model's library.
+//!
+//! The same parts give the same bytes.
+
+use std::io::{self, Write};
+
+use super::archive;
+use super::model_description::refuse_no_identifier;
+use super::platform::Platform;
+
+/// Where every importer reads what the FMU is.
+pub(crate) const MODEL_DESCRIPTION: &str = "modelDescription.xml";
+
+/// The parts of an FMU.
+#[derive(Clone, Debug)]
+pub struct Fmu<'a> {
+    /// `modelIdentifier`: the name of the libraries inside.
+    pub model_identifier: &'a str,
+    /// The text of modelDescription.xml.
+    pub model_description: &'a str,
+    /// The libraries, each for its platform.
+    pub libraries: Vec<(Platform, Vec<u8>)>,
+    /// Further files by their path in the archive, `documentation/LICENSE` for one.
+    pub files: Vec<(String, Vec<u8>)>,
+}
+
+impl Fmu<'_> {
+    /// Writes the archive.
+    ///
+    /// # Errors
+    /// When writing fails, the identifier is not one of C, two parts have the same path, or a file lies where the
+    /// standard has no place for it.
+    pub fn write(&self, writer: impl Write) -> io::Result<()> {
+        refuse_no_identifier(self.model_identifier)?;
+        let mut entries = vec![];
+        for (path, _) in &self.files {
+            refuse_stray(path)?;
+        }
+        for (platform, library) in &self.libraries {
+            entries.push((platform.library_path(self.model_identifier), library.as_slice()));
+        }
+        entries.extend(self.files.iter().map(|(path, content)| (path.clone(), content.as_slice())));
+        entries.sort();
+        // First what every importer reads first.
+        entries.insert(0, (MODEL_DESCRIPTION.to_owned(), self.model_description.as_bytes()));
+        archive::write(writer, &entries)
+    }
+}
+
+/// Refuses what lies neither in a folder of the standard nor is its picture, or would be extracted elsewhere.
+fn refuse_stray(path: &str) -> io::Result<()> {
+    let mut parts = path.split('/');
+    let folder = parts.next().unwrap_or_default();
+    let is_inside = ["documentation", "resources", "sources"].contains(&folder)
+        && path.contains('/')
+        && parts.all(|part| !["", ".", ".."].contains(&part));
+    if (is_inside || path == "model.png") && !path.contains(['\\', ':']) {
+        Ok(())
+    } else {
+        Err(io::Error::new(io::ErrorKind::InvalidInput, format!("the standard has no place for '{path}'")))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use super::*;
+
+    fn archive() -> Vec<u8> {
+        let fmu = Fmu {
+            model_identifier: "Lag",
+            model_description: "<xml/>",
+            libraries: vec![(Platform::Win64, b"dll".to_vec()), (Platform::Linux64, b"so".to_vec())],
+            files: vec![("documentation/LICENSE".to_owned(), b"free".to_vec())],
+        };
+        let mut bytes = Cursor::new(vec![]);
+        fmu.write(&mut bytes).unwrap();
+        bytes.into_inner()
+    }
+
+    #[test]
+    fn files_are_where_the_standard_requires_them() {
+        let mut zip = zip::ZipArchive::new(Cursor::new(archive())).unwrap();
+        let names: Vec<_> =
+            (0..zip.len()).map(|index| zip.by_index(index).unwrap().name().unwrap().into_owned()).collect();
+        assert_eq!(
+            names,
+            [
+                "modelDescription.xml",
+                "binaries/linux64/Lag.so",
+                "binaries/win64/Lag.dll",
+                "documentation/LICENSE"
+            ]
+        );
+        let mut content = String::new();
+        io::Read::read_to_string(&mut zip.by_name("binaries/win64/Lag.dll").unwrap(), &mut content).unwrap();
+        assert_eq!(content, "dll");
+    }
+
+    #[test]
+    fn a_duplicate_path_is_refused() {
+        let fmu = Fmu {
+            model_identifier: "Lag",
+            model_description: "<xml/>",
+            libraries: vec![],
+            files: vec![("resources/a".to_owned(), vec![]), ("resources/a".to_owned(), vec![])],
+        };
+        let error = fmu.write(Cursor::new(vec![])).unwrap_err();
+        assert!(error.to_string().contains("its entry 'resources/a' stands twice"), "{error}");
+    }
+
+    #[test]
+    fn a_file_outside_the_standards_folders_is_refused() {
+        let written = |path: &str| {
+            let files = vec![(path.to_owned(), vec![])];
+            let fmu = Fmu { model_identifier: "Lag", model_description: "<xml/>", libraries: vec![], files };
+            fmu.write(Cursor::new(vec![])).map_err(|error| error.to_string())
+        };
+        for path in ["documentation/index.html", "resources/a/b.csv", "sources/lag.c", "model.png"] {
+            assert_eq!(written(path), Ok(()));
+        }
+        for path in [
+            "",
+            "LICENSE",
+            "notes/a.txt",
+            "Documentation/a.txt",
+            "binaries/linux64/other.so",
+            "documentation",
+            "documentation/",
+            "/etc/passwd",
+            "../a.txt",
+            "resources/../../a.txt",
+            "resources//a.txt",
+            "resources/./a.txt",
+            "resources\\a.txt",
+            "C:/a.txt",
+        ] {
+            assert_eq!(written(path), Err(format!("the standard has no place for '{path}'")));
+        }
+    }
+
+    #[test]
+    fn the_time_of_day_does_not_matter() {
+        let mut zip = zip::ZipArchive::new(Cursor::new(archive())).unwrap();
+        for index in 0..zip.len() {
+            assert_eq!(zip.by_index(index).unwrap().last_modified(), Some(zip::DateTime::default()));
+        }
+    }
+}

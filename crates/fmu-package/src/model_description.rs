@@ -1,0 +1,476 @@
+//! Reads the modelDescription.xml of an FMU of any maker and any version of FMI.
+//!
+//! What the schemas say is not checked here; validators do. What is read is taken as it stands there, as text
+//! where its meaning differs between versions, and whatever is not XML is refused with its place.
+
+use std::fs::File;
+use std::io::{self, BufReader};
+use std::path::Path;
+
+use quick_xml::events::{BytesStart, Event};
+use quick_xml::{Reader, XmlVersion};
+
+use super::archive::{self, broken};
+use super::fmu::MODEL_DESCRIPTION;
+use super::terminal::in_line;
+use super::units::{BaseUnit, DisplayUnit, Unit};
+
+/// How deep elements may lie in each other; schemas of FMI and SSP need a tenth.
+const DEEPEST: usize = 100;
+/// How many elements a document may have; a variable, of which the largest models have 200,000, takes three.
+const MOST_ELEMENTS: usize = 2_000_000;
+/// How many attributes an element may have; schemas of FMI and SSP need a fifth.
+const MOST_ATTRIBUTES: usize = 100;
+
+/// The attribute with the name of the FMU's library.
+const IDENTIFIER: &str = "modelIdentifier";
+
+/// Refuses a model identifier that is not one of C (FMI 2.0.5, section 2.2.1): it becomes the name of files.
+pub(crate) fn refuse_no_identifier(text: &str) -> io::Result<()> {
+    let is_letter = |byte: u8| byte.is_ascii_alphabetic() || byte == b'_';
+    if text.bytes().next().is_some_and(is_letter)
+        && text.bytes().all(|byte| is_letter(byte) || byte.is_ascii_digit())
+    {
+        return Ok(());
+    }
+    Err(broken(format!("the modelIdentifier '{}' is not an identifier of C", in_line(text))))
+}
+
+/// What an FMU says of itself.
+#[derive(Clone, Debug, Default)]
+pub struct FmuDescription {
+    /// The root element's attributes, by name, in the order of the file.
+    pub attributes: Vec<(String, String)>,
+    /// What the FMU can be used for (`CoSimulation` …), each with its attributes: identifier and capabilities.
+    pub interfaces: Vec<(String, Vec<(String, String)>)>,
+    /// The attributes of `DefaultExperiment`.
+    pub default_experiment: Vec<(String, String)>,
+    /// The units that are declared.
+    pub units: Vec<Unit>,
+    /// The enumerations that are declared.
+    pub enumerations: Vec<Enumeration>,
+    /// The variables, in the order of the file.
+    pub variables: Vec<FmuVariable>,
+}
+
+/// An enumeration type.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Enumeration {
+    /// The type's name.
+    pub name: String,
+    /// Its items: name and value.
+    pub items: Vec<(String, i32)>,
+}
+
+/// A variable as it is declared; what is not declared is empty, and the default of its version of FMI.
+#[derive(Clone, Debug, Default)]
+pub struct FmuVariable {
+    /// Unique in the FMU.
+    pub name: String,
+    /// The number that calls refer to it by.
+    pub value_reference: String,
+    /// `Real`, `Integer`, `Boolean`, `String`, `Enumeration`, or a type of FMI 3.0.
+    pub data_type: String,
+    /// The enumeration that the variable is of, or another declared type.
+    pub declared_type: String,
+    /// `causality`.
+    pub causality: String,
+    /// `variability`.
+    pub variability: String,
+    /// `initial`.
+    pub initial: String,
+    /// The unit, its type's where it has none of its own.
+    pub unit: String,
+    /// The start value.
+    pub start: String,
+    /// The smallest value.
+    pub min: String,
+    /// The largest value.
+    pub max: String,
+    /// Empty when the FMU gives none.
+    pub description: String,
+}
+
+/// What a declared type says of its variables.
+#[derive(Default)]
+struct DeclaredType {
+    name: String,
+    unit: String,
+    min: String,
+    max: String,
+}
+
+impl FmuDescription {
+    /// Reads the description of an FMU, after a look at the whole archive.
+    ///
+    /// # Errors
+    /// When there is no such file, it is not an FMU, or its description is broken; the message names the file.
+    pub fn read(fmu: &Path) -> io::Result<Self> {
+        let shown = fmu.display();
+        let file = File::open(fmu)
+            .map_err(|error| io::Error::new(error.kind(), format!("cannot open {shown}: {error}")))?;
+        let xml = archive::open(BufReader::new(file))
+            .and_then(|mut archive| archive::read_text(&mut archive, MODEL_DESCRIPTION))
+            .map_err(|error| broken(format!("{shown} is not an FMU: {error}")))?;
+        Self::parse(&xml)
+            .map_err(|error| broken(format!("{MODEL_DESCRIPTION} in {shown} is broken: {error}")))
+    }
+
+    /// Reads the text of a modelDescription.xml.
+    ///
+    /// # Errors
+    /// When it is not XML, or the XML of something else.
+    pub fn parse(xml: &str) -> io::Result<Self> {
+        let mut description = Self::default();
+        let mut types: Vec<DeclaredType> = vec![];
+        let root = read_elements(xml, |path, name, attributes| {
+            match path {
+                [] => description.attributes = attributes.0,
+                [_] if ["CoSimulation", "ModelExchange", "ScheduledExecution"].contains(&name) => {
+                    description.interfaces.push((name.to_owned(), attributes.0));
+                }
+                [_] if name == "DefaultExperiment" => description.default_experiment = attributes.0,
+                [_, "UnitDefinitions"] => description.units.push(Unit {
+                    name: attributes.text("name"),
+                    base: None,
+                    display_units: vec![],
+                }),
+                [_, "UnitDefinitions", _] => {
+                    if let Some(unit) = description.units.last_mut() {
+                        unit.take(name, &attributes)?;
+                    }
+                }
+                [_, "TypeDefinitions"] => {
+                    // FMI 3.0: the element itself is the type.
+                    let mut declared =
+                        DeclaredType { name: attributes.text("name"), ..DeclaredType::default() };
+                    declared.take(&attributes);
+                    description.enumerations.push(Enumeration { name: declared.name.clone(), items: vec![] });
+                    types.push(declared);
+                }
+                [_, "TypeDefinitions", _] if name != "Item" => {
+                    if let Some(declared) = types.last_mut() {
+                        declared.take(&attributes);
+                    }
+                }
+                [_, "TypeDefinitions", ..] if name == "Item" => {
+                    if let Some(enumeration) = description.enumerations.last_mut() {
+                        // FMI 1.0 counts from 1.
+                        let next = enumeration.items.last().map_or(1, |(_, last)| last.saturating_add(1));
+                        let value = attributes.number("value", next)?;
+                        enumeration.items.push((attributes.text("name"), value));
+                    }
+                }
+                [_, "ModelVariables"] => {
+                    let mut variable = FmuVariable::new(&attributes);
+                    // FMI 3.0: the element itself is the type.
+                    if name != "ScalarVariable" {
+                        variable.take_type(name, &attributes, &types);
+                    }
+                    description.variables.push(variable);
+                }
+                [_, "ModelVariables", "ScalarVariable"] => {
+                    if let Some(variable) = description.variables.last_mut()
+                        && variable.data_type.is_empty()
+                    {
+                        variable.take_type(name, &attributes, &types);
+                    }
+                }
+                _ => {}
+            }
+            Ok(())
+        })?;
+        if root != "fmiModelDescription" {
+            return Err(broken(format!("the root element is {root}, not fmiModelDescription")));
+        }
+        // In FMI 1.0 the root element has it.
+        let of_root = description.attributes.iter().filter(|(name, _)| name == IDENTIFIER);
+        of_root
+            .map(|(_, identifier)| identifier.as_str())
+            .chain(description.interfaces.iter().map(|(_, attributes)| text_of(attributes, IDENTIFIER)))
+            .try_for_each(refuse_no_identifier)?;
+        description.enumerations.retain(|enumeration| !enumeration.items.is_empty());
+        Ok(description)
+    }
+
+    /// An attribute of the root element; empty when there is none.
+    #[must_use]
+    pub fn attribute(&self, name: &str) -> &str {
+        text_of(&self.attributes, name)
+    }
+
+    /// The attributes of an interface, `CoSimulation` for one.
+    #[must_use]
+    pub fn interface(&self, name: &str) -> Option<&[(String, String)]> {
+        self.interfaces.iter().find(|(known, _)| known == name).map(|(_, attributes)| attributes.as_slice())
+    }
+
+    /// The identifier of the library for co-simulation, if the FMU is for that.
+    #[must_use]
+    pub fn co_simulation_identifier(&self) -> Option<&str> {
+        self.interface("CoSimulation").map(|attributes| text_of(attributes, IDENTIFIER))
+    }
+
+    /// Whether the FMU declares a capability flag for co-simulation, as `canGetAndSetFMUstate`. An XML boolean is
+    /// a word or a digit.
+    #[must_use]
+    pub fn has_capability(&self, flag: &str) -> bool {
+        self.interface("CoSimulation")
+            .is_some_and(|attributes| matches!(text_of(attributes, flag), "true" | "1"))
+    }
+
+    /// A variable by its name.
+    #[must_use]
+    pub fn variable(&self, name: &str) -> Option<&FmuVariable> {
+        self.variables.iter().find(|variable| variable.name == name)
+    }
+
+    /// The variables of a causality.
+    pub fn of_causality<'a>(&'a self, causality: &'a str) -> impl Iterator<Item = &'a FmuVariable> {
+        self.variables.iter().filter(move |variable| variable.causality == causality)
+    }
+
+    /// A unit by its name, among those that are declared and those that their values are shown in.
+    #[must_use]
+    pub fn unit(&self, name: &str) -> Option<Unit> {
+        let declared = self.units.iter().find(|unit| unit.name == name).cloned();
+        let shown = || self.units.iter().flat_map(Unit::with_display_units).find(|unit| unit.name == name);
+        declared.or_else(shown)
+    }
+
+    /// An enumeration by its name.
+    #[must_use]
+    pub fn enumeration(&self, name: &str) -> Option<&Enumeration> {
+        self.enumerations.iter().find(|enumeration| enumeration.name == name)
+    }
+}
+
+impl FmuVariable {
+    fn new(attributes: &Attributes) -> Self {
+        Self {
+            name: attributes.text("name"),
+            value_reference: attributes.text("valueReference"),
+            causality: attributes.text("causality"),
+            variability: attributes.text("variability"),
+            initial: attributes.text("initial"),
+            description: attributes.text("description"),
+            ..Self::default()
+        }
+    }
+
+    /// Takes what the type's element says.
+    fn take_type(&mut self, name: &str, attributes: &Attributes, types: &[DeclaredType]) {
+        name.clone_into(&mut self.data_type);
+        self.declared_type = attributes.text("declaredType");
+        self.start = attributes.text("start");
+        let declared = types.iter().find(|declared| declared.name == self.declared_type);
+        let own_or = |name: &str, inherited: Option<&String>| match attributes.get(name) {
+            Some(value) => value.to_owned(),
+            None => inherited.cloned().unwrap_or_default(),
+        };
+        self.unit = own_or("unit", declared.map(|declared| &declared.unit));
+        self.min = own_or("min", declared.map(|declared| &declared.min));
+        self.max = own_or("max", declared.map(|declared| &declared.max));
+    }
+
+    /// Smallest and largest value as numbers; infinite where none is declared.
+    ///
+    /// # Errors
+    /// When one of them is not a number; the message names variable and text.
+    pub fn range(&self) -> io::Result<(f64, f64)> {
+        let bound = |text: &str, none: f64| match text {
+            "" => Ok(none),
+            text => text
+                .trim()
+                .parse()
+                .map_err(|_| broken(format!("a bound of {} is '{text}', which is not a number", self.name))),
+        };
+        Ok((bound(&self.min, f64::NEG_INFINITY)?, bound(&self.max, f64::INFINITY)?))
+    }
+
+    /// Whether an importer may give it a value before initialization (FMI 2.0.5, section 2.2.7).
+    #[must_use]
+    pub fn is_settable(&self) -> bool {
+        let is_set_by_default = matches!(self.causality.as_str(), "input" | "parameter");
+        self.variability != "constant"
+            && self.causality != "independent"
+            && (is_set_by_default || matches!(self.initial.as_str(), "exact" | "approx"))
+    }
+}
+
+impl DeclaredType {
+    fn take(&mut self, attributes: &Attributes) {
+        self.unit = attributes.text("unit");
+        self.min = attributes.text("min");
+        self.max = attributes.text("max");
+    }
+}
+
+impl Unit {
+    /// Takes what an element within the unit's says.
+    pub(crate) fn take(&mut self, name: &str, attributes: &Attributes) -> io::Result<()> {
+        let (factor, offset) = (attributes.number("factor", 1.0)?, attributes.number("offset", 0.0)?);
+        match name {
+            "BaseUnit" => {
+                let mut base = BaseUnit { factor, offset, ..BaseUnit::one() };
+                for (name, _) in attributes.0.iter().filter(|(name, _)| BaseUnit::is_exponent(name)) {
+                    base.set_exponent(name, attributes.number(name, 0)?);
+                }
+                self.base = Some(base);
+            }
+            "DisplayUnit" => {
+                self.display_units.push(DisplayUnit { name: attributes.text("name"), factor, offset });
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// The attributes of an element, unescaped.
+pub(crate) struct Attributes(pub(crate) Vec<(String, String)>);
+
+impl Attributes {
+    fn of(element: &BytesStart<'_>) -> io::Result<Self> {
+        let mut attributes = vec![];
+        for attribute in element.attributes() {
+            let attribute = attribute.map_err(|error| broken(error.to_string()))?;
+            let value = attribute
+                .normalized_value(XmlVersion::Implicit1_0)
+                .map_err(|error| broken(error.to_string()))?;
+            attributes.push((attribute.key.as_ref().to_owned(), value.into_owned()));
+            if attributes.len() > MOST_ATTRIBUTES {
+                return Err(broken(format!("it has more than {MOST_ATTRIBUTES} attributes")));
+            }
+        }
+        Ok(Self(attributes))
+    }
+
+    pub(crate) fn get(&self, key: &str) -> Option<&str> {
+        self.0.iter().find(|(name, _)| name == key).map(|(_, value)| value.as_str())
+    }
+
+    pub(crate) fn text(&self, key: &str) -> String {
+        text_of(&self.0, key).to_owned()
+    }
+
+    /// A number; `default` when there is no such attribute.
+    fn number<T: std::str::FromStr>(&self, key: &str, default: T) -> io::Result<T> {
+        match self.get(key) {
+            None => Ok(default),
+            Some(text) => text
+                .trim()
+                .parse()
+                .map_err(|_| broken(format!("the attribute {key} is '{text}', which is no such number"))),
+        }
+    }
+}
+
+fn text_of<'a>(attributes: &'a [(String, String)], name: &str) -> &'a str {
+    attributes.iter().find(|(known, _)| known == name).map_or("", |(_, value)| value)
+}
+
+/// Hands each element of a document to a function: the names of those around it, its own, its attributes.
+/// Prefixes of namespaces are left out. Returns the name of the root.
+///
+/// A document type definition is refused: it is where entities are defined that expand without bounds.
+pub(crate) fn read_elements(
+    xml: &str,
+    mut take: impl FnMut(&[&str], &str, Attributes) -> io::Result<()>,
+) -> io::Result<String> {
+    let mut reader = Reader::from_str(xml);
+    let mut path: Vec<String> = vec![];
+    let mut root = None;
+    let mut elements = 0;
+    loop {
+        let event = reader
+            .read_event()
+            .map_err(|error| broken(format!("at byte {}: {error}", reader.error_position())))?;
+        let (element, is_empty) = match &event {
+            Event::Start(element) => (element, false),
+            Event::Empty(element) => (element, true),
+            Event::End(_) => {
+                path.pop();
+                continue;
+            }
+            Event::DocType(_) => return Err(broken("it has a document type definition")),
+            Event::Eof => break,
+            _ => continue,
+        };
+        elements += 1;
+        if elements > MOST_ELEMENTS {
+            return Err(broken(format!("it has more than {MOST_ELEMENTS} elements")));
+        }
+        let place = reader.buffer_position();
+        let name = element.local_name().as_ref().to_owned();
+        let parents: Vec<&str> = path.iter().map(String::as_str).collect();
+        Attributes::of(element)
+            .and_then(|attributes| take(&parents, &name, attributes))
+            .map_err(|error| broken(format!("in the element {name} before byte {place}: {error}")))?;
+        root.get_or_insert_with(|| name.clone());
+        if !is_empty {
+            path.push(name);
+            if path.len() > DEEPEST {
+                return Err(broken(format!("more than {DEEPEST} elements lie in each other")));
+            }
+        }
+    }
+    if let Some(open) = path.last() {
+        return Err(broken(format!("it ends within the element {open}")));
+    }
+    root.ok_or_else(|| broken("it has no root element"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_capability_is_declared_by_word_or_digit() {
+        let has = |attributes: &str| {
+            let xml = format!(
+                r#"<fmiModelDescription><CoSimulation modelIdentifier="a" {attributes}/></fmiModelDescription>"#
+            );
+            FmuDescription::parse(&xml).unwrap().has_capability("canGetAndSetFMUstate")
+        };
+        assert!(has(r#"canGetAndSetFMUstate="true""#) && has(r#"canGetAndSetFMUstate="1""#));
+        assert!(!has(r#"canGetAndSetFMUstate="false""#) && !has(r#"canGetAndSetFMUstate="0""#) && !has(""));
+    }
+
+    #[test]
+    fn a_model_identifier_is_a_c_identifier() {
+        for identifier in ["BoostPlant", "_1", "a"] {
+            assert!(refuse_no_identifier(identifier).is_ok(), "{identifier}");
+        }
+        for (identifier, shown) in [
+            ("", ""),
+            ("1a", "1a"),
+            ("a b", "a b"),
+            ("../a", "../a"),
+            ("\u{e9}", "\u{e9}"),
+            ("a\n\u{1b}[2J", r"a\n\u{1b}[2J"),
+        ] {
+            let refusal = refuse_no_identifier(identifier).unwrap_err().to_string();
+            assert_eq!(refusal, format!("the modelIdentifier '{shown}' is not an identifier of C"));
+        }
+        // Of each interface, and of FMI 1.0.
+        for xml in [
+            r#"<fmiModelDescription modelIdentifier="../a"/>"#,
+            r#"<fmiModelDescription><ModelExchange modelIdentifier="a"/><CoSimulation modelIdentifier="a/b"/></fmiModelDescription>"#,
+            "<fmiModelDescription><CoSimulation/></fmiModelDescription>",
+        ] {
+            assert!(FmuDescription::parse(xml).is_err(), "{xml}");
+        }
+    }
+
+    #[test]
+    fn too_many_elements_are_refused() {
+        let attributes = (0..200).map(|index| format!(r#"a{index}="" "#)).collect::<Vec<_>>().concat();
+        let refusal = |xml: &str| FmuDescription::parse(xml).unwrap_err().to_string();
+        let message = refusal(&format!("<fmiModelDescription {attributes}/>"));
+        assert!(message.ends_with("it has more than 100 attributes"), "{message}");
+        let elements = "<a/>".repeat(MOST_ELEMENTS);
+        let message = refusal(&format!("<fmiModelDescription>{elements}</fmiModelDescription>"));
+        assert_eq!(message, "it has more than 2000000 elements");
+    }
+}

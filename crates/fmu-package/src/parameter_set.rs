@@ -1,0 +1,213 @@
+//! Parameter sets: the .ssv files of System Structure and Parameterization 1.0 (SSP, section 6).
+
+use std::collections::BTreeSet;
+use std::fmt::{self, Display, Formatter};
+use std::io;
+use std::path::Path;
+
+use super::archive::broken;
+use super::model_description::{Attributes, read_elements};
+use super::reading;
+use super::terminal::number;
+use super::units::{Unit, write_units};
+use fmu_xml::{XmlWriter, document, element, empty, float};
+
+/// The namespace of parameter sets.
+pub(crate) const NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureParameterValues";
+/// The namespace of what SSP's files have in common.
+pub(crate) const COMMON_NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureCommon";
+
+/// Values of parameters under a name.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ParameterSet {
+    /// The set's name.
+    pub name: String,
+    /// What the set is for.
+    pub description: String,
+    /// In the order of the file.
+    pub parameters: Vec<Parameter>,
+    /// The units that the parameters refer to.
+    pub units: Vec<Unit>,
+}
+
+/// A parameter's value.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameter {
+    /// The name, that of the variable.
+    pub name: String,
+    /// Why the value is what it is.
+    pub description: String,
+    /// With its type, and a unit if the file gives one.
+    pub value: Value,
+}
+
+/// A value with its type.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// A number, and its unit where one is given.
+    Real(f64, Option<String>),
+    /// A whole number.
+    Integer(i32),
+    /// A truth value.
+    Boolean(bool),
+    /// A String.
+    String(String),
+    /// The name of an enumeration's item.
+    Enumeration(String),
+}
+
+impl ParameterSet {
+    /// Reads an .ssv file.
+    ///
+    /// # Errors
+    /// When there is no such file, or it is not a parameter set; the message names the file.
+    pub fn read(file: &Path) -> io::Result<Self> {
+        let shown = file.display();
+        Self::parse(&reading::text(file)?)
+            .map_err(|error| broken(format!("{shown} is not a parameter set: {error}")))
+    }
+
+    /// Reads the text of an .ssv file.
+    ///
+    /// # Errors
+    /// When it is not XML, or not that of a parameter set of SSP 1; the message names element or parameter.
+    pub fn parse(xml: &str) -> io::Result<Self> {
+        let mut set = Self::default();
+        let mut names = BTreeSet::new();
+        // A parameter whose value did not come yet.
+        let mut open: Option<(String, String)> = None;
+        let root = read_elements(xml, |path, name, attributes| {
+            match path {
+                [] if name == "ParameterSet" => {
+                    let version = attributes.text("version");
+                    if !version.starts_with("1.") {
+                        return Err(broken(format!("parameter sets of version '{version}' are not known")));
+                    }
+                    set.name = attributes.text("name");
+                    set.description = attributes.text("description");
+                }
+                ["ParameterSet", "Parameters"] if name == "Parameter" => {
+                    if let Some((name, _)) = &open {
+                        return Err(broken(format!("the parameter {name} before it has no value")));
+                    }
+                    let parameter = attributes.text("name");
+                    if !names.insert(parameter.clone()) {
+                        return Err(broken(format!("the parameter {parameter} stands twice")));
+                    }
+                    open = Some((parameter, attributes.text("description")));
+                }
+                ["ParameterSet", "Parameters", "Parameter"] if name != "Annotations" => {
+                    let (parameter, description) =
+                        open.take().ok_or_else(|| broken("the parameter has a second value"))?;
+                    let value = Value::read(name, &attributes)
+                        .map_err(|error| broken(format!("the parameter {parameter}: {error}")))?;
+                    set.parameters.push(Parameter { name: parameter, description, value });
+                }
+                ["ParameterSet", "Units"] if name == "Unit" => {
+                    set.units.push(Unit { name: attributes.text("name"), base: None, display_units: vec![] });
+                }
+                ["ParameterSet", "Units", "Unit"] => {
+                    if let Some(unit) = set.units.last_mut() {
+                        unit.take(name, &attributes)?;
+                    }
+                }
+                _ => {}
+            }
+            Ok(())
+        })?;
+        if root != "ParameterSet" {
+            return Err(broken(format!("the root element is {root}, not ParameterSet")));
+        }
+        if let Some((name, _)) = open {
+            return Err(broken(format!("the parameter {name} has no value")));
+        }
+        Ok(set)
+    }
+
+    /// The text of the .ssv file.
+    #[must_use]
+    pub fn to_xml(&self) -> String {
+        document(|writer| self.write(writer))
+    }
+
+    fn write(&self, writer: &mut XmlWriter) -> io::Result<()> {
+        let mut attributes = vec![
+            ("xmlns:ssv", NAMESPACE.to_owned()),
+            ("xmlns:ssc", COMMON_NAMESPACE.to_owned()),
+            ("version", "1.0".to_owned()),
+            ("name", self.name.clone()),
+        ];
+        attributes.extend(described(&self.description));
+        element(writer, "ssv:ParameterSet", attributes, |writer| {
+            element(writer, "ssv:Parameters", vec![], |writer| {
+                self.parameters.iter().try_for_each(|parameter| self.write_parameter(writer, parameter))
+            })?;
+            let referred = |unit: &&Unit| {
+                self.parameters.iter().any(
+                    |parameter| matches!(&parameter.value, Value::Real(_, Some(name)) if *name == unit.name),
+                )
+            };
+            let units: Vec<_> = self.units.iter().filter(referred).cloned().collect();
+            write_units(writer, "ssv:Units", &units)
+        })
+    }
+
+    fn write_parameter(&self, writer: &mut XmlWriter, parameter: &Parameter) -> io::Result<()> {
+        let mut attributes = vec![("name", parameter.name.clone())];
+        attributes.extend(described(&parameter.description));
+        element(writer, "ssv:Parameter", attributes, |writer| {
+            let (name, mut attributes) = match &parameter.value {
+                Value::Real(value, _) => ("ssv:Real", vec![("value", float(*value))]),
+                Value::Integer(value) => ("ssv:Integer", vec![("value", value.to_string())]),
+                Value::Boolean(value) => ("ssv:Boolean", vec![("value", value.to_string())]),
+                Value::String(value) => ("ssv:String", vec![("value", value.clone())]),
+                Value::Enumeration(item) => ("ssv:Enumeration", vec![("value", item.clone())]),
+            };
+            if let Value::Real(_, Some(unit)) = &parameter.value
+                && self.units.iter().any(|known| known.name == *unit && known.base.is_some())
+            {
+                attributes.push(("unit", unit.clone()));
+            }
+            empty(writer, name, attributes)
+        })
+    }
+}
+
+impl Value {
+    fn read(data_type: &str, attributes: &Attributes) -> io::Result<Self> {
+        let text = attributes.get("value").ok_or_else(|| broken("it has no value"))?;
+        let no = |what: &str| broken(format!("'{text}' is not a {what}"));
+        Ok(match data_type {
+            "Real" => {
+                let value = text.trim().parse().map_err(|_| no("number"))?;
+                Self::Real(value, attributes.get("unit").map(str::to_owned))
+            }
+            "Integer" => Self::Integer(text.trim().parse().map_err(|_| no("whole number of 32 bits"))?),
+            "Boolean" => match text.trim() {
+                "true" | "1" => Self::Boolean(true),
+                "false" | "0" => Self::Boolean(false),
+                _ => return Err(no("truth value")),
+            },
+            "String" => Self::String(text.to_owned()),
+            "Enumeration" => Self::Enumeration(text.to_owned()),
+            other => return Err(broken(format!("values of the type {other} are not known"))),
+        })
+    }
+}
+
+/// The value as messages show it, with its unit; a number reads back as the same double.
+impl Display for Value {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Real(value, Some(unit)) => write!(formatter, "{} {unit}", number(*value)),
+            Self::Real(value, None) => write!(formatter, "{}", number(*value)),
+            Self::Integer(value) => write!(formatter, "{value}"),
+            Self::Boolean(value) => write!(formatter, "{value}"),
+            Self::String(text) | Self::Enumeration(text) => write!(formatter, "{text}"),
+        }
+    }
+}
+
+fn described(description: &str) -> Option<(&'static str, String)> {
+    (!description.is_empty()).then(|| ("description", description.to_owned()))
+}

@@ -1,0 +1,365 @@
+//! Systems of coupled components: the .ssd and .ssp files of System Structure and Parameterization 1.0
+//! (SSP, sections 3 and 5).
+//!
+//! They are written so that the tools which are known to read them do, beyond what the schema asks for:
+//!
+//! - OMSimulator wants its own annotation, which says that the system is one of co-simulation, as the first;
+//!   it knows prefixes by their usual names, refuses `SystemGeometry`, and whatever a component holds beside
+//!   connectors, geometry and parameter bindings; from Python it fails on the units of parameters that stand in
+//!   the structure, so that all parameter sets are files of their own;
+//! - libcosim takes its step size from an annotation of its own; it reads connections between components
+//!   alone, hence [`SystemStructure::of_components`];
+//! - FMPy wants every input that is listed to be connected.
+
+use std::io::{self, Write};
+use std::iter;
+
+use super::archive;
+use super::parameter_set::{self, Parameter, ParameterSet, Value};
+use super::units::{Linear, Unit, write_units};
+use fmu_xml::{Attributes, XmlWriter, conversion, document, element, empty, float};
+
+/// The namespace of system structures.
+const NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureDescription";
+/// The namespace of OMSimulator's annotations.
+const OMSIMULATOR_NAMESPACE: &str =
+    "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd";
+/// The tolerance that OMSimulator hands to the FMUs, its own default. Its schema requires one.
+const OMSIMULATOR_TOLERANCE: f64 = 1e-4;
+/// The namespace of libcosim's annotations.
+const LIBCOSIM_NAMESPACE: &str = "http://opensimulationplatform.com/SSP/OSPAnnotations";
+/// The structure that every tool reads (SSP, section 3).
+const DEFAULT_STRUCTURE: &str = "SystemStructure.ssd";
+
+/// A system structure description: the system, and how it is simulated by default.
+#[derive(Clone, Debug)]
+pub struct SystemStructure {
+    /// The name, by which variants in one package are told apart.
+    pub name: String,
+    /// What the structure is.
+    pub description: String,
+    /// The root system; it contains the FMUs.
+    pub system: System,
+    /// The units that connectors refer to.
+    pub units: Vec<Unit>,
+    /// When the simulation starts by default, in s.
+    pub start_time: f64,
+    /// When the simulation ends by default, in s.
+    pub stop_time: f64,
+    /// The communication step by default, in s.
+    pub step_size: f64,
+}
+
+/// A system of components.
+#[derive(Clone, Debug)]
+pub struct System {
+    /// Unique within its parent.
+    pub name: String,
+    /// What the system exchanges with the outside.
+    pub connectors: Vec<Connector>,
+    /// The components; masters that step one after the other do so in this order.
+    pub components: Vec<SystemComponent>,
+    /// Between connectors of the components and of the system.
+    pub connections: Vec<Connection>,
+}
+
+/// An FMU in a system.
+#[derive(Clone, Debug)]
+pub struct SystemComponent {
+    /// Unique within its parent.
+    pub name: String,
+    /// The FMU's path in the package.
+    pub source: String,
+    /// What the component exchanges: variables of the FMU.
+    pub connectors: Vec<Connector>,
+    /// Where the component is drawn.
+    pub placement: Placement,
+    /// The paths in the package of the parameter sets that apply to it, later ones over earlier ones.
+    pub parameter_sets: Vec<String>,
+}
+
+/// A rectangle in mm, y upwards.
+#[derive(Clone, Copy, Debug)]
+pub struct Placement {
+    /// The left lower corner.
+    pub lower_left: (f64, f64),
+    /// The right upper corner.
+    pub upper_right: (f64, f64),
+}
+
+/// A Real value that an element exchanges.
+#[derive(Clone, Debug)]
+pub struct Connector {
+    /// Unique within its parent.
+    pub name: String,
+    /// The direction, seen from outside of the element.
+    pub kind: Kind,
+    /// The unit; empty when it is not known.
+    pub unit: String,
+    /// An input of the system: the value when nobody gives one.
+    pub start: Option<f64>,
+    /// Where it is drawn: 0 to 1 from left to right and from below to above, of the element's rectangle.
+    pub place: (f64, f64),
+}
+
+/// The direction of a connector.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum Kind {
+    Input,
+    Output,
+}
+
+/// A connection of two connectors.
+#[derive(Clone, Debug)]
+pub struct Connection {
+    /// Where the value comes from.
+    pub start: End,
+    /// Where it goes to.
+    pub end: End,
+    /// The conversion of the value, instead of that by units.
+    pub transformation: Option<Linear>,
+    /// The corners of the line, in mm.
+    pub corners: Vec<(f64, f64)>,
+}
+
+/// One end of a connection.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct End {
+    /// The component; none for the system itself.
+    pub component: Option<String>,
+    /// The connector's name.
+    pub connector: String,
+}
+
+/// The .ssp archive: structures, and what they refer to.
+#[derive(Clone, Debug)]
+pub struct SystemPackage {
+    /// What tools read that know nothing of variants.
+    pub structure: SystemStructure,
+    /// Other structures by their file names, `Components.ssd` for one.
+    pub variants: Vec<(String, SystemStructure)>,
+    /// FMUs and parameter sets by the paths that components refer to.
+    pub resources: Vec<(String, Vec<u8>)>,
+}
+
+impl SystemStructure {
+    /// The same without what the system exchanges with the outside, under another name: for masters that read
+    /// no connectors of the system and whose users set the components' inputs themselves.
+    #[must_use]
+    pub fn of_components(&self, name: &str) -> Self {
+        let mut structure = Self { name: name.to_owned(), ..self.clone() };
+        structure.system.connectors.clear();
+        structure.system.connections.retain(|connection| {
+            [&connection.start, &connection.end].iter().all(|end| end.component.is_some())
+        });
+        structure
+    }
+
+    /// The text of the .ssd file.
+    #[must_use]
+    pub fn to_xml(&self) -> String {
+        let attributes = vec![
+            ("xmlns:ssc", parameter_set::COMMON_NAMESPACE.to_owned()),
+            ("xmlns:ssd", NAMESPACE.to_owned()),
+            ("xmlns:ssv", parameter_set::NAMESPACE.to_owned()),
+            ("xmlns:oms", OMSIMULATOR_NAMESPACE.to_owned()),
+            ("xmlns:osp", LIBCOSIM_NAMESPACE.to_owned()),
+            ("version", "1.0".to_owned()),
+            ("name", self.name.clone()),
+            ("description", self.description.clone()),
+            ("generationTool", concat!("fmu-export ", env!("CARGO_PKG_VERSION")).to_owned()),
+        ];
+        document(|writer| {
+            element(writer, "ssd:SystemStructureDescription", attributes, |writer| {
+                self.write_system(writer)?;
+                let is_used = |unit: &&Unit| {
+                    let components =
+                        self.system.components.iter().flat_map(|component| &component.connectors);
+                    self.system
+                        .connectors
+                        .iter()
+                        .chain(components)
+                        .any(|connector| connector.unit == unit.name)
+                };
+                let units: Vec<_> = self.units.iter().filter(is_used).cloned().collect();
+                write_units(writer, "ssd:Units", &units)?;
+                let times = vec![("startTime", float(self.start_time)), ("stopTime", float(self.stop_time))];
+                element(writer, "ssd:DefaultExperiment", times, |writer| self.write_libcosim_step(writer))
+            })
+        })
+    }
+
+    fn write_system(&self, writer: &mut XmlWriter) -> io::Result<()> {
+        let system = &self.system;
+        element(writer, "ssd:System", vec![("name", system.name.clone())], |writer| {
+            self.write_connectors(writer, &system.connectors)?;
+            let starts = self.start_values().map(|(path, _)| path);
+            write_parameter_bindings(writer, starts.as_slice())?;
+            element(writer, "ssd:Elements", vec![], |writer| {
+                system.components.iter().try_for_each(|component| self.write_component(writer, component))
+            })?;
+            if !system.connections.is_empty() {
+                element(writer, "ssd:Connections", vec![], |writer| {
+                    system.connections.iter().try_for_each(|connection| connection.write(writer))
+                })?;
+            }
+            self.write_omsimulator_step(writer)
+        })
+    }
+
+    /// The values of the system's inputs when nobody gives others, as a parameter set, and its path in the package;
+    /// none where no input has one.
+    fn start_values(&self) -> Option<(String, ParameterSet)> {
+        let starts = self.system.connectors.iter().filter_map(|connector| {
+            Some(Parameter {
+                name: connector.name.clone(),
+                description: String::new(),
+                value: Value::Real(connector.start?, Some(connector.unit.clone())),
+            })
+        });
+        let set = ParameterSet {
+            name: "start values".to_owned(),
+            description: String::new(),
+            parameters: starts.collect(),
+            units: self.units.clone(),
+        };
+        let path = format!("resources/{}_start_values.ssv", self.name);
+        (!set.parameters.is_empty()).then_some((path, set))
+    }
+
+    fn write_component(&self, writer: &mut XmlWriter, component: &SystemComponent) -> io::Result<()> {
+        let attributes = vec![
+            ("name", component.name.clone()),
+            ("type", "application/x-fmu-sharedlibrary".to_owned()),
+            ("source", component.source.clone()),
+            ("implementation", "CoSimulation".to_owned()),
+        ];
+        element(writer, "ssd:Component", attributes, |writer| {
+            self.write_connectors(writer, &component.connectors)?;
+            let Placement { lower_left, upper_right } = component.placement;
+            let corners = vec![
+                ("x1", float(lower_left.0)),
+                ("y1", float(lower_left.1)),
+                ("x2", float(upper_right.0)),
+                ("y2", float(upper_right.1)),
+            ];
+            empty(writer, "ssd:ElementGeometry", corners)?;
+            write_parameter_bindings(writer, &component.parameter_sets)
+        })
+    }
+
+    fn write_connectors(&self, writer: &mut XmlWriter, connectors: &[Connector]) -> io::Result<()> {
+        if connectors.is_empty() {
+            return Ok(());
+        }
+        element(writer, "ssd:Connectors", vec![], |writer| {
+            connectors.iter().try_for_each(|connector| {
+                let kind = match connector.kind {
+                    Kind::Input => "input",
+                    Kind::Output => "output",
+                };
+                let attributes = vec![("name", connector.name.clone()), ("kind", kind.to_owned())];
+                element(writer, "ssd:Connector", attributes, |writer| {
+                    let is_defined =
+                        self.units.iter().any(|unit| unit.name == connector.unit && unit.base.is_some());
+                    let unit: Attributes =
+                        is_defined.then(|| ("unit", connector.unit.clone())).into_iter().collect();
+                    empty(writer, "ssc:Real", unit)?;
+                    let (x, y) = connector.place;
+                    empty(writer, "ssd:ConnectorGeometry", vec![("x", float(x)), ("y", float(y))])
+                })
+            })
+        })
+    }
+
+    fn write_omsimulator_step(&self, writer: &mut XmlWriter) -> io::Result<()> {
+        annotation(writer, "org.openmodelica", |writer| {
+            element(writer, "oms:Annotations", vec![], |writer| {
+                element(writer, "oms:SimulationInformation", vec![], |writer| {
+                    let attributes = vec![
+                        ("description", "oms-ma".to_owned()),
+                        ("stepSize", float(self.step_size)),
+                        ("relativeTolerance", float(OMSIMULATOR_TOLERANCE)),
+                    ];
+                    empty(writer, "oms:FixedStepMaster", attributes)
+                })
+            })
+        })
+    }
+
+    fn write_libcosim_step(&self, writer: &mut XmlWriter) -> io::Result<()> {
+        annotation(writer, "com.opensimulationplatform", |writer| {
+            element(writer, "osp:Algorithm", vec![], |writer| {
+                empty(writer, "osp:FixedStepAlgorithm", vec![("baseStepSize", float(self.step_size))])
+            })
+        })
+    }
+}
+
+impl Connection {
+    fn write(&self, writer: &mut XmlWriter) -> io::Result<()> {
+        let mut attributes = vec![];
+        attributes.extend(self.start.component.clone().map(|component| ("startElement", component)));
+        attributes.push(("startConnector", self.start.connector.clone()));
+        attributes.extend(self.end.component.clone().map(|component| ("endElement", component)));
+        attributes.push(("endConnector", self.end.connector.clone()));
+        if self.transformation.is_some() {
+            // The transformation says all; without this it would be done on top of a conversion by units.
+            attributes.push(("suppressUnitConversion", true.to_string()));
+        }
+        element(writer, "ssd:Connection", attributes, |writer| {
+            if let Some(Linear { factor, offset }) = self.transformation {
+                empty(writer, "ssc:LinearTransformation", conversion(factor, offset))?;
+            }
+            let list = |values: Vec<String>| values.join(" ");
+            let x = list(self.corners.iter().map(|corner| float(corner.0)).collect());
+            let y = list(self.corners.iter().map(|corner| float(corner.1)).collect());
+            empty(writer, "ssd:ConnectionGeometry", vec![("pointsX", x), ("pointsY", y)])
+        })
+    }
+}
+
+impl SystemPackage {
+    /// All structures with their file names.
+    fn structures(&self) -> impl Iterator<Item = (&str, &SystemStructure)> {
+        let variants = self.variants.iter().map(|(path, structure)| (path.as_str(), structure));
+        iter::once((DEFAULT_STRUCTURE, &self.structure)).chain(variants)
+    }
+
+    /// Writes the archive.
+    ///
+    /// # Errors
+    /// When writing fails, or two parts have the same path.
+    pub fn write(&self, writer: impl Write) -> io::Result<()> {
+        let structures = self.structures().map(|(path, structure)| (path.to_owned(), structure.to_xml()));
+        let starts = self.structures().filter_map(|(_, structure)| structure.start_values());
+        let texts: Vec<_> = structures.chain(starts.map(|(path, set)| (path, set.to_xml()))).collect();
+        let texts = texts.iter().map(|(path, text)| (path.clone(), text.as_bytes()));
+        let resources = self.resources.iter().map(|(path, content)| (path.clone(), content.as_slice()));
+        let entries: Vec<_> = texts.chain(resources).collect();
+        archive::write(writer, &entries)
+    }
+}
+
+/// Binds parameter sets by their paths in the package.
+fn write_parameter_bindings(writer: &mut XmlWriter, sources: &[String]) -> io::Result<()> {
+    if sources.is_empty() {
+        return Ok(());
+    }
+    element(writer, "ssd:ParameterBindings", vec![], |writer| {
+        sources
+            .iter()
+            .try_for_each(|source| empty(writer, "ssd:ParameterBinding", vec![("source", source.clone())]))
+    })
+}
+
+fn annotation(
+    writer: &mut XmlWriter,
+    kind: &'static str,
+    content: impl FnOnce(&mut XmlWriter) -> io::Result<()>,
+) -> io::Result<()> {
+    element(writer, "ssd:Annotations", vec![], |writer| {
+        element(writer, "ssc:Annotation", vec![("type", kind.to_owned())], content)
+    })
+}
