@@ -25,16 +25,16 @@ def root() -> Path:
 
 @pytest.fixture(scope="session")
 def exported() -> Path:
-    """The folder that `cargo run --release -- export` wrote to."""
+    """The folder that the export wrote to."""
     folder = TARGET / "fmu"
-    assert folder.is_dir(), "export first: cargo run --release -- export"
+    assert folder.is_dir(), f"{folder} is missing: bash tests/run exports to it"
     return folder
 
 
 @pytest.fixture(scope="session")
 def boost_fmu() -> Callable[..., subprocess.CompletedProcess[str]]:
     """Runs the command that exported the FMUs, in a folder."""
-    command = TARGET / "release" / "boost-fmu"
+    command = TARGET / "debug" / "boost-fmu"
 
     def run(*arguments: str | Path, folder: Path) -> subprocess.CompletedProcess[str]:
         line = [command, *arguments]
