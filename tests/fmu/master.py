@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from fmpy import calloc, extract, free, read_model_description
+from fmpy import calloc, extract, free, platform, read_model_description, sharedLibraryExtension
 from fmpy.fmi2 import (
     FMU2Slave,
     fmi2CallbackAllocateMemoryTYPE,
@@ -57,6 +57,8 @@ class Fmu:
         self.path = path
         self.description = read_model_description(path)
         self.folder = extract(path, folder)
+        identifier = self.description.coSimulation.modelIdentifier
+        self.library = Path(self.folder) / "binaries" / platform / (identifier + sharedLibraryExtension)
         self.variables: dict[str, ScalarVariable] = {
             variable.name: variable for variable in self.description.modelVariables
         }

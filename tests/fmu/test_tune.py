@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from broken import copy_with
-from conftest import ROOT, SUMMARY, Make, RecordProperty, Run
+from conftest import ROOT, Make, Run
 from experiments import BOOST_STEPS, BOOST_STEPS_END, ON_TOLERANCE, Steps, couple, staircase
 from fmpy.ssp.ssd import ns, read_ssv, validate_tree
 from lxml import etree
@@ -48,9 +48,7 @@ def tuned(lab: Run, exported: Path, tmp_path_factory: pytest.TempPathFactory) ->
     return tune(lab, out, exported / "BoostPlant.fmu", "--controller", exported / "BoostController.fmu")
 
 
-def test_maps_are_those_of_the_controller(
-    tuned: Path, controller_fmu: Fmu, record_property: RecordProperty
-) -> None:
+def test_maps_are_those_of_the_controller(tuned: Path, controller_fmu: Fmu) -> None:
     """The procedure gives the maps that it gave once before, by another implementation of plant and fit.
 
     They may differ by what the identification of a map is worth: 0.3 % duty, 2 % of gain and time constant,
@@ -93,8 +91,7 @@ def test_maps_are_those_of_the_controller(
                 counts[name] += 1
     assert bases == expected_bases
     assert list(bases.values()).count("identified") == counts["feedforward"]
-    record_property(
-        SUMMARY,
+    print(
         "tuning finds the controller's maps: feedforward of {feedforward} points".format(**counts)
         + " within {feedforward:.1e} %, ".format(**worst)
         + f"gain of {counts['gain']} within {100 * worst['gain']:.1e} %, "

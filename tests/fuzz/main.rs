@@ -12,8 +12,7 @@
 //! `PROPTEST_CASES=20000 cargo test --release --test fuzz`.
 
 use std::cell::Cell;
-use std::path::Path;
-use std::{env, fs};
+use std::env;
 
 use boost_fmu::controller::BoostController;
 use boost_fmu::plant::BoostPlant;
@@ -37,14 +36,6 @@ fn runner(cases: u32) -> TestRunner {
         config.rng_seed = RngSeed::Fixed(2011);
     }
     TestRunner::new(config)
-}
-
-/// Leaves the number of what was tried where the summary of all tests looks for it.
-fn report(what: &str, model: &str, count: u64) {
-    println!("{model}: {count} {what}");
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("fuzz");
-    fs::create_dir_all(&folder).unwrap();
-    fs::write(folder.join(format!("{model}-{what}")), count.to_string()).unwrap();
 }
 
 /// Random calls, from an opening that makes it likely that steps are taken.
@@ -81,8 +72,7 @@ fn any_order<M: Model>(cases: u32, opening: impl Fn() -> Vec<Call>) {
         Ok(())
     });
     outcome.unwrap_or_else(|failure| panic!("{failure}"));
-    report("sequences", description.model_identifier, sequences.get());
-    report("calls", description.model_identifier, made.get());
+    println!("{}: {} sequences, {} calls", description.model_identifier, sequences.get(), made.get());
 }
 
 /// The value reference of a variable.
@@ -143,7 +133,7 @@ fn any_bytes<M: Model>(cases: u32) {
         Ok(())
     });
     outcome.unwrap_or_else(|failure| panic!("{failure}"));
-    report("serialized states", description.model_identifier, tried.get());
+    println!("{}: {} serialized states", description.model_identifier, tried.get());
 }
 
 #[test]
