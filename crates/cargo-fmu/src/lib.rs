@@ -12,6 +12,7 @@ mod licenses;
 mod merge;
 mod parameters;
 mod target;
+mod validate;
 
 use std::process::ExitCode;
 
@@ -23,6 +24,7 @@ pub use export::{Export, Plan};
 pub use info::Info;
 pub use merge::Merge;
 pub use parameters::Parameters;
+pub use validate::Validate;
 
 /// What the process ends with when it could not do what it was asked for; clap does so, too.
 const FAILED: u8 = 2;
@@ -41,6 +43,7 @@ enum Command {
     Export(Export),
     Merge(Merge),
     Info(Info),
+    Validate(Validate),
     Parameters(Parameters),
 }
 
@@ -53,6 +56,7 @@ pub fn main() -> ExitCode {
             Command::Export(export) => export.plan()?.run(&[], &[]),
             Command::Merge(merge) => merge.run(),
             Command::Info(info) => info.run(),
+            Command::Validate(validate) => return validate.run(),
             Command::Parameters(parameters) => parameters.run(),
         }
         .map(|()| true)
