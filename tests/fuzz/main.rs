@@ -21,6 +21,7 @@ use fmu_export::{Model, Variables as _};
 use proptest::prelude::*;
 use proptest::test_runner::{RngSeed, TestRunner};
 
+mod addresses;
 mod calls;
 mod importer;
 mod standard;
