@@ -10,39 +10,38 @@
 //!                               boost pressure
 //! ```
 //!
-//! The [`feedforward`] maps the reference to the duty that holds it, the [`feedback`], a PID controller
-//! tuned by the local model of the [`schedule`], takes care of what the map does not know, and the
-//! [`compensator`] turns the duty at nominal voltage into that at the voltage there is, before a
-//! disturbance of the voltage moves the wastegate. Between reference and feedback stands a
-//! [`reference_model`], unless the structure is the paper's own. Apart from these, a relay keeps the vacuum
-//! in the tank ([`tank_relay`]), and the [`stage`] strategy decides which turbocharger works.
+//! The feedforward maps the reference to the duty that holds it. The [`feedback`], a PID controller tuned by the
+//! local model of the [`schedule`], corrects what the map does not contain. The compensator converts the duty at
+//! nominal voltage to that at the measured voltage, so that a disturbance of the voltage does not move the
+//! wastegate. Between reference and feedback stands a reference model, unless the structure is that of the paper.
+//! Besides, a relay switches the vacuum pump, and the stage strategy decides which turbocharger works.
 //!
-//! Two further modes leave the boost pressure aside: `position` puts the wastegate where it is asked to be
-//! ([`actuator_inverse`]), `open_loop` passes a duty on. Both compensate for the voltage.
+//! Two further modes do not control boost pressure: `position` moves the wastegate to a reference
+//! ([`actuator_inverse`]), `open_loop` takes the duty as an input. Both compensate for the voltage.
 //!
-//! All of it happens at the samples of the [`clock`]; between them the outputs stay.
+//! Everything is computed at the samples; between them the outputs are held.
 
 pub mod actuator_inverse;
-pub mod clock;
-pub mod compensator;
+mod clock;
+mod compensator;
 pub mod feedback;
-pub mod feedforward;
-pub mod reference_model;
+mod feedforward;
+mod reference_model;
 pub mod schedule;
-pub mod stage;
-pub mod tank_relay;
+mod stage;
+mod tank_relay;
 
 /// The variables of the controller, generated from `modelDescription/controller.json`.
 pub mod variables {
     fmu_export::include_variables!("BoostController");
 }
 
-use fmu_export::{Context, Error, InputsOf, Model, Step};
+use fmu_export::{Context, Error, InputsOf, Model, Persistent, Step};
 
 use crate::LONGEST_STEP;
 use clock::SampleClock;
 use compensator::{Compensator, Limits, SupplyVoltage};
-use feedback::{Pid, Tuning};
+use feedback::{FeedbackSettings, Pid};
 use reference_model::ReferenceModel;
 use schedule::OperatingPoint;
 use stage::{LowPressureLoop, StageStrategy};
@@ -57,7 +56,7 @@ const LEAST_MEASUREMENT: f64 = 20e3;
 const FULL_RANGE: (f64, f64) = (0.0, 100.0);
 
 /// The controller's memory.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Persistent)]
 pub struct BoostController {
     clock: SampleClock,
     relay: TankRelay,
@@ -67,21 +66,17 @@ pub struct BoostController {
     boost: Option<BoostLoop>,
 }
 
-fmu_export::persistent!(BoostController { clock, relay, stage, supply_voltage, boost });
-
 /// The memory of mode boost.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Persistent)]
 struct BoostLoop {
     pid: Pid,
     reference_model: ReferenceModel,
     low_pressure: LowPressureLoop,
 }
 
-fmu_export::persistent!(BoostLoop { pid, reference_model, low_pressure });
-
 /// A duty at nominal voltage and what it is made of (%).
 #[derive(Clone, Copy, Debug)]
-struct Command {
+struct DutyCommand {
     feedforward: f64,
     proportional: f64,
     integral: f64,
@@ -90,7 +85,7 @@ struct Command {
     reference_model_pressure: f64,
 }
 
-impl Command {
+impl DutyCommand {
     /// A duty without feedback.
     fn feedforward(duty: f64, reference_model_pressure: f64) -> Self {
         Self {
@@ -154,7 +149,7 @@ impl Model for BoostController {
         } else {
             feedforward::at_rest(parameters, inputs)
         };
-        let command = Command::feedforward(duty, feedforward::bounded_reference(parameters, inputs));
+        let command = DutyCommand::feedforward(duty, feedforward::bounded_reference(parameters, inputs));
         let supply_voltage = SupplyVoltage::default().sample(inputs.supply_voltage_measured);
         let compensator = Compensator::new(parameters, supply_voltage);
         publish(locals, outputs, &command, compensator, limits(parameters, compensator), valves);
@@ -219,10 +214,10 @@ impl BoostController {
         let command = match &mut self.boost {
             Some(boost) if bypassed => {
                 lp_wastegate = boost.pass_by(parameters, inputs.boost_pressure, reference);
-                Command::feedforward(parameters.pwm_max, inputs.boost_pressure)
+                DutyCommand::feedforward(parameters.pwm_max, inputs.boost_pressure)
             }
             Some(boost) => boost.control(parameters, inputs, reference, limits),
-            None => Command::feedforward(feedforward::at_rest(parameters, inputs), reference),
+            None => DutyCommand::feedforward(feedforward::at_rest(parameters, inputs), reference),
         };
         let valves = Valves { vacuum_pump, lp_wastegate, hp_bypass: bypassed };
         publish(locals, outputs, &command, compensator, limits, valves);
@@ -246,14 +241,14 @@ impl BoostLoop {
         inputs: &Inputs,
         reference: f64,
         limits: Limits,
-    ) -> Command {
+    ) -> DutyCommand {
         let &Parameters { sample_time, lambda, derivative_filter, .. } = parameters;
         let measurement = inputs.boost_pressure;
         self.low_pressure = LowPressureLoop::default();
 
         let operating_point = OperatingPoint::new(&parameters.schedule, reference, inputs.engine_speed);
         let local_model = operating_point.local_model();
-        let tuning = Tuning::new(&local_model, lambda);
+        let tuning = FeedbackSettings::new(&local_model, lambda);
         self.pid.differentiate(&tuning, derivative_filter, sample_time, measurement);
 
         let (feedforward, error, reference_model_pressure) = match parameters.structure {
@@ -268,7 +263,7 @@ impl BoostLoop {
                 (feedforward, error, pressure)
             }
         };
-        let command = Command {
+        let command = DutyCommand {
             feedforward,
             proportional: tuning.gain * error,
             integral: self.pid.integral,
@@ -302,7 +297,7 @@ fn limits(parameters: &Parameters, compensator: Compensator) -> Limits {
 fn publish(
     locals: &mut Locals,
     outputs: &mut Outputs,
-    command: &Command,
+    command: &DutyCommand,
     compensator: Compensator,
     limits: Limits,
     valves: Valves,

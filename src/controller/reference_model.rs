@@ -7,19 +7,19 @@
 //! engine is from the model, delayed as the engine is. Because the model gets the duty within its limits,
 //! it does not run away from an engine whose wastegate is at its end.
 
+use fmu_export::Persistent;
+
 use super::schedule::OperatingPoint;
 use crate::elementary::larger;
 
 /// What the reference model remembers between samples.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct ReferenceModel {
     /// `y_m`: its boost pressure (Pa).
     pub pressure: f64,
     /// `y_d`: the same after the engine's delay (Pa); none before the first sample.
     delayed: Option<f64>,
 }
-
-fmu_export::persistent!(ReferenceModel { pressure, delayed });
 
 /// The reference model at one sample.
 #[derive(Clone, Copy, Debug)]
@@ -32,13 +32,11 @@ pub struct Linearized {
 
 impl ReferenceModel {
     /// A model that begins at rest at a boost pressure (Pa).
-    #[must_use]
     pub fn at(pressure: f64) -> Self {
         Self { pressure, delayed: None }
     }
 
     /// The model at its boost pressure, given any operating point of the same engine speed.
-    #[must_use]
     pub fn linearize(&self, operating_point: OperatingPoint<'_>) -> Linearized {
         let here = operating_point.at_pressure(self.pressure);
         let local = here.local_model();
@@ -47,14 +45,12 @@ impl ReferenceModel {
 
     /// The duty at nominal voltage (%) that leads the model to the reference (Pa) with the time constant
     /// λ (s).
-    #[must_use]
     pub fn feedforward(&self, model: &Linearized, reference: f64, lambda: f64) -> f64 {
         model.holding + (reference - self.pressure) / lambda / model.slope
     }
 
     /// How far a measurement (Pa) is below the delayed model. The model begins at the measurement, hence 0
     /// at first.
-    #[must_use]
     pub fn error(&self, measurement: f64) -> f64 {
         self.delayed.map_or(0.0, |delayed| delayed - measurement)
     }
