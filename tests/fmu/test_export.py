@@ -11,7 +11,7 @@ from conftest import TARGET
 
 
 def test_export_is_reproducible(root: Path, tmp_path: Path) -> None:
-    """The same sources give the same bytes, also when cargo compiles them anew."""
+    """The same sources give the same bytes, also when cargo compiles them again."""
 
     def export(folder: str) -> dict[str, str]:
         out = tmp_path / folder

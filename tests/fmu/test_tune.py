@@ -121,7 +121,7 @@ def test_parameter_set_is_valid(tuned: Path, controller_fmu: Fmu) -> None:
 def test_loop_is_tuned_to_another_plant(
     name: str, lab: Run, exported: Path, tmp_path: Path, plant: Make, controller: Make
 ) -> None:
-    """The steps of fig. 13 on a plant that the controller is tuned to anew.
+    """The steps of fig. 13 on a plant that the controller is tuned to again.
 
     The paper has at most 5 kPa up and 1 kPa down; the reference solution on plants that the controller is not
     tuned to at most 0.9 kPa, and 2 Pa in the end.
@@ -154,7 +154,7 @@ def test_loop_is_tuned_to_another_plant(
         assert max(ahead.up) > 1000 > max(retuned.up)
 
 
-def test_interrupted_tuning_goes_on(
+def test_an_interrupted_tuning_is_resumed(
     laboratory: Path, lab: Run, exported: Path, tuned: Path, tmp_path: Path
 ) -> None:
     """Killed on the way and begun again: the same bytes, and nothing that was finished is done again."""
@@ -211,8 +211,8 @@ def test_lambda_needs_no_new_experiments(lab: Run, exported: Path, tuned: Path, 
         assert feedback["derivative_time"] == pytest.approx(expected)
 
 
-def test_plant_that_saves_no_state(lab: Run, exported: Path, tuned: Path, tmp_path: Path) -> None:
-    """It is simulated anew for each step, with the same numbers; and the reader is told."""
+def test_a_plant_that_cannot_save_its_state(lab: Run, exported: Path, tuned: Path, tmp_path: Path) -> None:
+    """It is simulated again for each step, with the same numbers; and the reader is told."""
     plant = copy_with(
         exported / "BoostPlant.fmu",
         tmp_path / "plant.fmu",

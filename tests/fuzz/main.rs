@@ -21,6 +21,7 @@ use fmu_export::{Model, Variables as _};
 use proptest::prelude::*;
 use proptest::test_runner::{RngSeed, TestRunner};
 
+mod addresses;
 mod calls;
 mod importer;
 mod standard;
@@ -94,7 +95,7 @@ fn opening(more: Vec<Call>) -> Vec<Call> {
 }
 
 #[test]
-fn the_plant_stands_any_order_of_calls() {
+fn the_plant_survives_calls_in_any_order() {
     // Running: with random parameters and inputs, a search for a settled start is long and seldom ends well.
     let mode = reference::<BoostPlant>("initialization.mode");
     any_order::<BoostPlant>(400, || {
@@ -103,7 +104,7 @@ fn the_plant_stands_any_order_of_calls() {
 }
 
 #[test]
-fn the_controller_stands_any_order_of_calls() {
+fn the_controller_survives_calls_in_any_order() {
     any_order::<BoostController>(1000, || opening(vec![]));
 }
 
@@ -137,11 +138,11 @@ fn any_bytes<M: Model>(cases: u32) {
 }
 
 #[test]
-fn the_plant_stands_any_bytes() {
+fn the_plant_refuses_damaged_states() {
     any_bytes::<BoostPlant>(5000);
 }
 
 #[test]
-fn the_controller_stands_any_bytes() {
+fn the_controller_refuses_damaged_states() {
     any_bytes::<BoostController>(5000);
 }

@@ -100,7 +100,7 @@ def test_what_is_not_finite_is_refused(make: New, fmus: dict[str, Fmu], name: st
                 assert variable.name in refusal(instance, instance.set, {variable.name: value})
     assert (drive(instance.start(), 0, 20) == drive(make(fmus[name]).start(), 0, 20)).all()
     assert "communicationStepSize" in refusal(instance, instance.slave.doStep, 20 * STEP, math.nan)
-    # Whoever mistypes a step is told so at once, instead of waiting for years.
+    # A mistyped step is refused at once, instead of taking years.
     assert "communicationStepSize" in refusal(instance, instance.slave.doStep, 20 * STEP, 1e9)
 
 
@@ -140,7 +140,7 @@ def test_the_plant_reports_what_it_cannot_compute(plant: Make) -> None:
     assert "actuator.velocity, hp_shaft.speed" in instance.warnings()[-1]
 
 
-def test_a_vessel_that_nothing_empties(plant: Make) -> None:
+def test_the_largest_tank(plant: Make) -> None:
     plant().start({"tank.volume": 1e4}).slave.doStep(0.0, STEP)
 
 

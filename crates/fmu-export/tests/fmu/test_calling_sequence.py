@@ -307,6 +307,10 @@ def test_the_status_of_the_last_step(live: Callable[..., Life]) -> None:
         life.ok("fmi2GetBooleanStatus", TERMINATED, byref(terminated))
         assert terminated.value == 0
         assert life.step_on() == Status.OK
+    # What stands where a status shall be written to may be any number: it is not read, nor written when discarded.
+    status = c_int(77)
+    assert life.call("fmi2GetStatus", DO_STEP_STATUS, byref(status)) == Status.DISCARD
+    assert status.value == 77
 
 
 def test_a_saved_state_leads_out_of_an_error(make: Callable[..., Instance]) -> None:

@@ -92,6 +92,23 @@ def test_a_warning_is_not_repeated_after_a_restore(make: Make) -> None:
     assert second.messages == []
 
 
+def test_warnings_of_initialization_do_not_accumulate(make: Make) -> None:
+    """An importer that tries thousands of values is warned of each; one that goes to and fro, once."""
+    instance = make()
+    instance.enter()
+
+    def initialized(number: int) -> Status:
+        assert instance.set({"note": b"warning %4d" % number}) == Status.OK
+        return instance.call(*instance.getting("output"))
+
+    assert [initialized(number) for number in range(100)] == [Status.WARNING] * 100
+    before = len(instance.snapshot())
+    assert [initialized(number) for number in range(100, 2000)] == [Status.WARNING] * 1900
+    assert len(instance.snapshot()) == before
+    assert [initialized(number) for number in [1997, 1998, 1999] * 3] == [Status.OK] * 9
+    assert len(instance.messages) == 2000
+
+
 def test_another_process_goes_on_identically(make: Make, fmu: Fmu, tmp_path: Path) -> None:
     first = prepare(make())
     (tmp_path / "state").write_bytes(first.snapshot())

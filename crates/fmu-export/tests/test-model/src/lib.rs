@@ -143,6 +143,9 @@ impl Model for TestModel {
             }
             variables.states.motion.position = 0.0;
         }
+        if inputs.note.starts_with("warning") {
+            context.warn(format_args!("{}", inputs.note));
+        }
         context.event(format_args!("the level starts at {}", variables.states.tank.level));
         fail(variables, Place::Initialize)?;
         self.steps = variables.parameters.settings.first;
