@@ -7,6 +7,8 @@
 //! is meant to coincide with a communication point belongs to the step that begins there, so two times
 //! are taken as one when such rounding can explain their difference.
 
+use fmu_export::Persistent;
+
 use crate::elementary::{larger, smaller};
 
 /// Times that differ by less than this part of the sample time are one, whatever the rounding.
@@ -16,15 +18,13 @@ const COINCIDENCE: f64 = 1e-6;
 const MOST_COINCIDENCE: f64 = 0.05;
 
 /// The clock of a sampled controller.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct SampleClock {
     /// How many samples have been executed; the next one has this number.
     executed: u64,
     /// How far the master's additions may have led its time astray (s).
     rounding: f64,
 }
-
-fmu_export::persistent!(SampleClock { executed, rounding });
 
 impl SampleClock {
     /// A communication step begins (s) and will end (s). Returns the time (s) before which the samples are

@@ -3,6 +3,8 @@
 //! The plunger of the solenoid valve follows the mean of the magnetic field, hence duty times voltage, so a
 //! duty found at nominal voltage acts the same at another one when it is multiplied by their ratio.
 
+use fmu_export::Persistent;
+
 use super::variables::Parameters;
 use crate::elementary::{larger, smaller};
 
@@ -17,13 +19,11 @@ const LEAST_MEASUREMENT: f64 = 3.0;
 const FULL_DUTY: f64 = 100.0;
 
 /// What is remembered of the supply voltage.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Persistent)]
 pub struct SupplyVoltage {
     /// Whether there was a measurement. After that a low voltage is one as well: the supply fails.
     measured: bool,
 }
-
-fmu_export::persistent!(SupplyVoltage { measured });
 
 impl SupplyVoltage {
     /// Takes what is handed over for a measurement (V): the measurement, if there was one yet.

@@ -1,6 +1,8 @@
 //! The feedback: a gain scheduled PID controller by λ-tuning, with a filtered derivative of the
 //! measurement and tracking against wind-up (paper, section 6).
 
+use fmu_export::Persistent;
+
 use super::schedule::LocalModel;
 use crate::elementary::larger;
 
@@ -15,7 +17,7 @@ const LEAST_TRACKING_SAMPLES: f64 = 4.0;
 /// `1 + s T_i + s² T_i T_d = (1 + s T) (1 + s L/2)`, which cancels the local model with its delay in Padé's
 /// approximation. The sum is used.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tuning {
+pub struct FeedbackSettings {
     /// K (%/Pa).
     pub gain: f64,
     /// `K / T_i` (%/(Pa s)).
@@ -26,7 +28,7 @@ pub struct Tuning {
     pub derivative_time: f64,
 }
 
-impl Tuning {
+impl FeedbackSettings {
     /// λ-tuning for a local model; λ (s) is the time constant asked of the closed loop.
     #[must_use]
     pub fn new(model: &LocalModel, lambda: f64) -> Self {
@@ -48,7 +50,7 @@ impl Tuning {
 }
 
 /// What the PID controller remembers between samples.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct Pid {
     /// The integral term (%).
     pub integral: f64,
@@ -57,8 +59,6 @@ pub struct Pid {
     /// The boost pressure at the last sample (Pa).
     measurement: f64,
 }
-
-fmu_export::persistent!(Pid { integral, derivative, measurement });
 
 impl Pid {
     /// A controller that begins at rest at a boost pressure (Pa).
@@ -71,7 +71,13 @@ impl Pid {
     ///
     /// It acts on the measurement alone, lest a step of the reference kick, and through a filter with the
     /// time constant `T_d / filter`, discretised by backward differences.
-    pub fn differentiate(&mut self, tuning: &Tuning, filter: f64, sample_time: f64, measurement: f64) {
+    pub fn differentiate(
+        &mut self,
+        tuning: &FeedbackSettings,
+        filter: f64,
+        sample_time: f64,
+        measurement: f64,
+    ) {
         let pole = tuning.derivative_time / (tuning.derivative_time + filter * sample_time);
         let change = measurement - self.measurement;
         self.derivative = pole * self.derivative - tuning.gain * filter * pole * change;
@@ -80,7 +86,7 @@ impl Pid {
 
     /// The integral term for the next sample: by the error (Pa), and by what the limits cut off the duty
     /// (%, limited minus asked), which keeps it from winding up.
-    pub fn integrate(&mut self, tuning: &Tuning, sample_time: f64, error: f64, cut: f64) {
+    pub fn integrate(&mut self, tuning: &FeedbackSettings, sample_time: f64, error: f64, cut: f64) {
         self.integral += sample_time * tuning.integral_gain * error
             + sample_time / tuning.tracking_time(sample_time) * cut;
     }

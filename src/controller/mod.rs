@@ -37,12 +37,12 @@ pub mod variables {
     fmu_export::include_variables!("BoostController");
 }
 
-use fmu_export::{Context, Error, InputsOf, Model, Step};
+use fmu_export::{Context, Error, InputsOf, Model, Persistent, Step};
 
 use crate::LONGEST_STEP;
 use clock::SampleClock;
 use compensator::{Compensator, Limits, SupplyVoltage};
-use feedback::{Pid, Tuning};
+use feedback::{FeedbackSettings, Pid};
 use reference_model::ReferenceModel;
 use schedule::OperatingPoint;
 use stage::{LowPressureLoop, StageStrategy};
@@ -57,7 +57,7 @@ const LEAST_MEASUREMENT: f64 = 20e3;
 const FULL_RANGE: (f64, f64) = (0.0, 100.0);
 
 /// The controller's memory.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Persistent)]
 pub struct BoostController {
     clock: SampleClock,
     relay: TankRelay,
@@ -67,21 +67,17 @@ pub struct BoostController {
     boost: Option<BoostLoop>,
 }
 
-fmu_export::persistent!(BoostController { clock, relay, stage, supply_voltage, boost });
-
 /// The memory of mode boost.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Persistent)]
 struct BoostLoop {
     pid: Pid,
     reference_model: ReferenceModel,
     low_pressure: LowPressureLoop,
 }
 
-fmu_export::persistent!(BoostLoop { pid, reference_model, low_pressure });
-
 /// A duty at nominal voltage and what it is made of (%).
 #[derive(Clone, Copy, Debug)]
-struct Command {
+struct DutyCommand {
     feedforward: f64,
     proportional: f64,
     integral: f64,
@@ -90,7 +86,7 @@ struct Command {
     reference_model_pressure: f64,
 }
 
-impl Command {
+impl DutyCommand {
     /// A duty without feedback.
     fn feedforward(duty: f64, reference_model_pressure: f64) -> Self {
         Self {
@@ -154,7 +150,7 @@ impl Model for BoostController {
         } else {
             feedforward::at_rest(parameters, inputs)
         };
-        let command = Command::feedforward(duty, feedforward::bounded_reference(parameters, inputs));
+        let command = DutyCommand::feedforward(duty, feedforward::bounded_reference(parameters, inputs));
         let supply_voltage = SupplyVoltage::default().sample(inputs.supply_voltage_measured);
         let compensator = Compensator::new(parameters, supply_voltage);
         publish(locals, outputs, &command, compensator, limits(parameters, compensator), valves);
@@ -219,10 +215,10 @@ impl BoostController {
         let command = match &mut self.boost {
             Some(boost) if bypassed => {
                 lp_wastegate = boost.pass_by(parameters, inputs.boost_pressure, reference);
-                Command::feedforward(parameters.pwm_max, inputs.boost_pressure)
+                DutyCommand::feedforward(parameters.pwm_max, inputs.boost_pressure)
             }
             Some(boost) => boost.control(parameters, inputs, reference, limits),
-            None => Command::feedforward(feedforward::at_rest(parameters, inputs), reference),
+            None => DutyCommand::feedforward(feedforward::at_rest(parameters, inputs), reference),
         };
         let valves = Valves { vacuum_pump, lp_wastegate, hp_bypass: bypassed };
         publish(locals, outputs, &command, compensator, limits, valves);
@@ -246,14 +242,14 @@ impl BoostLoop {
         inputs: &Inputs,
         reference: f64,
         limits: Limits,
-    ) -> Command {
+    ) -> DutyCommand {
         let &Parameters { sample_time, lambda, derivative_filter, .. } = parameters;
         let measurement = inputs.boost_pressure;
         self.low_pressure = LowPressureLoop::default();
 
         let operating_point = OperatingPoint::new(&parameters.schedule, reference, inputs.engine_speed);
         let local_model = operating_point.local_model();
-        let tuning = Tuning::new(&local_model, lambda);
+        let tuning = FeedbackSettings::new(&local_model, lambda);
         self.pid.differentiate(&tuning, derivative_filter, sample_time, measurement);
 
         let (feedforward, error, reference_model_pressure) = match parameters.structure {
@@ -268,7 +264,7 @@ impl BoostLoop {
                 (feedforward, error, pressure)
             }
         };
-        let command = Command {
+        let command = DutyCommand {
             feedforward,
             proportional: tuning.gain * error,
             integral: self.pid.integral,
@@ -302,7 +298,7 @@ fn limits(parameters: &Parameters, compensator: Compensator) -> Limits {
 fn publish(
     locals: &mut Locals,
     outputs: &mut Outputs,
-    command: &Command,
+    command: &DutyCommand,
     compensator: Compensator,
     limits: Limits,
     valves: Valves,

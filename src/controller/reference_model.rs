@@ -7,19 +7,19 @@
 //! engine is from the model, delayed as the engine is. Because the model gets the duty within its limits,
 //! it does not run away from an engine whose wastegate is at its end.
 
+use fmu_export::Persistent;
+
 use super::schedule::OperatingPoint;
 use crate::elementary::larger;
 
 /// What the reference model remembers between samples.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct ReferenceModel {
     /// `y_m`: its boost pressure (Pa).
     pub pressure: f64,
     /// `y_d`: the same after the engine's delay (Pa); none before the first sample.
     delayed: Option<f64>,
 }
-
-fmu_export::persistent!(ReferenceModel { pressure, delayed });
 
 /// The reference model at one sample.
 #[derive(Clone, Copy, Debug)]

@@ -5,19 +5,17 @@
 //! the low-pressure wastegate opens with the engine speed. At high speed the high-pressure compressor would
 //! choke: it is passed by, its wastegate stands open, and boost is limited by the low-pressure wastegate.
 
-use fmu_export::Error;
+use fmu_export::{Error, Persistent};
 
 use super::variables::Parameters;
 use crate::elementary::smaller;
 
 /// What the strategy remembers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Persistent)]
 pub struct StageStrategy {
     /// Whether the high-pressure stage is passed by.
     pub bypassed: bool,
 }
-
-fmu_export::persistent!(StageStrategy { bypassed });
 
 impl StageStrategy {
     /// Whether the high-pressure stage is passed by at an engine speed (rpm): from the limit on, until the
@@ -46,13 +44,11 @@ pub fn lp_wastegate(parameters: &Parameters, engine_speed: f64) -> f64 {
 
 /// Control of boost by the low-pressure wastegate: proportional and integral, with tracking against
 /// wind-up.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct LowPressureLoop {
     /// The integral term of the opening; none before the first sample.
     integral: Option<f64>,
 }
-
-fmu_export::persistent!(LowPressureLoop { integral });
 
 impl LowPressureLoop {
     /// The opening of the wastegate for a boost pressure above its reference by an error (Pa). It begins

@@ -1,16 +1,14 @@
 //! The relay that keeps the vacuum tank between two pressures by its pump (paper, section 6).
 
-use fmu_export::Error;
+use fmu_export::{Error, Persistent};
 
 use super::variables::Parameters;
 
 /// What the relay remembers: whether the pump is on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Persistent)]
 pub struct TankRelay {
     on: bool,
 }
-
-fmu_export::persistent!(TankRelay { on });
 
 impl TankRelay {
     /// Whether the pump is on at a tank pressure (Pa): on above the one limit until below the other.

@@ -104,7 +104,7 @@ impl<D: Scalar> Actuator<D> {
     /// in kg/s goes in on balance.
     #[must_use]
     pub fn pressure_rate(&self, pressure: D, temperature: D, volume: D, velocity: D, mass_flow: D) -> D {
-        let inflow = self.air.gas_constant * temperature * mass_flow;
+        let inflow = self.air.parameters.gas_constant * temperature * mass_flow;
         (inflow + pressure * self.parameters.membrane_area * velocity) / volume
     }
 

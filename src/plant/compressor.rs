@@ -38,8 +38,8 @@ impl<D: Scalar> Compressor<D> {
         let p = &parameters;
         Self {
             radius: p.diameter * 0.5,
-            inlet_area_by_gas_constant: p.diameter * p.diameter * (0.25 * PI) / air.gas_constant,
-            head_slope: air.specific_heat * 2.0 / p.peak_head_coefficient,
+            inlet_area_by_gas_constant: p.diameter * p.diameter * (0.25 * PI) / air.parameters.gas_constant,
+            head_slope: air.parameters.specific_heat * 2.0 / p.peak_head_coefficient,
             by_peak_efficiency_flow_coefficient: p.peak_efficiency_flow_coefficient.recip(),
             outlet_volume: air.volume(p.outlet_volume),
             parameters,
@@ -52,7 +52,7 @@ impl<D: Scalar> Compressor<D> {
     #[must_use]
     pub fn compress(&self, inlet: (D, D), temperature_ratio: D, speed: D) -> CompressorLocals<D> {
         let (pressure, temperature) = inlet;
-        let specific_heat = self.air.specific_heat;
+        let specific_heat = self.air.parameters.specific_heat;
         let tip_speed_squared = (self.radius * speed).powi(2);
         // Isentropic rise of temperature; its product with the specific heat is Δh_is.
         let rise = temperature * (temperature_ratio - 1.0);

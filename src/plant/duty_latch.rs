@@ -4,19 +4,19 @@
 //! The instants are counted in integers from the experiment's start, so that they do not drift. The held
 //! duty is part of the model's memory. The voltage is not held: the valve feels it at once.
 
+use fmu_export::Persistent;
+
 /// Instants nearer than this share of a period to the end of a step belong to the next step.
 const ROUNDING: f64 = 1e-6;
 
 /// The held duty and the count of the periods.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Persistent)]
 pub struct DutyLatch {
     /// The duty in percent that holds until the next period starts.
     pub held: f64,
     /// How many periods have started.
     started: u64,
 }
-
-fmu_export::persistent!(DutyLatch { held, started });
 
 impl DutyLatch {
     /// Before the first period, with a duty in percent.

@@ -2,36 +2,29 @@
 //! smooth functions that keep the equations differentiable where flows reverse.
 
 use super::scalar::Scalar;
+use super::variables::GasParameters;
 
 /// An ideal gas.
 #[derive(Clone, Copy, Debug)]
 pub struct Gas<D = f64> {
-    /// Specific gas constant R in J/(kg K).
-    pub gas_constant: D,
-    /// Specific heat at constant pressure in J/(kg K).
-    pub specific_heat: D,
-    /// Ratio of the specific heats γ.
-    pub heat_capacity_ratio: D,
+    /// Its parameters.
+    pub parameters: GasParameters<D>,
     /// The isentropic exponent of temperature over pressure, (γ − 1)/γ.
     pub isentropic_exponent: D,
 }
 
 impl<D: Scalar> Gas<D> {
-    /// A gas from its constants: R and the specific heat in J/(kg K), and γ.
+    /// A gas.
     #[must_use]
-    pub fn new(gas_constant: D, specific_heat: D, heat_capacity_ratio: D) -> Self {
-        Self {
-            gas_constant,
-            specific_heat,
-            heat_capacity_ratio,
-            isentropic_exponent: (heat_capacity_ratio - 1.0) / heat_capacity_ratio,
-        }
+    pub fn new(parameters: GasParameters<D>) -> Self {
+        let ratio = parameters.heat_capacity_ratio;
+        Self { parameters, isentropic_exponent: (ratio - 1.0) / ratio }
     }
 
     /// A volume (m³) that holds the gas.
     #[must_use]
     pub fn volume(&self, volume: D) -> Volume<D> {
-        Volume { stiffness: self.gas_constant / volume }
+        Volume { stiffness: self.parameters.gas_constant / volume }
     }
 }
 

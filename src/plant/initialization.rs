@@ -7,13 +7,13 @@
 
 use num_dual::Dual64;
 
-use super::integration::{Pace, Signal, budget};
+use super::integration::{IntervalInputs, Pace, budget};
 use super::scalar::Scalar;
 use super::system::{GAS_PATH_SCALES, System};
 use super::variables::{ActuationStates, GasPathStates, Inputs, Parameters, StateGroups, States};
 use crate::solver::course::Interval;
 use crate::solver::linear;
-use crate::solver::steady_state::{self, Failure};
+use crate::solver::steady_state::{self, NoSteadyState};
 
 const GAS_PATH: usize = GasPathStates::COUNT;
 
@@ -59,7 +59,7 @@ pub struct Settled {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shortcoming {
     /// What the solver found.
-    pub failure: Failure,
+    pub failure: NoSteadyState,
     /// For how many seconds the transient of [`running`] was followed instead.
     pub followed: f64,
 }
@@ -202,7 +202,7 @@ fn settle_gas_path<D: Scalar>(
 fn follow_transient(system: &System, inputs: &Inputs, start: States) -> (States, f64) {
     // The parameter's default, not its value: a start does not depend on how the steps are integrated.
     let tolerance = Parameters::default().solver.relative_tolerance;
-    let signal = Signal { at: |_| *inputs, is_constant: true };
+    let signal = IntervalInputs { at: |_| *inputs, is_constant: true };
     let mut pace = Pace::default();
     let mut states = start;
     let budget = budget(0.0);

@@ -10,9 +10,11 @@
 //!
 //! `docs/integration.md` tells which other methods were tried.
 
+use fmu_export::Persistent;
+
 use super::system::{Actuation, Evaluation, GAS_PATH_SCALES, GasPath, System};
 use super::variables::{ActuationStates, GasPathStates, Inputs, StateGroups, States};
-use crate::solver::course::{Budget, Course, Failure, Interval, JumpLaw, Memory, Rules};
+use crate::solver::course::{Budget, Course, IntegrationFailure, Interval, JumpLaw, Rules, StepMemory};
 use crate::solver::multirate::{self, Fast, Slow, SlowMemory};
 use crate::solver::rosenbrock::{Blocks, step};
 
@@ -125,20 +127,18 @@ const PUSHED_RULES: Rules<{ States::COUNT }> = Rules {
 /// What is remembered from one communication step to the next: the lengths of steps, the linearizations and the last
 /// derivatives. It only saves work, but it belongs to the plant's state, so that a restored plant goes on bit for
 /// bit.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Persistent)]
 pub struct Pace {
-    actuation: Memory<ACTUATION, ACTUATION_INPUTS>,
+    actuation: StepMemory<ACTUATION, ACTUATION_INPUTS>,
     gas_path: SlowMemory<GAS_PATH, GAS_PATH_INPUTS>,
     /// Whether the vacuum tank was held: the actuation's derivatives are others then.
     tank_is_frozen: bool,
 }
 
-fmu_export::persistent!(Pace { actuation, gas_path, tank_is_frozen });
-
 impl Default for Pace {
     fn default() -> Self {
         Self {
-            actuation: Memory::new(FIRST_STEP),
+            actuation: StepMemory::new(FIRST_STEP),
             gas_path: SlowMemory::new(FIRST_STEP),
             tank_is_frozen: false,
         }
@@ -153,7 +153,7 @@ pub fn budget(duration: f64) -> Budget {
 
 /// The inputs during an interval.
 #[derive(Clone, Copy, Debug)]
-pub struct Signal<F> {
+pub struct IntervalInputs<F> {
     /// The inputs at a time in s.
     pub at: F,
     /// Whether they are the same at any time.
@@ -168,7 +168,7 @@ const GAS_PATH_INPUTS: usize = 7;
 /// A plant whose actuation goes ahead of its gas path.
 struct Apart<'a, F> {
     system: &'a System,
-    signal: &'a Signal<F>,
+    signal: &'a IntervalInputs<F>,
 }
 
 impl<F> Clone for Apart<'_, F> {
@@ -277,13 +277,13 @@ impl Pace {
     pub fn advance(
         &mut self,
         system: &System,
-        signal: &Signal<impl Fn(f64) -> Inputs>,
+        signal: &IntervalInputs<impl Fn(f64) -> Inputs>,
         states: &mut States,
         interval: Interval<'_>,
-    ) -> Result<Evaluation, Failure> {
+    ) -> Result<Evaluation, IntegrationFailure> {
         if self.tank_is_frozen != system.is_tank_frozen() {
             self.tank_is_frozen = system.is_tank_frozen();
-            self.actuation = Memory::new(self.actuation.step);
+            self.actuation = StepMemory::new(self.actuation.step);
         }
         if system.actuator.parameters.exhaust_area == 0.0 {
             self.advance_apart(system, signal, states, interval)
@@ -296,10 +296,10 @@ impl Pace {
     fn advance_apart(
         &mut self,
         system: &System,
-        signal: &Signal<impl Fn(f64) -> Inputs>,
+        signal: &IntervalInputs<impl Fn(f64) -> Inputs>,
         states: &mut States,
         interval: Interval<'_>,
-    ) -> Result<Evaluation, Failure> {
+    ) -> Result<Evaluation, IntegrationFailure> {
         let mut actuation = ActuationStates::of(states).to_array();
         let mut gas_path = GasPathStates::of(states).to_array();
         let evaluations = multirate::advance(
@@ -319,10 +319,10 @@ impl Pace {
     fn advance_together(
         &mut self,
         system: &System,
-        signal: &Signal<impl Fn(f64) -> Inputs>,
+        signal: &IntervalInputs<impl Fn(f64) -> Inputs>,
         states: &mut States,
         interval: Interval<'_>,
-    ) -> Result<Evaluation, Failure> {
+    ) -> Result<Evaluation, IntegrationFailure> {
         let inputs = &signal.at;
         let evaluate = |time: f64, x: &[f64; States::COUNT]| {
             let (actuation, gas_path) = split(x);
@@ -434,7 +434,7 @@ mod tests {
                 (60.0, 2500.0)
             };
             let inputs = Inputs { hp_wastegate_pwm: duty, engine_speed: speed, ..Inputs::default() };
-            let signal = Signal { at: |_| inputs, is_constant: true };
+            let signal = IntervalInputs { at: |_| inputs, is_constant: true };
             pace.advance(
                 system,
                 &signal,
@@ -500,7 +500,7 @@ mod tests {
         let inputs = Inputs::default();
         let mut states = running(&system, &inputs, 32_500.0);
         let (mut pace, budget) = (Pace::default(), Budget::new(52_000.0));
-        let signal = Signal { at: |_| inputs, is_constant: true };
+        let signal = IntervalInputs { at: |_| inputs, is_constant: true };
         let interval = |_: &u32| {
             let interval = Interval { from: 0.0, to: 1e-3, tolerance: 1e-4, budget: &budget };
             pace.advance(&system, &signal, &mut states, interval).is_ok()
@@ -521,7 +521,7 @@ mod tests {
             let inputs = Inputs::default();
             let mut states = running(&system, &inputs, 32_500.0);
             damage(&mut states);
-            let signal = Signal { at: |_| inputs, is_constant: true };
+            let signal = IntervalInputs { at: |_| inputs, is_constant: true };
             let budget = budget(0.5);
             let interval = Interval { from: 0.5, to: 1.0, tolerance: 1e-4, budget: &budget };
             let failure = Pace::default().advance(&system, &signal, &mut states, interval).unwrap_err();

@@ -21,9 +21,11 @@
 //! `modelDescription/plant.json`.
 
 pub mod actuator;
+pub mod air_filter;
 pub mod compressor;
 pub mod cylinders;
 pub mod duty_latch;
+pub mod exhaust;
 pub mod exhaust_manifold;
 pub mod flow_resistance;
 pub mod gas;
@@ -33,7 +35,6 @@ pub mod intercooler;
 pub mod linearization;
 pub mod orifice;
 pub mod port;
-pub mod quantities;
 pub mod scalar;
 pub mod shaft;
 pub mod solenoid_valve;
@@ -47,36 +48,37 @@ pub mod variables {
     fmu_export::include_variables!("BoostPlant");
 }
 
-use fmu_export::{Context, Error, Experiment, InputSignal, Model, Step, Variables as _};
+use fmu_export::{Context, Error, Experiment, InputSignal, Model, Persistent, Step, Variables as _};
 use num_dual::Dual64;
 
 use self::duty_latch::DutyLatch;
 use self::initialization::{Settled, differentiate_settled, running, settled};
-use self::integration::{Pace, Signal, budget};
-use self::quantities::quantities;
+use self::integration::{IntervalInputs, Pace, budget};
 use self::system::{Evaluation, System};
 use self::variables::{InitializationMode, Inputs, Parameters, States, Variables};
 use crate::LONGEST_STEP;
 use crate::solver::course::Interval;
-use crate::solver::steady_state::Failure;
+use crate::solver::steady_state::NoSteadyState;
 
-/// The largest ratio of Dahl's stiffness to the Coulomb force in 1/m, with a margin for rounding: beyond
-/// it the friction force changes faster than the reference implementation, which steps by 1/2400 s, resolves.
-const STIFFEST_FRICTION: f64 = 2000.0 * (1.0 + 1e-9);
+/// The largest ratio of Dahl's stiffness to the Coulomb force in 1/m: beyond it the friction force changes
+/// faster than the reference implementation, which steps by 1/2400 s, resolves.
+pub const STIFFEST_FRICTION: f64 = 2000.0;
+/// The part of it by which rounding may exceed it.
+const ROUNDING: f64 = 1e-9;
 
 /// The smallest tolerance; below it, rounding is what decides about a step. The smallest value of
 /// `solver.relative_tolerance`, too.
 const SMALLEST_TOLERANCE: f64 = 1e-8;
 
 /// The plant as a co-simulation model.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Persistent)]
 pub struct BoostPlant {
+    /// What follows from the parameters.
+    #[persistent(skip)]
     system: System,
     latch: DutyLatch,
     pace: Pace,
 }
-
-fmu_export::persistent!(BoostPlant { latch, pace; derived system });
 
 impl Default for BoostPlant {
     fn default() -> Self {
@@ -95,7 +97,7 @@ impl Model for BoostPlant {
     fn check_parameters(variables: &Variables) -> Result<(), Error> {
         let p = &variables.parameters;
         let actuator = &p.actuator;
-        if actuator.friction_stiffness > STIFFEST_FRICTION * actuator.coulomb_friction {
+        if actuator.friction_stiffness > STIFFEST_FRICTION * (1.0 + ROUNDING) * actuator.coulomb_friction {
             return Err(Error::new(format!(
                 "actuator.friction_stiffness = {:?} N/m is more than 2000 1/m times \
                  actuator.coulomb_friction = {:?} N",
@@ -244,8 +246,7 @@ impl BoostPlant {
     /// Fills in what belongs to the states, the inputs that the plant sees, and what everything does there.
     fn show(&self, variables: &mut Variables, inputs: &Inputs, evaluation: &Evaluation) {
         variables.derivatives = evaluation.derivatives();
-        (variables.outputs, variables.locals) =
-            quantities(&self.system, inputs, &variables.states, evaluation);
+        (variables.outputs, variables.locals) = self.system.quantities(inputs, &variables.states, evaluation);
     }
 
     /// Advances the states over an interval, its times in s after the step's begin. Returns what everything
@@ -274,7 +275,7 @@ impl BoostPlant {
             }
             inputs
         };
-        self.pace.advance(&self.system, &Signal { at, is_constant }, states, interval).map(Some).map_err(|failure| {
+        self.pace.advance(&self.system, &IntervalInputs { at, is_constant }, states, interval).map(Some).map_err(|failure| {
             Error::new(format!(
                 "{} cannot be integrated beyond {:?} s: even the shortest steps, or as many as are tried, miss \
                  the tolerance of {:?} of full scale; the equations are too stiff with these parameters and \
@@ -290,7 +291,7 @@ impl BoostPlant {
 /// The derivatives of everything that is calculated from inputs and states.
 fn derivatives_of(system: &System<Dual64>, inputs: &Inputs<Dual64>, states: &States<Dual64>) -> Variables {
     let evaluation = system.evaluate(inputs, states);
-    let (outputs, locals) = quantities(system, inputs, states, &evaluation);
+    let (outputs, locals) = system.quantities(inputs, states, &evaluation);
     let mut derivatives = Variables::zero();
     derivatives.states = states.map(|state| state.eps);
     derivatives.derivatives = evaluation.derivatives().map(|rate| rate.eps);
@@ -309,8 +310,8 @@ fn tolerance(parameters: &Parameters, experiment: Experiment) -> f64 {
 fn warn_of_unsettled_start(settled: &Settled, inputs: &Inputs, context: &mut Context<'_>) {
     let Some(shortcoming) = &settled.shortcoming else { return };
     let reason = match shortcoming.failure {
-        Failure::NotIsolated => "there is no isolated steady state",
-        Failure::NotConverged => "no steady state was found",
+        NoSteadyState::NotIsolated => "there is no isolated steady state",
+        NoSteadyState::NotConverged => "no steady state was found",
     };
     let instead = if shortcoming.followed > 0.0 {
         format!("what a running engine has come to after {} s", shortcoming.followed)

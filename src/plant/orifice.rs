@@ -30,7 +30,7 @@ impl<D: Scalar> Orifice<D> {
     /// The flow function of a gas, linear above a pressure ratio.
     #[must_use]
     pub fn new(gas: Gas<D>, linear_ratio: D) -> Self {
-        let ratio = gas.heat_capacity_ratio;
+        let ratio = gas.parameters.heat_capacity_ratio;
         let mut orifice = Self {
             gas,
             factor: ratio * 2.0 / (ratio - 1.0),
@@ -98,7 +98,7 @@ impl<D: Scalar> Orifice<D> {
         downstream_pressure: D,
         temperature_ratio: impl FnOnce(D) -> D,
     ) -> D {
-        let density_velocity = pressure / (self.gas.gas_constant * temperature).sqrt();
+        let density_velocity = pressure / (self.gas.parameters.gas_constant * temperature).sqrt();
         area * density_velocity * self.flow_function(downstream_pressure / pressure, temperature_ratio)
     }
 }
@@ -106,9 +106,11 @@ impl<D: Scalar> Orifice<D> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plant::variables::GasParameters;
 
     fn air() -> Orifice {
-        Orifice::new(Gas::new(287.0, 1005.0, 1.4), 0.95)
+        let gas = GasParameters { gas_constant: 287.0, specific_heat: 1005.0, heat_capacity_ratio: 1.4 };
+        Orifice::new(Gas::new(gas), 0.95)
     }
 
     fn flow_function(pressure_ratio: f64) -> f64 {

@@ -27,7 +27,7 @@ impl<D: Scalar> Turbine<D> {
         Self {
             radius: parameters.diameter * 0.5,
             by_peak_efficiency_speed_ratio: parameters.peak_efficiency_speed_ratio.recip(),
-            by_specific_heat: gas.specific_heat.recip(),
+            by_specific_heat: gas.parameters.specific_heat.recip(),
             parameters,
             gas,
         }
@@ -43,7 +43,7 @@ impl<D: Scalar> Turbine<D> {
         let mass_flow = self.parameters.flow_capacity * pressure / temperature.sqrt()
             * signed_root(drive, self.parameters.flow_smoothing);
 
-        let isentropic = self.gas.specific_heat * temperature * (-temperature_ratio + 1.0);
+        let isentropic = self.gas.parameters.specific_heat * temperature * (-temperature_ratio + 1.0);
         // Enthalpy in J/kg; the width keeps the blade speed ratio finite without expansion.
         let enthalpy = smooth_max(isentropic, 0.0.into(), 100.0.into());
         let speed_ratio = self.radius * speed / (enthalpy * 2.0).sqrt();

@@ -51,7 +51,7 @@ pub struct Rules<const N: usize> {
 
 /// Why the states at the end of an interval are not known.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Failure {
+pub struct IntegrationFailure {
     /// The time in s until which they are.
     pub time: f64,
     /// The name of the state whose error is too large.
@@ -98,7 +98,7 @@ impl Interval<'_> {
 
 /// What is remembered of a system from one interval to the next. It only saves work.
 #[derive(Clone, Copy, Debug)]
-pub struct Memory<const STATES: usize, const INPUTS: usize> {
+pub struct StepMemory<const STATES: usize, const INPUTS: usize> {
     /// The length of the next step in s.
     pub step: f64,
     /// What the steps are solved with.
@@ -109,7 +109,7 @@ pub struct Memory<const STATES: usize, const INPUTS: usize> {
     inputs: [f64; INPUTS],
 }
 
-impl<const STATES: usize, const INPUTS: usize> Persistent for Memory<STATES, INPUTS> {
+impl<const STATES: usize, const INPUTS: usize> Persistent for StepMemory<STATES, INPUTS> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         let Self { step, linearization, slopes, inputs } = self;
         step.persist(archive)?;
@@ -119,7 +119,7 @@ impl<const STATES: usize, const INPUTS: usize> Persistent for Memory<STATES, INP
     }
 }
 
-impl<const STATES: usize, const INPUTS: usize> Memory<STATES, INPUTS> {
+impl<const STATES: usize, const INPUTS: usize> StepMemory<STATES, INPUTS> {
     /// Nothing remembered but the length of the first step in s.
     #[must_use]
     pub fn new(first_step: f64) -> Self {
@@ -233,7 +233,12 @@ impl<'a, const N: usize> Course<'a, N> {
     ///
     /// # Errors
     /// When no more steps are tried.
-    pub fn settle(&mut self, trial: Option<Trial<N>>, length: f64, end: f64) -> Result<bool, Failure> {
+    pub fn settle(
+        &mut self,
+        trial: Option<Trial<N>>,
+        length: f64,
+        end: f64,
+    ) -> Result<bool, IntegrationFailure> {
         let (states, mut errors) =
             trial.map_or((self.states, [f64::INFINITY; N]), |trial| (trial.states, trial.error));
         for ((error, state), least) in errors.iter_mut().zip(&states).zip(&self.rules.least) {
@@ -245,7 +250,7 @@ impl<'a, const N: usize> Course<'a, N> {
         let taken = self.steps.judge(length, error);
         if self.interval.is_given_up(&self.steps, taken) {
             let state = self.rules.names[largest_error(&states, &errors, &self.weights)];
-            return Err(Failure { time: self.time, state });
+            return Err(IntegrationFailure { time: self.time, state });
         }
         if let Some(trial) = trial
             && taken

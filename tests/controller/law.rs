@@ -1,7 +1,7 @@
 //! The formulas, against numbers worked out by hand, and the modes without feedback.
 
 use boost_fmu::controller::actuator_inverse;
-use boost_fmu::controller::feedback::Tuning;
+use boost_fmu::controller::feedback::FeedbackSettings;
 use boost_fmu::controller::schedule::OperatingPoint;
 use boost_fmu::controller::variables::{ControlMode, FeedbackStructure, Inputs, Parameters};
 
@@ -45,7 +45,7 @@ fn tables_are_bilinear_between_points_and_clamped_outside() {
 #[test]
 fn lambda_tuning_is_equation_12() {
     let local = OperatingPoint::new(&Parameters::default().schedule, 125e3, 1500.0).local_model();
-    let tuning = Tuning::new(&local, 0.3);
+    let tuning = FeedbackSettings::new(&local, 0.3);
     assert_close(tuning.gain, -0.000_994_138_069_270_65);
     assert_close(tuning.integral_gain, -0.000_920_876_752_319_298_4);
     assert_close(tuning.integral_time, 1.079_556_05);

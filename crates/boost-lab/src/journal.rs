@@ -19,9 +19,6 @@ use sha2::{Digest, Sha256};
 pub type Settings = BTreeMap<String, String>;
 
 /// The SHA-256 of a file that results depend on.
-///
-/// # Errors
-/// When it cannot be read.
 pub fn digest(path: &Path) -> Result<String> {
     Ok(Sha256::digest(reading::bytes(path)?)
         .iter()
@@ -41,9 +38,6 @@ pub struct Journal {
 
 impl Journal {
     /// Opens a journal, or begins it where there is none; gives what was finished, too.
-    ///
-    /// # Errors
-    /// When it is of other settings, which the message names; when a line, which the message names, is damaged; when another process works on it, or it cannot be read or written.
     pub fn open<Finished: DeserializeOwned>(
         path: &Path,
         settings: &Settings,
@@ -90,10 +84,6 @@ impl Journal {
         Ok((journal, finished))
     }
 
-    /// Writes what is finished.
-    ///
-    /// # Errors
-    /// When the file cannot be written.
     pub fn write(&self, finished: &impl Serialize) -> Result<()> {
         let text = serde_json::to_string(finished)? + "\n";
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);

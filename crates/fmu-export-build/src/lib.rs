@@ -197,3 +197,5 @@ fn read_icon(file: &Path) -> Result<Vec<u8>, Error> {
         Err(Error::new(file, "it is not a PNG".to_owned()))
     }
 }
+/// The JSON Schema.
+pub const SCHEMA: &str = "{}";

@@ -42,6 +42,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     fn string(&self, reference: ValueReference) -> &str;
     /// Sets a String variable.
     fn set_string(&mut self, reference: ValueReference, value: &str);
+    /// The states take their start values. Without states there is nothing to do.
+    fn states_from_start(&mut self) {}
     /// Variables whose Real ones are all 0: a direction in which nothing changes.
     fn zero() -> Self;
     /// The direction in which the states go by their derivatives; nothing else changes.
@@ -54,8 +56,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
 /// A co-simulation model.
 ///
 /// `Clone` must copy the whole memory of the model: that is how an importer saves and restores it.
-/// [`Persistent`] must hand out the whole of it: that is how an importer carries it into another process.
-/// The macro [`persistent!`](crate::persistent) sees to that.
+/// [`Persistent`] must hand out the whole of it: that is how an importer carries it into another process. A struct
+/// derives both.
 pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     /// The model's variables, generated from its JSON.
     type Variables: Variables;
@@ -79,6 +81,9 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     /// asked for after another was set, so it must forget what an earlier call left behind; and importers
     /// set one parameter after the other, so it may meet parameters that contradict each other for now.
     ///
+    /// Where a model does not say otherwise, its states take their start values, and [`Model::refresh`] computes the
+    /// rest.
+    ///
     /// # Errors
     /// When there are no such values.
     fn initialize(
@@ -86,7 +91,12 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         variables: &mut Self::Variables,
         inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
-    ) -> Result<(), Error>;
+    ) -> Result<(), Error> {
+        let _ = context;
+        variables.states_from_start();
+        self.refresh(variables, inputs);
+        Ok(())
+    }
 
     /// Advances the model over one communication step and leaves the values at its end in `variables`.
     ///

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
+use crate::importer::Fmu;
+use crate::journal::digest;
+use crate::mapping::{self, NameMap};
+use crate::tune::{CellOrigin, Procedure, Schedule, Task, TuningJournal, html, json};
 use anyhow::{Context, Result};
-use boost_lab::importer::Fmu;
-use boost_lab::journal::digest;
-use boost_lab::mapping::{self, NameMap};
-use boost_lab::tune::{CellOrigin, Procedure, Schedule, Task, TuningJournal, html, json};
 use clap::Args;
 use fmu_package::ParameterSet;
 use fmu_package::terminal::{complain, print};

@@ -14,7 +14,7 @@ pre { font-size: 0.8em; background: #f6f6f6; padding: 0.8em; overflow-x: auto; }
 ";
 
 #[derive(Serialize)]
-struct JsonReport<'a> {
+struct ReproductionReport<'a> {
     all_claims_hold: bool,
     figures: Vec<JsonFigure<'a>>,
 }
@@ -34,13 +34,9 @@ struct JsonClaim<'a> {
     claim: &'a Claim,
 }
 
-/// The text of report.json.
-///
-/// # Errors
-/// When a number is not finite.
 pub fn json(figures: &[Reproduced]) -> Result<String> {
     let claims = |claims: &'_ [Claim]| claims.iter().all(Claim::holds);
-    let report = JsonReport {
+    let report = ReproductionReport {
         all_claims_hold: figures.iter().all(|figure| claims(&figure.evidence.claims)),
         figures: figures
             .iter()
@@ -59,8 +55,6 @@ pub fn json(figures: &[Reproduced]) -> Result<String> {
     Ok(serde_json::to_string_pretty(&report)? + "\n")
 }
 
-/// The text of report.html.
-#[must_use]
 pub fn html(figures: &[Reproduced], fmus: &[String]) -> String {
     let claims = || figures.iter().flat_map(|figure| &figure.evidence.claims);
     let (all, holding) = (claims().count(), claims().filter(|claim| claim.holds()).count());

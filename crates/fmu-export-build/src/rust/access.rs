@@ -88,6 +88,10 @@ impl Generator<'_, '_> {
         &self.inputs
     }}
 {accessors}
+    fn states_from_start(&mut self) {{
+        self.states = self.start;
+    }}
+
     fn zero() -> Self {{
         let Self {{ parameters, inputs, states, locals, outputs, .. }} = Self::default();
         Self {{

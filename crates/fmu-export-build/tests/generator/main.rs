@@ -274,6 +274,8 @@ fn accessors_reach_the_fields() {
         [variables.start.first.mass, variables.states.first.mass, variables.real(7)],
         [5.0, 1e-5, 1e-5]
     );
+    variables.states_from_start();
+    assert_eq!((variables.real(7), variables.states), (5.0, variables.start));
     variables.derivatives.first.mass = 8.0;
     assert_eq!(variables.real(8), 8.0);
     variables.set_integer(14, 1);

@@ -39,8 +39,11 @@ fn with_xml(
 }
 
 fn source(xml: &Xml<'_>, element: Element<'_>, files: &Files, report: &mut Report) {
-    if let Some(name) = element.attribute("name").filter(|name| !files.contains(&format!("sources/{name}"))) {
-        report.add(&SOURCES, xml.at(element), format!("there is no sources/{name}"));
+    let Some(name) = element.attribute("name") else { return };
+    // OpenModelica writes `./` before folders.
+    let path = format!("sources/{}", name.trim_start_matches("./"));
+    if !files.contains(&path) {
+        report.add(&SOURCES, xml.at(element), format!("there is no {path}"));
     }
 }
 

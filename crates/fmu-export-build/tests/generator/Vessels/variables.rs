@@ -910,6 +910,10 @@ impl ::fmu_export::Variables for Variables {
         }
     }
 
+    fn states_from_start(&mut self) {
+        self.states = self.start;
+    }
+
     fn zero() -> Self {
         let Self { parameters, inputs, states, locals, outputs, .. } = Self::default();
         Self {
