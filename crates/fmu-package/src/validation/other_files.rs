@@ -18,7 +18,7 @@ pub(super) fn check(model: &Model<'_>, files: &mut Files, report: &mut Report) {
         source(model.xml, file, files, report);
     }
     with_xml(files, "sources/buildDescription.xml", report, |xml, files, report| {
-        build(model, xml, files, report)
+        build(model, xml, files, report);
     });
     with_xml(files, "terminalsAndIcons/terminalsAndIcons.xml", report, |xml, files, report| {
         terminals(model, xml, files, report);

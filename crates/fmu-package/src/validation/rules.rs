@@ -166,7 +166,7 @@ rules! {
     DIRECT_DEPENDENCY: Error "direct-dependency" ("FMI 1")
         "`DirectDependency` stands at outputs, and names inputs." => "Name inputs only.";
     DIMENSION: Error "dimension" ("3.0.2: 2.4.7.2")
-        "A dimension has either a positive `start`, or the value reference of a constant or structural parameter of type UInt64 with a positive start; structural parameters have none." => "Correct the dimension.";
+        "A dimension has either a positive `start`, or the value reference of a constant or structural parameter of type `UInt64` with a positive start; structural parameters have none." => "Correct the dimension.";
     CLOCK: Error "clock" ("3.0.2: 2.4.4, 2.4.7.4")
         "A Clock is a discrete input, output or local variable; only inputs have an interval; intervals and resolutions are positive, shifts are not negative." => "Correct the Clock's attributes.";
     CLOCKED: Error "clocked" ("3.0.2: 2.4.7.4")
