@@ -23,7 +23,6 @@ pub enum Format {
 
 /// Show what an FMU is and which variables it has
 #[derive(Args, Debug)]
-#[command(after_help = "Examples:\n  cargo fmu info Plant.fmu\n  cargo fmu info Plant.fmu --format json")]
 pub struct Info {
     /// An FMU of any maker
     #[arg(value_name = "FILE.fmu")]

@@ -87,6 +87,11 @@ Example:
 Example:
   cargo fmu info target/fmu/lag.fmu")]
     Info(Info),
+    #[command(after_help = "\
+Examples:
+  cargo fmu validate target/fmu/lag.fmu
+  cargo fmu validate target/fmu/lag.fmu --format json
+  cargo fmu validate --rules                            # the table of all rules")]
     Validate(Validate),
     #[command(after_help = "\
 Example:

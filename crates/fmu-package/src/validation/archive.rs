@@ -1,5 +1,6 @@
 //! The archive: a ZIP file by the standard, with nothing in it that harms whoever extracts it.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -88,7 +89,7 @@ impl Files {
         };
         let name = entry.name().map_or_else(
             |_| String::from_utf8_lossy(entry.name_raw()).into_owned(),
-            |name| name.into_owned(),
+            Cow::into_owned,
         );
         let path = name.replace('\\', "/");
         let place = Place::file(&name);

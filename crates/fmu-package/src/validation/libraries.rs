@@ -89,15 +89,12 @@ pub(super) fn check(model: &Model<'_>, files: &mut Files, report: &mut Report) {
         }
         for identifier in model.identifiers() {
             let path = format!("{below}{identifier}.{}", format.suffix());
-            match files.bytes(&path) {
-                Some(bytes) => {
-                    library(model, identifier, &bytes, &path, (format, architecture), &inside, report)
-                }
-                None => {
-                    let message =
-                        format!("there is no {identifier}.{}, but {}", format.suffix(), inside.join(", "));
-                    report.add(&LIBRARY_NAME, Place::file(&*below), message);
-                }
+            if let Some(bytes) = files.bytes(&path) {
+                library(model, identifier, &bytes, &path, (format, architecture), &inside, report);
+            } else {
+                let message =
+                    format!("there is no {identifier}.{}, but {}", format.suffix(), inside.join(", "));
+                report.add(&LIBRARY_NAME, Place::file(&*below), message);
             }
         }
     }

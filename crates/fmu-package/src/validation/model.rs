@@ -65,10 +65,13 @@ pub(super) fn initials(
 ) -> Option<&'static [&'static str]> {
     Some(match (causality, variability) {
         ("parameter", "fixed" | "tunable") | ("output" | "local", "constant") => &["exact"],
-        ("structuralParameter", "fixed" | "tunable") if version == Version::Three => &["exact"],
         ("calculatedParameter" | "local", "fixed" | "tunable") => &["calculated", "approx"],
         ("output" | "local", "discrete" | "continuous") => &["calculated", "exact", "approx"],
-        ("input", "discrete" | "continuous") if version == Version::Three => &["exact"],
+        ("structuralParameter", "fixed" | "tunable") | ("input", "discrete" | "continuous")
+            if version == Version::Three =>
+        {
+            &["exact"]
+        }
         ("input", "discrete" | "continuous") | ("independent", "continuous") => &[],
         _ => return None,
     })
@@ -80,7 +83,7 @@ pub(super) fn is_float(kind: &str) -> bool {
 }
 
 /// The elements in an element.
-pub(super) fn children<'d>(element: Element<'d>) -> impl Iterator<Item = Element<'d>> {
+pub(super) fn children(element: Element<'_>) -> impl Iterator<Item = Element<'_>> {
     element.children().filter(Node::is_element)
 }
 

@@ -18,7 +18,7 @@ pub(super) fn check(model: &Model<'_>, files: &mut Files, report: &mut Report) {
         source(model.xml, file, files, report);
     }
     with_xml(files, "sources/buildDescription.xml", report, |xml, files, report| {
-        build(model, xml, files, report)
+        build(model, xml, files, report);
     });
     with_xml(files, "terminalsAndIcons/terminalsAndIcons.xml", report, |xml, files, report| {
         terminals(model, xml, files, report);
@@ -39,8 +39,11 @@ fn with_xml(
 }
 
 fn source(xml: &Xml<'_>, element: Element<'_>, files: &Files, report: &mut Report) {
-    if let Some(name) = element.attribute("name").filter(|name| !files.contains(&format!("sources/{name}"))) {
-        report.add(&SOURCES, xml.at(element), format!("there is no sources/{name}"));
+    let Some(name) = element.attribute("name") else { return };
+    // OpenModelica writes `./` before folders.
+    let path = format!("sources/{}", name.trim_start_matches("./"));
+    if !files.contains(&path) {
+        report.add(&SOURCES, xml.at(element), format!("there is no {path}"));
     }
 }
 

@@ -166,7 +166,7 @@ rules! {
     DIRECT_DEPENDENCY: Error "direct-dependency" ("FMI 1")
         "`DirectDependency` stands at outputs, and names inputs." => "Name inputs only.";
     DIMENSION: Error "dimension" ("3.0.2: 2.4.7.2")
-        "A dimension has either a positive `start`, or the value reference of a constant or structural parameter of type UInt64 with a positive start; structural parameters have none." => "Correct the dimension.";
+        "A dimension has either a positive `start`, or the value reference of a constant or structural parameter of type `UInt64` with a positive start; structural parameters have none." => "Correct the dimension.";
     CLOCK: Error "clock" ("3.0.2: 2.4.4, 2.4.7.4")
         "A Clock is a discrete input, output or local variable; only inputs have an interval; intervals and resolutions are positive, shifts are not negative." => "Correct the Clock's attributes.";
     CLOCKED: Error "clocked" ("3.0.2: 2.4.7.4")
@@ -186,7 +186,9 @@ rules! {
     DEPENDENCY_ORDER: Warning "dependency-order" ("2.0.5: 2.2.8")
         "Dependencies are in the order of the variables." => "Sort them.";
     DEPENDENCY_KIND: Error "dependency-kind" ("2.0.5: 2.2.8; 3.0.2: 2.4.8")
-        "`dependenciesKind` has as many items as `dependencies`; a kind other than `dependent` belongs to a floating-point unknown, and initial unknowns have no `fixed`, `tunable` or `discrete`." => "Give a kind for each dependency, or leave `dependenciesKind` out.";
+        "`dependenciesKind` has as many items as `dependencies`, and stands only beside them." => "Give a kind for each dependency, or leave `dependenciesKind` out.";
+    DEPENDENCY_KIND_USE: Warning "dependency-kind-use" ("2.0.5: 2.2.8; 3.0.2: 2.4.8")
+        "Kinds other than `dependent` belong to floating-point unknowns, and initial unknowns have no `fixed`, `tunable` or `discrete`." => "Use `dependent`.";
     DEPENDENCY_KNOWN: Warning "dependency-known" ("2.0.5: 2.2.8; 3.0.2: 2.4.8")
         "Dependencies are knowns: inputs, states, parameters, the independent variable, and initially what is `exact`." => "Depend on what the variable itself depends on.";
     OUTPUTS: Error "outputs" ("2.0.5: 2.2.8; 3.0.2: 2.4.8")

@@ -4,8 +4,9 @@ use std::collections::BTreeSet;
 
 use super::model::{Entry, Model};
 use super::rules::{
-    CLOCKED_STATES, DEPENDENCY_KIND, DEPENDENCY_KNOWN, DEPENDENCY_ORDER, DERIVATIVES, EVENT_INDICATORS,
-    INITIAL_UNKNOWNS, OUTPUTS, Rule, STRUCTURE_DUPLICATE, STRUCTURE_ORDER, STRUCTURE_REFERENCE,
+    CLOCKED_STATES, DEPENDENCY_KIND, DEPENDENCY_KIND_USE, DEPENDENCY_KNOWN, DEPENDENCY_ORDER, DERIVATIVES,
+    EVENT_INDICATORS, INITIAL_UNKNOWNS, OUTPUTS, Rule, STRUCTURE_DUPLICATE, STRUCTURE_ORDER,
+    STRUCTURE_REFERENCE,
 };
 use super::{Report, Version};
 
@@ -72,7 +73,7 @@ fn kinds(model: &Model<'_>, entry: &Entry<'_>, wrong: Wrong<'_>) {
         if ["fixed", "tunable", "discrete"].contains(&kind) && is_initial || kind != "dependent" && !is_float
         {
             let of = if is_float { "an initial unknown" } else { "a variable that is not floating-point" };
-            return wrong(&DEPENDENCY_KIND, format!("the kind {kind} does not go with {of}"));
+            return wrong(&DEPENDENCY_KIND_USE, format!("the kind {kind} does not go with {of}"));
         }
     }
 }

@@ -204,7 +204,7 @@ fn causality_and_start(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<
     match variable.start() {
         None if is_needed => wrong(&START_MISSING, format!("it is {role}, and has no start value")),
         Some(start) if is_forbidden => {
-            wrong(&START_FORBIDDEN, format!("it is {role}, and has the start value '{start}'"))
+            wrong(&START_FORBIDDEN, format!("it is {role}, and has the start value '{start}'"));
         }
         _ => {}
     }
