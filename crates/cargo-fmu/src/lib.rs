@@ -14,6 +14,7 @@ mod new;
 mod parameter_binding;
 mod parameters;
 mod target;
+mod validate;
 
 use std::env;
 use std::io;
@@ -30,6 +31,7 @@ pub use info::Info;
 pub use merge::Merge;
 pub use new::New;
 pub use parameters::Parameters;
+pub use validate::Validate;
 
 /// What the process ends with when it could not do what it was asked for; clap does so, too.
 const FAILED: u8 = 2;
@@ -37,7 +39,8 @@ const FAILED: u8 = 2;
 /// What the process ends with, for the help.
 const EXIT_STATUSES: &str = "\
 Exit status:
-  0    it is done
+  0    it is done; `validate`: there are no errors
+  1    `validate`: there are errors
   2    it could not be done, or the command line is wrong; standard error says why
   130  it was interrupted
 
@@ -45,9 +48,9 @@ Examples:
   cargo fmu new lag                   # a package with a model
   cargo fmu export                    # its FMU, in target/fmu
   cargo fmu export --target win64     # the same for Windows
-  cargo fmu info target/fmu/lag.fmu";
+  cargo fmu validate target/fmu/lag.fmu";
 
-/// Creates, exports, inspects and merges Functional Mock-up Units (FMI).
+/// Creates, exports, inspects, validates and merges Functional Mock-up Units (FMI).
 #[derive(Parser)]
 #[command(name = "cargo-fmu", bin_name = "cargo fmu", version, arg_required_else_help = true, after_help = EXIT_STATUSES)]
 struct Arguments {
@@ -85,6 +88,12 @@ Example:
   cargo fmu info target/fmu/lag.fmu")]
     Info(Info),
     #[command(after_help = "\
+Examples:
+  cargo fmu validate target/fmu/lag.fmu
+  cargo fmu validate target/fmu/lag.fmu --format json
+  cargo fmu validate --rules                            # the table of all rules")]
+    Validate(Validate),
+    #[command(after_help = "\
 Example:
   cargo fmu parameters target/fmu/lag.fmu --out slow.ssv")]
     Parameters(Parameters),
@@ -119,6 +128,7 @@ pub fn main() -> ExitCode {
             Command::Export { export, parameters } => parameter_binding::export(&export.plan()?, &parameters),
             Command::Merge(merge) => merge.run(),
             Command::Info(info) => info.run(),
+            Command::Validate(validate) => return validate.run(),
             Command::Parameters(parameters) => parameters.run(),
             Command::Completions { shell } => {
                 let mut command = Arguments::command();
