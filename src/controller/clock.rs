@@ -46,7 +46,6 @@ impl SampleClock {
     }
 
     /// How many samples have been executed, as far as an Integer counts.
-    #[must_use]
     pub fn executed(&self) -> i32 {
         i32::try_from(self.executed).unwrap_or(i32::MAX)
     }

@@ -42,7 +42,6 @@ pub struct Compensator {
 
 impl Compensator {
     /// The compensation at a measured supply voltage (V); none without a measurement.
-    #[must_use]
     pub fn new(parameters: &Parameters, supply_voltage: Option<f64>) -> Self {
         let factor = match supply_voltage {
             Some(voltage) if parameters.compensate_voltage => {
@@ -54,13 +53,11 @@ impl Compensator {
     }
 
     /// The limits of a duty at nominal voltage: those given (%), and what full duty amounts to.
-    #[must_use]
     pub fn limits(self, least: f64, most: f64) -> Limits {
         Limits { least, most: smaller(most, FULL_DUTY / self.factor) }
     }
 
     /// The duty (%) at this voltage that acts like one at nominal voltage.
-    #[must_use]
     pub fn compensate(self, duty: f64) -> f64 {
         smaller(duty * self.factor, FULL_DUTY)
     }
@@ -75,14 +72,12 @@ pub struct Limits {
 
 impl Limits {
     /// Whether a duty is within the limits.
-    #[must_use]
     pub fn contain(self, duty: f64) -> bool {
         duty >= self.least && duty <= self.most
     }
 
     /// The nearest duty within the limits. At low voltage the upper one can fall below the lower one: it
     /// is the one that physics sets, so it wins.
-    #[must_use]
     pub fn clip(self, duty: f64) -> f64 {
         smaller(larger(duty, self.least), self.most)
     }

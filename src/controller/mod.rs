@@ -10,27 +10,26 @@
 //!                               boost pressure
 //! ```
 //!
-//! The [`feedforward`] maps the reference to the duty that holds it, the [`feedback`], a PID controller
-//! tuned by the local model of the [`schedule`], takes care of what the map does not know, and the
-//! [`compensator`] turns the duty at nominal voltage into that at the voltage there is, before a
-//! disturbance of the voltage moves the wastegate. Between reference and feedback stands a
-//! [`reference_model`], unless the structure is the paper's own. Apart from these, a relay keeps the vacuum
-//! in the tank ([`tank_relay`]), and the [`stage`] strategy decides which turbocharger works.
+//! The feedforward maps the reference to the duty that holds it. The [`feedback`], a PID controller tuned by the
+//! local model of the [`schedule`], corrects what the map does not contain. The compensator converts the duty at
+//! nominal voltage to that at the measured voltage, so that a disturbance of the voltage does not move the
+//! wastegate. Between reference and feedback stands a reference model, unless the structure is that of the paper.
+//! Besides, a relay switches the vacuum pump, and the stage strategy decides which turbocharger works.
 //!
-//! Two further modes leave the boost pressure aside: `position` puts the wastegate where it is asked to be
-//! ([`actuator_inverse`]), `open_loop` passes a duty on. Both compensate for the voltage.
+//! Two further modes do not control boost pressure: `position` moves the wastegate to a reference
+//! ([`actuator_inverse`]), `open_loop` takes the duty as an input. Both compensate for the voltage.
 //!
-//! All of it happens at the samples of the [`clock`]; between them the outputs stay.
+//! Everything is computed at the samples; between them the outputs are held.
 
 pub mod actuator_inverse;
-pub mod clock;
-pub mod compensator;
+mod clock;
+mod compensator;
 pub mod feedback;
-pub mod feedforward;
-pub mod reference_model;
+mod feedforward;
+mod reference_model;
 pub mod schedule;
-pub mod stage;
-pub mod tank_relay;
+mod stage;
+mod tank_relay;
 
 /// The variables of the controller, generated from `modelDescription/controller.json`.
 pub mod variables {

@@ -32,13 +32,11 @@ pub struct Linearized {
 
 impl ReferenceModel {
     /// A model that begins at rest at a boost pressure (Pa).
-    #[must_use]
     pub fn at(pressure: f64) -> Self {
         Self { pressure, delayed: None }
     }
 
     /// The model at its boost pressure, given any operating point of the same engine speed.
-    #[must_use]
     pub fn linearize(&self, operating_point: OperatingPoint<'_>) -> Linearized {
         let here = operating_point.at_pressure(self.pressure);
         let local = here.local_model();
@@ -47,14 +45,12 @@ impl ReferenceModel {
 
     /// The duty at nominal voltage (%) that leads the model to the reference (Pa) with the time constant
     /// λ (s).
-    #[must_use]
     pub fn feedforward(&self, model: &Linearized, reference: f64, lambda: f64) -> f64 {
         model.holding + (reference - self.pressure) / lambda / model.slope
     }
 
     /// How far a measurement (Pa) is below the delayed model. The model begins at the measurement, hence 0
     /// at first.
-    #[must_use]
     pub fn error(&self, measurement: f64) -> f64 {
         self.delayed.map_or(0.0, |delayed| delayed - measurement)
     }

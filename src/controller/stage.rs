@@ -30,7 +30,6 @@ impl StageStrategy {
 
 /// The opening of the low-pressure wastegate at an engine speed (rpm) while the high-pressure stage works:
 /// shut up to the one limit, fully open at the other, linear between.
-#[must_use]
 pub fn lp_wastegate(parameters: &Parameters, engine_speed: f64) -> f64 {
     let (shut, open) = (parameters.lp_wastegate_close_below, parameters.lp_wastegate_open_above);
     if engine_speed <= shut {
@@ -67,9 +66,6 @@ impl LowPressureLoop {
 }
 
 /// Refuses limits between which the low-pressure wastegate cannot open.
-///
-/// # Errors
-/// Names both with their values.
 pub fn check(parameters: &Parameters) -> Result<(), Error> {
     let (shut, open) = (parameters.lp_wastegate_close_below, parameters.lp_wastegate_open_above);
     if shut < open {

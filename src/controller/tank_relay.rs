@@ -23,9 +23,6 @@ impl TankRelay {
 }
 
 /// Refuses limits that leave no band between them.
-///
-/// # Errors
-/// Names both with their values.
 pub fn check(parameters: &Parameters) -> Result<(), Error> {
     let (on, off) = (parameters.tank_pressure_on, parameters.tank_pressure_off);
     if on > off {

@@ -5,10 +5,8 @@ use super::gas::Volume;
 use super::scalar::Scalar;
 use super::variables::{AirFilterLocals, AirFilterParameters};
 
-/// An air filter.
 #[derive(Clone, Copy, Debug)]
 pub struct AirFilter<D = f64> {
-    /// Its parameters.
     pub parameters: AirFilterParameters<D>,
     /// The volume from here to the compressor.
     pub volume: Volume<D>,
@@ -16,7 +14,6 @@ pub struct AirFilter<D = f64> {
 
 impl<D: Scalar> AirFilter<D> {
     /// The flow from ambient (pressure in Pa, temperature in K) to a pressure (Pa) behind the filter.
-    #[must_use]
     pub fn evaluate(&self, ambient: (D, D), pressure: D) -> AirFilterLocals<D> {
         let AirFilterParameters { flow_resistance, linear_pressure, .. } = self.parameters;
         AirFilterLocals {

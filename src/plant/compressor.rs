@@ -13,7 +13,6 @@ use super::gas::{Gas, Volume, signed_root, smooth_max};
 use super::scalar::Scalar;
 use super::variables::{CompressorLocals, CompressorParameters};
 
-/// A compressor.
 #[derive(Clone, Copy, Debug)]
 pub struct Compressor<D = f64> {
     parameters: CompressorParameters<D>,
@@ -27,13 +26,10 @@ pub struct Compressor<D = f64> {
     by_peak_efficiency_flow_coefficient: D,
     /// The volume behind the compressor.
     pub outlet_volume: Volume<D>,
-    /// The gas.
     pub air: Gas<D>,
 }
 
 impl<D: Scalar> Compressor<D> {
-    /// A compressor of a gas.
-    #[must_use]
     pub fn new(parameters: CompressorParameters<D>, air: Gas<D>) -> Self {
         let p = &parameters;
         Self {
@@ -49,7 +45,6 @@ impl<D: Scalar> Compressor<D> {
 
     /// The flow from the inlet (pressure in Pa, temperature in K) at a shaft speed (rad/s), where isentropic
     /// compression to the outlet's pressure raises the temperature by a ratio.
-    #[must_use]
     pub fn compress(&self, inlet: (D, D), temperature_ratio: D, speed: D) -> CompressorLocals<D> {
         let (pressure, temperature) = inlet;
         let specific_heat = self.air.parameters.specific_heat;

@@ -12,11 +12,9 @@ use super::variables::{CylindersLocals, CylindersParameters};
 /// The cylinders of an engine with four strokes.
 #[derive(Clone, Copy, Debug)]
 pub struct Cylinders<D = f64> {
-    /// Its parameters.
     pub parameters: CylindersParameters<D>,
     /// Fuel per air in a stoichiometric mixture.
     pub fuel_air_ratio: D,
-    /// The gas taken in.
     pub air: Gas<D>,
     /// Exponent of the pressure ratio with which residual gas expands.
     pub residual_exponent: D,
@@ -42,7 +40,6 @@ impl<D: Scalar> Cylinders<D> {
     ///
     /// The volumetric efficiency is that of residual gas expanding to intake pressure, by the ratio `residual`
     /// of volumes. Where the residual gas fills the cylinders wholly (the throttle is shut), no air comes in.
-    #[must_use]
     pub fn flows(&self, engine_speed: D, intake: (D, D), residual: D) -> CylinderFlows<D> {
         let (pressure, temperature) = intake;
         let volumetric_efficiency = self.parameters.volumetric_efficiency_factor
@@ -68,7 +65,6 @@ impl<D: Scalar> Cylinders<D> {
     ///
     /// Friction after the boost-layout model of the Linköping engine models (there after Heywood's
     /// textbook correlation): a part that grows with piston speed and one with load.
-    #[must_use]
     pub fn work(
         &self,
         engine_speed: D,

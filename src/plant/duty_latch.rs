@@ -20,14 +20,12 @@ pub struct DutyLatch {
 
 impl DutyLatch {
     /// Before the first period, with a duty in percent.
-    #[must_use]
     pub fn new(duty: f64) -> Self {
         Self { held: duty, started: 0 }
     }
 
     /// The time in s from the experiment's start to the next start of a period, if it lies before `end`
     /// (s from there too).
-    #[must_use]
     pub fn next_before(&self, end: f64, frequency: f64) -> Option<f64> {
         let instant = self.started as f64 / frequency;
         (instant < end - ROUNDING / frequency).then_some(instant)

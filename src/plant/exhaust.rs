@@ -5,10 +5,8 @@ use super::gas::Volume;
 use super::scalar::Scalar;
 use super::variables::{ExhaustLocals, ExhaustParameters};
 
-/// An exhaust with its catalyst.
 #[derive(Clone, Copy, Debug)]
 pub struct Exhaust<D = f64> {
-    /// Its parameters.
     pub parameters: ExhaustParameters<D>,
     /// The volume from the turbine to here.
     pub volume: Volume<D>,
@@ -16,7 +14,6 @@ pub struct Exhaust<D = f64> {
 
 impl<D: Scalar> Exhaust<D> {
     /// The flow from before the catalyst to ambient, each given by pressure (Pa) and temperature (K).
-    #[must_use]
     pub fn evaluate(&self, inlet: (D, D), ambient: (D, D)) -> ExhaustLocals<D> {
         let ExhaustParameters { flow_resistance, linear_pressure, .. } = self.parameters;
         ExhaustLocals {

@@ -4,31 +4,25 @@
 use super::scalar::Scalar;
 use super::variables::GasParameters;
 
-/// An ideal gas.
 #[derive(Clone, Copy, Debug)]
 pub struct Gas<D = f64> {
-    /// Its parameters.
     pub parameters: GasParameters<D>,
     /// The isentropic exponent of temperature over pressure, (γ − 1)/γ.
     pub isentropic_exponent: D,
 }
 
 impl<D: Scalar> Gas<D> {
-    /// A gas.
-    #[must_use]
     pub fn new(parameters: GasParameters<D>) -> Self {
         let ratio = parameters.heat_capacity_ratio;
         Self { parameters, isentropic_exponent: (ratio - 1.0) / ratio }
     }
 
     /// A volume (m³) that holds the gas.
-    #[must_use]
     pub fn volume(&self, volume: D) -> Volume<D> {
         Volume { stiffness: self.parameters.gas_constant / volume }
     }
 }
 
-/// A volume that holds a gas.
 #[derive(Clone, Copy, Debug)]
 pub struct Volume<D = f64> {
     /// R/V in J/(kg K m³).
@@ -38,21 +32,18 @@ pub struct Volume<D = f64> {
 impl<D: Scalar> Volume<D> {
     /// dp/dt in Pa/s at a temperature (K) when `mass_flow` (kg/s) goes in on balance: the ideal gas law, with
     /// the variation of temperature neglected (paper, eq. (3)).
-    #[must_use]
     pub fn pressure_rate(&self, temperature: D, mass_flow: D) -> D {
         self.stiffness * temperature * mass_flow
     }
 }
 
 /// A differentiable max(a, b); `width` is how near a and b must be to matter both.
-#[must_use]
 pub fn smooth_max<D: Scalar>(a: D, b: D, width: D) -> D {
     let distance = a - b;
     (a + b + (distance * distance + width * width).sqrt()) * 0.5
 }
 
 /// A differentiable, odd √|x|·sgn x, linear within about `width` of 0.
-#[must_use]
 pub fn signed_root<D: Scalar>(x: D, width: D) -> D {
     x / (x * x + width * width).sqrt().sqrt()
 }
@@ -60,7 +51,6 @@ pub fn signed_root<D: Scalar>(x: D, width: D) -> D {
 /// The temperature in K where two flows (kg/s, K) are mixed; backward flows carry nothing in.
 ///
 /// `width` in kg/s blends the temperatures where both flows vanish.
-#[must_use]
 pub fn mixed_temperature<D: Scalar>(first: (D, D), second: (D, D), width: D) -> D {
     let a = smooth_max(first.0, 0.0.into(), width);
     let b = smooth_max(second.0, 0.0.into(), width);

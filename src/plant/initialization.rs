@@ -27,7 +27,6 @@ const AT_REST: f64 = 1e-9;
 const SETTLED: f64 = 1e-8;
 
 /// The states of an engine that has just been started, with the vacuum tank at a pressure in Pa.
-#[must_use]
 pub fn running<D: Scalar>(system: &System<D>, inputs: &Inputs<D>, tank_pressure: D) -> States<D> {
     let ambient_pressure = inputs.ambient_pressure;
     // The speeds of the shafts and the rest of the actuator are those of the declared start values.
@@ -67,7 +66,6 @@ pub struct Shortcoming {
 /// The steady state for the inputs, with the vacuum tank held at a pressure in Pa.
 ///
 /// Where there is none, or none is found, the states that the transient from [`running`] reaches.
-#[must_use]
 pub fn settled(parameters: &Parameters, inputs: &Inputs, tank_pressure: f64) -> Settled {
     let mut system = System::new(parameters);
     system.freeze_tank(true);
@@ -122,7 +120,6 @@ fn settled_rates_along(
 /// tank's pressure change, by the implicit function theorem.
 ///
 /// `None` where the states are no steady state, or not an isolated one.
-#[must_use]
 pub fn differentiate_settled(
     parameters: &Parameters<Dual64>,
     inputs: &Inputs<Dual64>,

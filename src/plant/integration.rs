@@ -146,7 +146,6 @@ impl Default for Pace {
 }
 
 /// The budget of a call that advances the plant by a duration in s.
-#[must_use]
 pub fn budget(duration: f64) -> Budget {
     Budget::new(MOST_TRIALS + MOST_TRIALS_PER_SECOND * duration)
 }
@@ -270,10 +269,6 @@ impl<F: Fn(f64) -> Inputs> Slow<GAS_PATH, GAS_PATH_INPUTS> for Apart<'_, F> {
 
 impl Pace {
     /// Advances the states of a plant over an interval. Returns what everything does at its end.
-    ///
-    /// # Errors
-    /// Where a step does not meet the tolerance however short it is, or too many are needed; the states are
-    /// then worthless.
     pub fn advance(
         &mut self,
         system: &System,

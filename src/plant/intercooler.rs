@@ -5,10 +5,8 @@ use super::gas::Volume;
 use super::scalar::Scalar;
 use super::variables::{IntercoolerLocals, IntercoolerParameters};
 
-/// An intercooler.
 #[derive(Clone, Copy, Debug)]
 pub struct Intercooler<D = f64> {
-    /// Its parameters.
     pub parameters: IntercoolerParameters<D>,
     /// The volume from here to the throttle.
     pub volume: Volume<D>,
@@ -17,7 +15,6 @@ pub struct Intercooler<D = f64> {
 impl<D: Scalar> Intercooler<D> {
     /// Flow and cooling from the inlet (pressure in Pa, temperature in K) to a pressure (Pa) behind the
     /// intercooler, for the temperature (K) of the coolant.
-    #[must_use]
     pub fn evaluate(
         &self,
         inlet: (D, D),

@@ -1,47 +1,44 @@
 //! The plant: a two-stage turbocharged petrol engine whose boost pressure is set by a vacuum-actuated
 //! wastegate.
 //!
-//! A PWM signal drives a [solenoid valve](solenoid_valve), which mixes ambient air and the vacuum of a
-//! [tank](vacuum_tank) into the chamber of the [actuator]; its rod opens the high-pressure turbine's
-//! wastegate. How that acts on boost is told by a mean value engine model: [flow
-//! resistances](flow_resistance), [valves](port), [compressors](compressor), [turbines](turbine),
-//! [shafts](shaft), [intercooler] and [cylinders], connected through volumes in which pressures build up.
-//! [`system`] is the assembly; it reads like the sketch of the engine in the paper's fig. 2.
+//! A PWM signal drives a solenoid valve, which mixes ambient air and the vacuum of a tank into the chamber of
+//! the [actuator]; its rod opens the high-pressure turbine's wastegate. A mean value engine model gives the
+//! effect on boost: flow resistances, valves, compressors, turbines, shafts, intercooler and cylinders, connected
+//! by volumes with pressures as states. [`system`] is the assembly, in the order of the paper's fig. 2.
 //!
-//! Each component is plain mathematics on numbers, with its equations' sources and units; it knows
-//! nothing of variables, importers or time steps. Pressures are in Pa, temperatures in K, mass flows in
-//! kg/s. A side of a flow is given as a pair of pressure and temperature.
+//! Each component has a file of its own with its equations, their sources and units. It knows nothing of
+//! importers or time steps. Pressures are in Pa, temperatures in K, mass flows in kg/s. A side of a flow is given
+//! as a pair of pressure and temperature.
 //!
-//! The paper describes the actuation system and refers to the literature for the engine; the turbocharger
-//! maps and volumes are not published. Theirs are chosen here so that the paper's figures come out; each
-//! parameter's description says where its value is from.
+//! The paper describes the actuation system and refers to the literature for the engine; the turbocharger maps
+//! and volumes are not published. They are chosen here to reproduce the paper's figures; the description of each
+//! parameter in `modelDescription/plant.json` states its source.
 //!
-//! [`BoostPlant`] gives the assembly time: it starts an experiment (see [`initialization`]), integrates
-//! over communication steps (see [`integration`]) and fills in the variables that were declared in
-//! `modelDescription/plant.json`.
+//! [`BoostPlant`] starts an experiment (`initialization`), integrates over communication steps (`integration`)
+//! and sets the variables that `modelDescription/plant.json` declares.
 
 pub mod actuator;
-pub mod air_filter;
-pub mod compressor;
-pub mod cylinders;
-pub mod duty_latch;
-pub mod exhaust;
-pub mod exhaust_manifold;
-pub mod flow_resistance;
-pub mod gas;
-pub mod initialization;
-pub mod integration;
-pub mod intercooler;
+mod air_filter;
+mod compressor;
+mod cylinders;
+mod duty_latch;
+mod exhaust;
+mod exhaust_manifold;
+mod flow_resistance;
+mod gas;
+mod initialization;
+mod integration;
+mod intercooler;
 pub mod linearization;
-pub mod orifice;
-pub mod port;
+mod orifice;
+mod port;
 pub mod scalar;
-pub mod shaft;
-pub mod solenoid_valve;
-pub mod supply;
+mod shaft;
+mod solenoid_valve;
+mod supply;
 pub mod system;
-pub mod turbine;
-pub mod vacuum_tank;
+mod turbine;
+mod vacuum_tank;
 
 /// The plant's variables, generated from `modelDescription/plant.json`.
 pub mod variables {

@@ -28,7 +28,6 @@ pub struct Orifice<D = f64> {
 
 impl<D: Scalar> Orifice<D> {
     /// The flow function of a gas, linear above a pressure ratio.
-    #[must_use]
     pub fn new(gas: Gas<D>, linear_ratio: D) -> Self {
         let ratio = gas.parameters.heat_capacity_ratio;
         let mut orifice = Self {
@@ -64,7 +63,6 @@ impl<D: Scalar> Orifice<D> {
 
     /// The flow in kg/s through an effective area (m²) from the first to the second side, each given by
     /// pressure (Pa) and temperature (K); negative when the second pressure is the higher one.
-    #[must_use]
     #[inline]
     pub fn mass_flow(&self, area: D, first: (D, D), second: (D, D)) -> D {
         let temperature_ratio = |pressure_ratio: D| pressure_ratio.power(self.gas.isentropic_exponent);
@@ -79,7 +77,6 @@ impl<D: Scalar> Orifice<D> {
 
     /// The same where it is known by which ratio isentropic flow from the first to the second side changes the
     /// temperature.
-    #[must_use]
     pub fn mass_flow_at(&self, area: D, first: (D, D), second: (D, D), temperature_ratio: D) -> D {
         if area.vanishes() {
             0.0.into()

@@ -18,13 +18,11 @@ pub struct Supply<D = f64> {
 
 impl<D: Scalar> Supply<D> {
     /// The voltage at the valve in V from the system voltage (V) and the pump (0 … 1).
-    #[must_use]
     pub fn voltage(&self, system_voltage: D, pump: D) -> D {
         (system_voltage - self.pump.voltage_drop * pump).at_least(0.0)
     }
 
     /// Rate of change of the measured voltage in V/s.
-    #[must_use]
     pub fn measured_rate(&self, voltage: D, measured: D) -> D {
         (voltage - measured) / self.sensor.time_constant
     }

@@ -5,10 +5,8 @@ use super::gas::{Gas, signed_root, smooth_max};
 use super::scalar::Scalar;
 use super::variables::{TurbineLocals, TurbineParameters};
 
-/// A turbine.
 #[derive(Clone, Copy, Debug)]
 pub struct Turbine<D = f64> {
-    /// Its parameters.
     pub parameters: TurbineParameters<D>,
     /// Radius of the wheel in m.
     radius: D,
@@ -16,13 +14,10 @@ pub struct Turbine<D = f64> {
     by_peak_efficiency_speed_ratio: D,
     /// Reciprocal of the specific heat, in kg K/J.
     by_specific_heat: D,
-    /// The gas.
     pub gas: Gas<D>,
 }
 
 impl<D: Scalar> Turbine<D> {
-    /// A turbine in a gas.
-    #[must_use]
     pub fn new(parameters: TurbineParameters<D>, gas: Gas<D>) -> Self {
         Self {
             radius: parameters.diameter * 0.5,
@@ -36,7 +31,6 @@ impl<D: Scalar> Turbine<D> {
     /// The flow from the inlet (pressure in Pa, temperature in K) at a shaft speed (rad/s), where isentropic
     /// expansion to the outlet's pressure lowers the temperature by a ratio, and `drop` is the ratio of
     /// pressures to the power of [`TurbineParameters::flow_exponent`].
-    #[must_use]
     pub fn expand(&self, inlet: (D, D), temperature_ratio: D, drop: D, speed: D) -> TurbineLocals<D> {
         let (pressure, temperature) = inlet;
         let drive = -drop + 1.0;

@@ -14,12 +14,9 @@ const PUMP_FADES_BELOW: f64 = 1000.0;
 /// The pressure in Pa at which the pump draws nothing any more.
 const ULTIMATE_VACUUM: f64 = 10.0;
 
-/// A vacuum tank with a pump.
 #[derive(Clone, Copy, Debug)]
 pub struct VacuumTank<D = f64> {
-    /// Its parameters.
     pub parameters: TankParameters<D>,
-    /// The parameters of its pump.
     pub pump: PumpParameters<D>,
     /// The air in it.
     pub volume: Volume<D>,
@@ -27,7 +24,6 @@ pub struct VacuumTank<D = f64> {
 
 impl<D: Scalar> VacuumTank<D> {
     /// What the pump (0 … 1) does at a tank pressure (Pa).
-    #[must_use]
     pub fn pump(&self, pump: D, pressure: D) -> PumpLocals<D> {
         let share = (pressure - ULTIMATE_VACUUM) / (PUMP_FADES_BELOW - ULTIMATE_VACUUM);
         let drawn_mass_flow = self.pump.mass_flow * pump * share.at_least(0.0).at_most(1.0);
@@ -36,7 +32,6 @@ impl<D: Scalar> VacuumTank<D> {
 
     /// Rate of change of the pressure in Pa/s; `mass_flow` in kg/s goes in on balance, at a temperature
     /// in K.
-    #[must_use]
     pub fn pressure_rate(&self, temperature: D, mass_flow: D) -> D {
         if self.parameters.frozen { 0.0.into() } else { self.volume.pressure_rate(temperature, mass_flow) }
     }

@@ -64,7 +64,6 @@ pub struct Budget(Cell<f64>);
 
 impl Budget {
     /// A budget of so many trials.
-    #[must_use]
     pub fn new(trials: f64) -> Self {
         Self(Cell::new(trials))
     }
@@ -121,7 +120,6 @@ impl<const STATES: usize, const INPUTS: usize> Persistent for StepMemory<STATES,
 
 impl<const STATES: usize, const INPUTS: usize> StepMemory<STATES, INPUTS> {
     /// Nothing remembered but the length of the first step in s.
-    #[must_use]
     pub fn new(first_step: f64) -> Self {
         Self {
             step: first_step,
@@ -132,7 +130,6 @@ impl<const STATES: usize, const INPUTS: usize> StepMemory<STATES, INPUTS> {
     }
 
     /// The derivatives where the last interval ended, if they are those with these inputs.
-    #[must_use]
     pub fn slopes(&self, inputs: &[f64; INPUTS]) -> Option<[f64; STATES]> {
         let is_same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
         self.inputs.iter().zip(inputs).all(is_same).then_some(self.slopes)
@@ -181,7 +178,6 @@ pub struct Course<'a, const N: usize> {
 
 impl<'a, const N: usize> Course<'a, N> {
     /// A course from states with their derivatives.
-    #[must_use]
     pub fn new(
         interval: Interval<'a>,
         first_step: f64,
@@ -200,7 +196,6 @@ impl<'a, const N: usize> Course<'a, N> {
     }
 
     /// The length of the next step in s, and the time at which it ends.
-    #[must_use]
     pub fn next(&self) -> (f64, f64) {
         let left = self.interval.to - self.time;
         let length = self.steps.within(left);
@@ -208,7 +203,6 @@ impl<'a, const N: usize> Course<'a, N> {
     }
 
     /// Where the next step begins.
-    #[must_use]
     pub fn begin<'b>(&'b self, drift: &'b [f64; N]) -> Begin<'b, N> {
         Begin { time: self.time, states: &self.states, slopes: &self.slopes, drift }
     }
@@ -230,9 +224,6 @@ impl<'a, const N: usize> Course<'a, N> {
 
     /// Takes a step, or has it tried again with another length. Without a trial its linear equations had no
     /// solution.
-    ///
-    /// # Errors
-    /// When no more steps are tried.
     pub fn settle(
         &mut self,
         trial: Option<Trial<N>>,

@@ -69,7 +69,6 @@ pub struct SlowMemory<const STATES: usize, const INPUTS: usize> {
 
 impl<const STATES: usize, const INPUTS: usize> SlowMemory<STATES, INPUTS> {
     /// Nothing remembered but the length of the first step in s.
-    #[must_use]
     pub fn new(first_step: f64) -> Self {
         Self { memory: StepMemory::new(first_step), by_effect: [0.0; STATES] }
     }
@@ -87,10 +86,6 @@ impl<const STATES: usize, const INPUTS: usize> Persistent for SlowMemory<STATES,
 pub type Going<'a, Remembered, const STATES: usize> = (&'a mut Remembered, &'a mut [f64; STATES]);
 
 /// Advances both parts of a system over an interval. Returns what they do at its end.
-///
-/// # Errors
-/// Where a step does not meet the tolerance however short it is, or too many are needed; the states are then those
-/// at the begin.
 pub fn advance<P, const FAST: usize, const FAST_INPUTS: usize, const SLOW: usize, const SLOW_INPUTS: usize>(
     system: P,
     (fast_memory, fast_states): Going<'_, StepMemory<FAST, FAST_INPUTS>, FAST>,

@@ -105,7 +105,6 @@ impl<const A: usize, const B: usize, const N: usize> Solver<N> for Blocks<'_, A,
 
 impl<const N: usize> Linearization<N> {
     /// Whether it must be made anew before the next step.
-    #[must_use]
     pub fn is_used_up(&self) -> bool {
         self.serves == 0
     }
@@ -145,7 +144,6 @@ impl<const N: usize> Linearization<N> {
     }
 
     /// Makes ready for a step of a length. Whether that can be.
-    #[must_use]
     pub fn prepare(&mut self, length: f64) -> bool {
         let weight = GAMMA * length;
         if (self.weight - weight).abs() <= SIMILAR * weight {

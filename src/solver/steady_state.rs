@@ -35,9 +35,6 @@ pub enum NoSteadyState {
 ///
 /// `derivatives` is f, `derivatives_along` its derivative with respect to the unknown at a position; `guess` is
 /// where the search begins, `scales` the magnitude of each unknown.
-///
-/// # Errors
-/// When the system has no isolated steady state or none was found.
 pub fn find<const N: usize>(
     derivatives: impl Fn(&[f64; N]) -> [f64; N],
     derivatives_along: impl Fn(&[f64; N], usize) -> [f64; N],

@@ -16,7 +16,7 @@ use fmu_package::{Fmu, Library, Platform, PlatformList, library, reading, writin
 
 use super::compile::{Compiled, compile};
 use super::target::{Build, Target};
-use super::{licenses, of_platform};
+use super::{licenses, of_platform, validate};
 
 /// Compile the models of this workspace and write their .fmu files
 #[derive(Args, Debug)]
@@ -133,6 +133,7 @@ impl Plan {
                 files,
             };
             write(&fmu, &self.fmu(name))?;
+            validate::check(&self.fmu(name))?;
         }
         Ok(())
     }

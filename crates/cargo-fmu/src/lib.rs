@@ -39,7 +39,8 @@ const FAILED: u8 = 2;
 /// What the process ends with, for the help.
 const EXIT_STATUSES: &str = "\
 Exit status:
-  0    it is done
+  0    it is done; `validate`: there are no errors
+  1    `validate`: there are errors
   2    it could not be done, or the command line is wrong; standard error says why
   130  it was interrupted
 
@@ -47,9 +48,9 @@ Examples:
   cargo fmu new lag                   # a package with a model
   cargo fmu export                    # its FMU, in target/fmu
   cargo fmu export --target win64     # the same for Windows
-  cargo fmu info target/fmu/lag.fmu";
+  cargo fmu validate target/fmu/lag.fmu";
 
-/// Creates, exports, inspects and merges Functional Mock-up Units (FMI).
+/// Creates, exports, inspects, validates and merges Functional Mock-up Units (FMI).
 #[derive(Parser)]
 #[command(name = "cargo-fmu", bin_name = "cargo fmu", version, arg_required_else_help = true, after_help = EXIT_STATUSES)]
 struct Arguments {

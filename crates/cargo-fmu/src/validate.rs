@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Args;
-use fmu_package::terminal::{in_line, print};
+use fmu_package::terminal::{complain, in_line, print};
 use fmu_package::validation::rules::{self, Severity};
 use fmu_package::validation::{self, Report};
 use serde::Serialize;
@@ -75,6 +75,18 @@ impl Validate {
         })?;
         Ok(report.count(Severity::Error) == 0)
     }
+}
+
+/// Refuses an FMU that was just written when there are errors in it, and prints the warnings.
+pub fn check(file: &Path) -> Result<()> {
+    let report = validation::validate(file)?;
+    if report.count(Severity::Error) > 0 {
+        bail!("the FMU breaks the standard's rules\n{}", text(file, &report));
+    }
+    if !report.findings.is_empty() {
+        complain(text(file, &report).trim_end());
+    }
+    Ok(())
 }
 
 fn text(file: &Path, report: &Report) -> String {
