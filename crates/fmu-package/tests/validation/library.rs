@@ -23,8 +23,13 @@ pub fn build() -> Vec<u8> {
     // Tests run side by side.
     let file = folder.join(format!("tank-{:?}.so", std::thread::current().id()));
     let source = file.with_extension("c");
-    let functions: String =
-        FUNCTIONS.split_whitespace().map(|name| format!("int fmi2{name}(void) {{ return 0; }}\n")).collect();
+    let define = |code, name| {
+        format!(
+            "{code}int fmi2{name}(void) {{ return 0; }}
+"
+        )
+    };
+    let functions = FUNCTIONS.split_whitespace().fold(String::new(), define);
     let code = format!(
         "const char guid[] = \"{{a-guid}}\";\nextern int Qy_Import(void);\nint (*use)(void) = Qy_Import;\n{functions}"
     );

@@ -105,13 +105,13 @@ fn each_break_is_found_by_its_rule_and_no_other() {
     fs::remove_dir_all(folder("broken-fmus")).unwrap();
     let folder = folder("broken-fmus");
     let mut wrong = vec![];
-    for (index, (what, rule, good, edit)) in breaks::all().into_iter().enumerate() {
+    for (index, &(what, rule, good, ref edit)) in breaks::all().enumerate() {
         let mut files = files(good);
         let archive = match edit {
             Edit::Xml(path, text, replacement) => {
-                let before = String::from_utf8(files[path].clone()).unwrap();
-                assert!(before.contains(text), "{what}: {text}");
-                files.insert(path.to_owned(), before.replacen(text, replacement, 1).into_bytes());
+                let before = String::from_utf8(files[*path].clone()).unwrap();
+                assert!(before.contains(*text), "{what}: {text}");
+                files.insert((*path).to_owned(), before.replacen(*text, replacement, 1).into_bytes());
                 zipped(&files)
             }
             Edit::Files(edit) => {
@@ -135,7 +135,7 @@ fn each_break_is_found_by_its_rule_and_no_other() {
 
 #[test]
 fn each_rule_is_broken_once() {
-    let broken: BTreeSet<_> = breaks::all().into_iter().map(|(_, rule, ..)| rule).collect();
+    let broken: BTreeSet<_> = breaks::all().map(|(_, rule, ..)| *rule).collect();
     // The name of a file is no part of it.
     let all: BTreeSet<_> = rules::ALL.iter().map(|rule| rule.id).filter(|id| *id != "archive-name").collect();
     assert_eq!(broken, all);
