@@ -212,8 +212,7 @@ where
     let endian = file.endian();
     let table = file.elf_section_table().dynamic_table(endian, file.data())?;
     let has_text_relocations = table.iter().any(|entry| {
-        entry.tag == elf::DT_TEXTREL
-            || entry.tag == elf::DT_FLAGS && entry.val & elf::DF_TEXTREL.0 != 0
+        entry.tag == elf::DT_TEXTREL || entry.tag == elf::DT_FLAGS && entry.val & elf::DF_TEXTREL.0 != 0
     });
     let has_executable_stack = file.elf_program_headers().iter().any(|header| {
         header.p_type(endian) == elf::PT_GNU_STACK && header.p_flags(endian).contains(elf::PF_X)

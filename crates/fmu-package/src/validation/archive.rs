@@ -31,8 +31,8 @@ const TOP: &[&str] = &[
 /// The files of an FMU that can be read.
 pub(super) struct Files {
     archive: ZipArchive<BufReader<File>>,
-    /// By their paths, with `/` even where the archive has backslashes.
-    entries: BTreeMap<String, usize>,
+    /// By their paths, with `/` even where the archive has backslashes; none where it cannot be unpacked.
+    entries: BTreeMap<String, Option<usize>>,
 }
 
 impl Files {
@@ -87,10 +87,9 @@ impl Files {
                 return true;
             }
         };
-        let name = entry.name().map_or_else(
-            |_| String::from_utf8_lossy(entry.name_raw()).into_owned(),
-            Cow::into_owned,
-        );
+        let name = entry
+            .name()
+            .map_or_else(|_| String::from_utf8_lossy(entry.name_raw()).into_owned(), Cow::into_owned);
         let path = name.replace('\\', "/");
         let place = Place::file(&name);
         let (is_encrypted, is_link, is_folder) = (entry.encrypted(), entry.is_symlink(), path.ends_with('/'));
@@ -123,12 +122,16 @@ impl Files {
             return false;
         }
         *left -= size;
-        if is_link || is_encrypted || !is_known || is_folder {
+        if is_folder {
+            return true;
+        }
+        self.entries.insert(path.clone(), None);
+        if is_link || is_encrypted || !is_known {
             return true;
         }
         match self.unpacked_size(index, size + 1) {
             Ok(unpacked) if unpacked == size => {
-                self.entries.insert(path, index);
+                self.entries.insert(path, Some(index));
             }
             Ok(_) => report.add(&ARCHIVE_DAMAGED, place, "its size is not what the archive states"),
             Err(error) => report.add(&ARCHIVE_DAMAGED, place, format!("it cannot be unpacked: {error}")),
@@ -150,15 +153,15 @@ impl Files {
         self.entries.contains_key(path)
     }
 
-    /// What a file holds; none where there is no such file.
+    /// What a file holds; none where it is not there or cannot be unpacked.
     pub fn bytes(&mut self, path: &str) -> Option<Vec<u8>> {
-        let entry = self.archive.by_index(*self.entries.get(path)?).ok()?;
+        let entry = self.archive.by_index((*self.entries.get(path)?)?).ok()?;
         up_to(LARGEST_CONTENT, entry).ok()
     }
 
     /// The text of a file that is there, or none, and a report why.
     pub fn text(&mut self, path: &str, report: &mut Report) -> Option<String> {
-        let entry = self.archive.by_index(*self.entries.get(path)?).ok()?;
+        let entry = self.archive.by_index((*self.entries.get(path)?)?).ok()?;
         if entry.size() > LARGEST_TEXT {
             report.add(&LIMIT, Place::file(path), "it is larger than 64 MiB");
             return None;

@@ -91,7 +91,7 @@ pub(super) fn check(model: &Model<'_>, files: &mut Files, report: &mut Report) {
             let path = format!("{below}{identifier}.{}", format.suffix());
             if let Some(bytes) = files.bytes(&path) {
                 library(model, identifier, &bytes, &path, (format, architecture), &inside, report);
-            } else {
+            } else if !files.contains(&path) {
                 let message =
                     format!("there is no {identifier}.{}, but {}", format.suffix(), inside.join(", "));
                 report.add(&LIBRARY_NAME, Place::file(&*below), message);

@@ -402,7 +402,8 @@ fn is_of(builtin: &str, text: &str) -> Result<(), String> {
             )
         }
         "xs:hexBinary" => {
-            let is_hexadecimal = text.len().is_multiple_of(2) && text.bytes().all(|byte| byte.is_ascii_hexdigit());
+            let is_hexadecimal =
+                text.len().is_multiple_of(2) && text.bytes().all(|byte| byte.is_ascii_hexdigit());
             (is_hexadecimal, "pairs of hexadecimal digits")
         }
         "xs:dateTime" => (is_date_time(text), "a date and time as 2009-12-08T14:33:22Z"),
