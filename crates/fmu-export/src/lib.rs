@@ -23,6 +23,7 @@ mod panics;
 pub mod persistence;
 mod saved_states;
 mod serialized_state;
+mod typed;
 
 pub use error::Error;
 pub use inputs::{InputSignal, Inputs, MAX_ORDER, RealInput};
