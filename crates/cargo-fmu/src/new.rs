@@ -54,7 +54,7 @@ impl Template {
                 declaration: include_str!("../templates/continuous/model.json"),
                 source: include_str!("../templates/continuous/lib.rs"),
                 features: &[],
-                plotted: "voltage,lagged_voltage",
+                plotted: "voltage lagged_voltage",
             },
             Self::Sampled => Files {
                 declaration: include_str!("../templates/sampled/model.json"),
@@ -66,7 +66,7 @@ impl Template {
                 declaration: include_str!("../templates/algebraic/model.json"),
                 source: include_str!("../templates/algebraic/lib.rs"),
                 features: &[],
-                plotted: "voltage,power",
+                plotted: "voltage power",
             },
         }
     }
