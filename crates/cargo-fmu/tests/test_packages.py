@@ -16,7 +16,7 @@ from fmpy.validation import validate_fmu
 REPOSITORY = Path(__file__).parents[3]
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", REPOSITORY / "target"))
 # Where cargo finds `cargo fmu`, and the shell `fmpy`.
-PROGRAMS = [TARGET / "release", Path(sys.executable).parent]
+PROGRAMS = [TARGET / "debug", Path(sys.executable).parent]
 
 
 @pytest.fixture(scope="module")
