@@ -93,7 +93,8 @@ pub fn generate(declaration: impl AsRef<Path>) {
         }
         Err(error) => {
             for finding in error.findings() {
-                println!("cargo::error={finding}");
+                // A name that is refused may have a line break in it.
+                println!("cargo::error={}", finding.to_string().replace('\n', " "));
             }
             // Not a panic, whose trace would bury the findings.
             process::exit(1);
