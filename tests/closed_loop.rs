@@ -1,20 +1,29 @@
-//! Controller and plant together: the loops of the paper's figs. 13 and 14, and the hand-over between the
-//! stages.
+//! Controller and plant together: the loops of the paper's figures, and the hand-over between the stages.
 //!
 //! The bounds are the figures that an independent implementation of both models gave, each with 0.02 kPa
 //! added: 0.01 % of the 200 kPa of full scale, to which two solvers agree.
 
 mod boost_steps;
+#[path = "support/random.rs"]
+mod random;
+
+use std::fs;
+use std::ops::Range;
+use std::path::Path;
 
 use boost_fmu::controller::BoostController;
 use boost_fmu::controller::variables as controller;
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables as plant;
 use boost_steps::BOOST_STEPS;
-use fmu_export::{Context, Experiment, InputSignal, Inputs, Model, Step};
+use fmu_export::description::Causality;
+use fmu_export::{Context, Experiment, InputSignal, Inputs, Model, Step, Variables};
+use random::Random;
 
-/// The controller's sample time and the master's step (s).
+/// The controller's sample time and the step of most masters here (s).
 const STEP: f64 = 0.0125;
+
+const END_OF_FIGURE_13: f64 = 124.0;
 
 /// What two solvers may differ by (Pa).
 const MARGIN: f64 = 20.0;
@@ -28,21 +37,30 @@ struct Instance<M: Model> {
 
 impl<M: Model> Instance<M>
 where
-    <M::Variables as fmu_export::Variables>::Inputs: Inputs,
+    <M::Variables as Variables>::Inputs: Inputs,
 {
     fn new(start_time: f64) -> Self {
         let experiment = Experiment { start_time, ..Experiment::default() };
         Self { model: M::default(), variables: M::Variables::default(), experiment }
     }
 
-    fn initialize(&mut self, inputs: &<M::Variables as fmu_export::Variables>::Inputs) {
+    fn initialize(&mut self, inputs: &<M::Variables as Variables>::Inputs) {
         M::check_parameters(&self.variables).expect("the parameters are consistent");
         let mut log = |_, _: std::fmt::Arguments<'_>| {};
         let mut context = Context::new(self.experiment, &mut log);
         self.model.initialize(&mut self.variables, inputs, &mut context).expect("initialization succeeds");
     }
 
-    fn step(&mut self, start: f64, size: f64, inputs: &<M::Variables as fmu_export::Variables>::Inputs) {
+    /// All outputs, in the order of the description.
+    fn outputs(&self) -> Vec<f64> {
+        let variables = (0..).zip(<M::Variables as Variables>::DESCRIPTION.variables);
+        variables
+            .filter(|(_, variable)| variable.causality == Causality::Output)
+            .map(|(reference, _)| self.variables.real(reference))
+            .collect()
+    }
+
+    fn step(&mut self, start: f64, size: f64, inputs: &<M::Variables as Variables>::Inputs) {
         let inputs = InputSignal::constant(inputs.clone());
         let mut log = |_, _: std::fmt::Arguments<'_>| {};
         let mut context = Context::new(self.experiment, &mut log);
@@ -67,7 +85,11 @@ struct Loop {
     demand: controller::Inputs,
     surroundings: plant::Inputs,
     order: Order,
+    /// The master's (s).
+    step_size: f64,
     steps: u32,
+    /// Disturbs the measured boost pressure.
+    noise: Option<Random>,
 }
 
 impl Loop {
@@ -77,44 +99,64 @@ impl Loop {
         order: Order,
         change: impl FnOnce(&mut controller::Parameters, &mut plant::Parameters),
     ) -> Self {
-        let mut controller = Instance::<BoostController>::new(0.0);
-        let mut plant = Instance::<BoostPlant>::new(0.0);
-        change(&mut controller.variables.parameters, &mut plant.variables.parameters);
-        controller.initialize(&demand);
         let surroundings = plant::Inputs { engine_speed: demand.engine_speed, ..plant::Inputs::default() };
-        let mut this = Self { controller, plant, demand, surroundings, order, steps: 0 };
-        let inputs = this.plant_inputs();
-        this.plant.initialize(&inputs);
+        Self::settled_in(surroundings, demand, order, change)
+    }
+
+    fn settled_in(
+        surroundings: plant::Inputs,
+        demand: controller::Inputs,
+        order: Order,
+        change: impl FnOnce(&mut controller::Parameters, &mut plant::Parameters),
+    ) -> Self {
+        let controller = Instance::<BoostController>::new(0.0);
+        let plant = Instance::<BoostPlant>::new(0.0);
+        let (step_size, steps, noise) = (STEP, 0, None);
+        let mut this = Self { controller, plant, demand, surroundings, order, step_size, steps, noise };
+        change(&mut this.controller.variables.parameters, &mut this.plant.variables.parameters);
+        // The supply is known before; the pressures settle for the controller's outputs, which do not need them.
+        this.demand.supply_voltage_measured = surroundings.supply_voltage;
+        this.controller.initialize(&this.demand);
+        this.plant.initialize(&this.plant_inputs());
+        this.controller.initialize(&this.measurements());
         this
     }
 
-    /// A loop that begins as on the test bench: the engine has run for 20 s at the duty of the map, the
-    /// vacuum tank held at its pressure.
+    /// A loop that begins as on the test bench.
     fn new(
         demand: controller::Inputs,
         order: Order,
         change: impl FnOnce(&mut controller::Parameters, &mut plant::Parameters),
     ) -> Self {
-        let mut this = Self::settled(demand, order, change);
-        this.plant.experiment.start_time = -20.0;
-        this.plant.variables.parameters.initialization.mode = plant::InitializationMode::Running;
-        this.plant.variables.parameters.tank.frozen = true;
-        let inputs = this.plant_inputs();
-        this.plant.initialize(&inputs);
+        Self::settled(demand, order, change).run_in()
+    }
+
+    /// The engine has run for 20 s at the duty of the map, the vacuum tank held at its pressure.
+    fn run_in(mut self) -> Self {
+        self.plant.experiment.start_time = -20.0;
+        self.plant.variables.parameters.initialization.mode = plant::InitializationMode::Running;
+        self.plant.variables.parameters.tank.frozen = true;
+        let inputs = self.plant_inputs();
+        self.plant.initialize(&inputs);
         for step in 0..1600 {
-            this.plant.step(-20.0 + f64::from(step) * STEP, STEP, &inputs);
+            self.plant.step(-20.0 + f64::from(step) * STEP, STEP, &inputs);
         }
-        this.plant.variables.parameters.tank.frozen = false;
-        this.plant.model.refresh(&mut this.plant.variables, &inputs);
-        this
+        self.plant.variables.parameters.tank.frozen = false;
+        self.plant.model.refresh(&mut self.plant.variables, &inputs);
+        self
     }
 
     fn time(&self) -> f64 {
-        f64::from(self.steps) * STEP
+        f64::from(self.steps) * self.step_size
     }
 
     fn boost_pressure(&self) -> f64 {
         self.plant.variables.outputs.boost_pressure
+    }
+
+    /// The wastegate's, in points (percent of the stroke).
+    fn position(&self) -> f64 {
+        100.0 * self.plant.variables.outputs.hp_wastegate_position
     }
 
     fn plant_inputs(&self) -> plant::Inputs {
@@ -128,23 +170,40 @@ impl Loop {
         }
     }
 
-    fn step(&mut self) {
-        let time = self.time();
+    fn measurements(&self) -> controller::Inputs {
         let measured = self.plant.variables.outputs;
-        let before = self.plant_inputs();
-        let inputs = controller::Inputs {
+        controller::Inputs {
             boost_pressure: measured.boost_pressure,
             tank_pressure: measured.tank_pressure,
             supply_voltage_measured: measured.supply_voltage_measured,
             engine_speed: self.surroundings.engine_speed,
             ..self.demand
-        };
-        self.controller.step(time, STEP, &inputs);
+        }
+    }
+
+    /// Steps to a time, and shows what was reached after each step.
+    fn run(&mut self, end: f64, mut look: impl FnMut(&Self)) {
+        while self.time() < end - 0.5 * self.step_size {
+            self.step();
+            look(self);
+        }
+    }
+
+    fn step(&mut self) {
+        let time = self.time();
+        let before = self.plant_inputs();
+        let mut inputs = self.measurements();
+        if let Some(random) = &mut self.noise {
+            // A normal distribution of 100 Pa, as the sum of twelve uniform ones.
+            let sum: f64 = (0..12).map(|_| random.between(-0.5, 0.5)).sum();
+            inputs.boost_pressure += 100.0 * sum;
+        }
+        self.controller.step(time, self.step_size, &inputs);
         let inputs = match self.order {
             Order::ControllerFirst => self.plant_inputs(),
             Order::AtOnce => before,
         };
-        self.plant.step(time, STEP, &inputs);
+        self.plant.step(time, self.step_size, &inputs);
         self.steps += 1;
     }
 }
@@ -162,7 +221,12 @@ struct Answer {
 }
 
 /// Leads a loop through references (kPa) from given times (s).
-fn follow(control: &mut Loop, references: &[(f64, f64)], end: f64) -> Vec<Answer> {
+fn follow(
+    control: &mut Loop,
+    references: &[(f64, f64)],
+    end: f64,
+    mut look: impl FnMut(&Loop),
+) -> Vec<Answer> {
     let ends = references[1..].iter().map(|&(time, _)| time).chain([end]);
     let mut before = control.demand.boost_reference;
     let mut answers = Vec::new();
@@ -171,14 +235,14 @@ fn follow(control: &mut Loop, references: &[(f64, f64)], end: f64) -> Vec<Answer
         control.demand.boost_reference = reference;
         let height = reference - before;
         let (mut overshoot, mut rise): (f64, f64) = (0.0, f64::INFINITY);
-        while control.time() < end - 0.5 * STEP {
-            control.step();
+        control.run(end, |control| {
             let beyond = (control.boost_pressure() - reference) * height.signum();
             overshoot = overshoot.max(beyond);
             if beyond >= -0.1 * height.abs() {
                 rise = rise.min(control.time() - begin);
             }
-        }
+            look(control);
+        });
         let end_error = (control.boost_pressure() - reference).abs();
         answers.push(Answer { from: before, to: reference, overshoot, rise, end_error });
         before = reference;
@@ -187,14 +251,19 @@ fn follow(control: &mut Loop, references: &[(f64, f64)], end: f64) -> Vec<Answer
 }
 
 fn figure_13(structure: controller::FeedbackStructure, order: Order) -> Vec<Answer> {
-    figure_13_with(Loop::new(controller::Inputs::default(), order, |parameters, _| {
+    let control = Loop::new(controller::Inputs::default(), order, |parameters, _| {
         parameters.structure = structure;
-    }))
+    });
+    figure_13_with(control, |_| {})
 }
 
-fn figure_13_with(mut control: Loop) -> Vec<Answer> {
+fn settled() -> Loop {
+    Loop::settled(controller::Inputs::default(), Order::ControllerFirst, |_, _| {})
+}
+
+fn figure_13_with(mut control: Loop, look: impl FnMut(&Loop)) -> Vec<Answer> {
     let steps: Vec<_> = BOOST_STEPS.iter().map(|&(time, pressure)| (time, 1e-3 * pressure)).collect();
-    let mut answers = follow(&mut control, &steps, 124.0);
+    let mut answers = follow(&mut control, &steps, END_OF_FIGURE_13, look);
     answers.remove(0);
     for answer in &answers {
         println!("{answer:?}");
@@ -217,16 +286,27 @@ fn figure_13_with_the_reference_model() {
 
 #[test]
 fn figure_13_from_a_settled_start() {
-    let settled = Loop::settled(controller::Inputs::default(), Order::ControllerFirst, |_, _| {});
-    assert_figure_13(&figure_13_with(settled));
+    let mut record = String::new();
+    let answers = figure_13_with(settled(), |control| {
+        let outputs = [control.controller.outputs(), control.plant.outputs()].concat();
+        record.extend(outputs.iter().map(|value| format!("{:016x}", value.to_bits())));
+        record += "\n";
+    });
+    assert_figure_13(&answers);
+    // With which tests/fmu/quick/test_masters_agree.py compares what the FMUs compute.
+    fs::write(Path::new(env!("CARGO_TARGET_TMPDIR")).join("figure_13.txt"), record).unwrap();
 }
 
 fn assert_figure_13(answers: &[Answer]) {
+    // Times are multiples of 12.5 ms, but for rounding.
+    assert_figure_13_within(answers, 0.549..0.801);
+}
+
+fn assert_figure_13_within(answers: &[Answer], rises: Range<f64>) {
     assert!(largest(answers, upward, |answer| answer.overshoot) <= 530.0 + MARGIN);
     assert!(largest(answers, |answer| !upward(answer), |answer| answer.overshoot) <= 420.0 + MARGIN);
     assert!(largest(answers, |_| true, |answer| answer.end_error) <= 2.0 + MARGIN);
-    // Times are multiples of 12.5 ms, but for rounding.
-    assert!(answers.iter().all(|answer| (0.549..0.801).contains(&answer.rise)));
+    assert!(answers.iter().all(|answer| rises.contains(&answer.rise)), "{answers:?}");
 }
 
 #[test]
@@ -242,8 +322,78 @@ fn figure_13_when_both_step_at_once() {
     assert!(largest(&answers, |_| true, |answer| answer.overshoot) <= 560.0 + MARGIN);
 }
 
+#[test]
+fn figure_13_with_measurement_noise() {
+    for seed in 1..7 {
+        let mut control = settled();
+        control.noise = Some(Random(seed));
+        let answers = figure_13_with(control, |_| {});
+        assert!(largest(&answers, |_| true, |answer| answer.overshoot) <= 500.0 + MARGIN);
+        assert!(largest(&answers, |_| true, |answer| answer.end_error) <= 45.0 + MARGIN);
+    }
+}
+
+/// Within 0.3 kPa in transients (a sample inside a long step acts early), 0.02 kPa at rest.
+#[test]
+fn figure_13_at_other_communication_rates() {
+    let run = |rate: u32| {
+        let mut control = settled();
+        control.step_size = 1.0 / f64::from(rate);
+        let mut common = vec![];
+        let answers = figure_13_with(control, |control| {
+            // Instants that all have: multiples of 25 ms.
+            if control.steps.is_multiple_of(rate / 40) {
+                common.push(control.boost_pressure());
+            }
+        });
+        // A sample of the controller may come a step of the master later or earlier.
+        assert_figure_13_within(&answers, 0.0..0.9);
+        common
+    };
+    let [slow, medium, fast] = [80, 200, 1000].map(run);
+    let ends: Vec<_> = BOOST_STEPS[1..].iter().map(|step| step.0).chain([END_OF_FIGURE_13]).collect();
+    let mut largest = [0.0_f64; 2];
+    for (number, ((a, b), c)) in (1..).zip(slow.iter().zip(&medium).zip(&fast)) {
+        let time = f64::from(number) / 40.0;
+        let spread = a.max(*b).max(*c) - a.min(*b).min(*c);
+        let at_rest = usize::from(ends.iter().any(|end| (0.0..=1.0).contains(&(end - time))));
+        largest[at_rest] = largest[at_rest].max(spread);
+    }
+    println!("{largest:?} Pa in transients and at rest");
+    assert!(largest[0] <= 300.0 && largest[1] <= 20.0, "{largest:?} Pa in transients and at rest");
+}
+
+/// Both begin near the reference and go to it without overshoot. The map was identified with friction,
+/// which a settled start does not have: up to 1.8 kPa.
+#[test]
+fn a_settled_loop_goes_to_its_reference() {
+    let mut control = settled();
+    let error = |control: &Loop| (control.boost_pressure() - control.demand.boost_reference).abs();
+    let first = error(&control);
+    assert!(first <= 1800.0, "{first} Pa");
+    control.run(3.0, |control| assert!(error(control) <= first + MARGIN, "{} Pa", error(control)));
+}
+
+/// Position control by the inverse of the plant's actuator, whatever the supply.
+#[test]
+fn position_control_reaches_its_reference() {
+    for (reference, voltage) in [0.2, 0.5, 0.8].into_iter().flat_map(|r| [11.0, 12.0, 13.5].map(|u| (r, u))) {
+        let demand = controller::Inputs { wastegate_reference: reference, ..controller::Inputs::default() };
+        let surroundings = plant::Inputs { supply_voltage: voltage, ..plant::Inputs::default() };
+        let mut control = Loop::settled_in(surroundings, demand, Order::ControllerFirst, |controller, _| {
+            controller.mode = controller::ControlMode::Position;
+        });
+        let error = |control: &Loop| (control.position() - 100.0 * reference).abs();
+        // The start without friction is the inverse's; the settled solve is good to 1e-6.
+        assert!(error(&control) <= 0.01, "{} points at the start", error(&control));
+        // Later the tank may rise and the pump move the supply: nothing of it reaches the wastegate.
+        control.run(2.0, |_| {});
+        assert!(error(&control) <= 0.1, "{} points", error(&control));
+    }
+}
+
 /// The largest error of boost (Pa), from 3 s on, under the steps of the supply voltage of fig. 14.
-fn figure_14(sensor: f64, compensate: bool, lambda: f64) -> f64 {
+fn figure_14(sensor: f64, compensate: bool, lambda: f64, noise: Option<Random>) -> f64 {
     let voltages = [
         (0.0, 12.0),
         (5.0, 11.1),
@@ -260,6 +410,7 @@ fn figure_14(sensor: f64, compensate: bool, lambda: f64) -> f64 {
             controller.lambda = lambda;
             plant.supply_sensor.time_constant = sensor;
         });
+    control.noise = noise;
     let mut largest: f64 = 0.0;
     while control.time() < 42.0 {
         let time = control.time() + 0.5 * STEP;
@@ -277,7 +428,7 @@ fn figure_14(sensor: f64, compensate: bool, lambda: f64) -> f64 {
 #[test]
 fn figure_14_with_compensation() {
     for (sensor, expected) in [(0.001, 240.0), (0.02, 520.0), (0.05, 1050.0), (0.1, 1800.0), (0.2, 2800.0)] {
-        let largest = figure_14(sensor, true, 0.3);
+        let largest = figure_14(sensor, true, 0.3, None);
         // Beside the margin, half of the last digit that is known.
         let digit = if expected < 1000.0 { 5.0 } else { 50.0 };
         assert!((largest - expected).abs() <= MARGIN + digit, "{largest} Pa instead of {expected} Pa");
@@ -285,40 +436,161 @@ fn figure_14_with_compensation() {
 }
 
 #[test]
+fn figure_14_with_compensation_and_noise() {
+    // The paper's bound.
+    assert!(figure_14(0.02, true, 0.3, Some(Random(1))) < 1000.0);
+}
+
+#[test]
 fn figure_14_without_compensation() {
     for (lambda, expected) in [(0.3, 6400.0), (1.0, 11_700.0)] {
-        let largest = figure_14(0.02, false, lambda);
+        let largest = figure_14(0.02, false, lambda, None);
         assert!((largest - expected).abs() <= MARGIN + 50.0, "{largest} Pa instead of {expected} Pa");
     }
 }
 
-/// Fig. 10 through the controller, which samples a lagged voltage: from 11.9 V to 11.1 V and back, the
-/// compensated duty of 44 % leaves a pulse of the wastegate at each edge, and friction little at rest.
+/// A loop in which the controller passes on a duty (%), under a supply (V) and after the engine has run.
+fn open_loop(duty: f64, voltage: f64, compensate: bool) -> Loop {
+    let demand = controller::Inputs { pwm_reference: duty, ..controller::Inputs::default() };
+    let surroundings = plant::Inputs { supply_voltage: voltage, ..plant::Inputs::default() };
+    Loop::settled_in(surroundings, demand, Order::ControllerFirst, |controller, _| {
+        controller.mode = controller::ControlMode::OpenLoop;
+        controller.compensate_voltage = compensate;
+    })
+    .run_in()
+}
+
+/// Figs. 1 and 10: at a duty of 44 % the supply falls from 11.9 V to 11.1 V and returns.
+#[test]
+fn figure_1_without_compensation() {
+    let mut control = open_loop(44.0, 11.9, false);
+    control.run(2.0, |_| {});
+    let before = control.plant.variables.outputs;
+    control.surroundings.supply_voltage = 11.1;
+    control.run(6.0, |_| {});
+    let after = control.plant.variables.outputs;
+    let pressure = after.actuator_pressure - before.actuator_pressure;
+    let points = 100.0 * (after.hp_wastegate_position - before.hp_wastegate_position);
+    let boost = after.boost_pressure - before.boost_pressure;
+    println!("actuator {pressure} Pa, wastegate {points} points, boost {boost} Pa");
+    // 0.01 % of full scale at both ends, and half of the last printed digit.
+    assert!((pressure - 2466.0).abs() <= 20.5, "{pressure} Pa");
+    assert!((76.75e3..=76.85e3).contains(&before.actuator_pressure), "{before:?}");
+    assert!((-9.7 - 0.07..=-9.2 + 0.07).contains(&points), "{points} points");
+    assert!((49.5 - 0.06..=50.0 + 0.06).contains(&(100.0 * before.hp_wastegate_position)), "{before:?}");
+    assert!((12.3e3 - 90.0..=12.8e3 + 90.0).contains(&boost), "{boost} Pa");
+}
+
+/// Fig. 10 through the controller, which samples a lagged voltage: the compensation leaves a pulse of the
+/// wastegate at each edge that is soon over, and friction little at rest.
 #[test]
 fn figure_10() {
-    let demand = controller::Inputs { pwm_reference: 44.0, ..controller::Inputs::default() };
-    let mut control = Loop::settled(demand, Order::ControllerFirst, |controller, _| {
-        controller.mode = controller::ControlMode::OpenLoop;
-    });
-    control.surroundings.supply_voltage = 11.9;
-    let mut run = |voltage: f64, end: f64| -> (f64, f64) {
-        control.surroundings.supply_voltage = voltage;
-        let before = control.plant.variables.outputs.hp_wastegate_position;
-        let mut pulse: f64 = 0.0;
-        while control.time() < end - 0.5 * STEP {
-            control.step();
-            pulse = pulse.max((control.plant.variables.outputs.hp_wastegate_position - before).abs());
-        }
-        (100.0 * pulse, 100.0 * (control.plant.variables.outputs.hp_wastegate_position - before).abs())
-    };
-    run(11.9, 2.0);
+    let mut control = open_loop(44.0, 11.9, true);
+    control.run(2.0, |_| {});
+    let rest = control.position();
     for (voltage, end) in [(11.1, 6.0), (11.9, 10.0)] {
-        let (pulse, rest) = run(voltage, end);
-        println!("to {voltage} V: a pulse of {pulse} points, {rest} at rest");
+        control.surroundings.supply_voltage = voltage;
+        let (begin, before) = (control.time(), control.position());
+        let (mut pulse, mut later): (f64, Vec<f64>) = (0.0, vec![]);
+        control.run(end, |control| {
+            pulse = pulse.max((control.position() - before).abs());
+            if control.time() > begin + 0.1 {
+                later.push(control.position());
+            }
+        });
+        let end = control.position();
+        println!("to {voltage} V: a pulse of {pulse} points, {} at rest", end - rest);
         // Half of the last digit that is known beside 0.01 % of full scale.
         assert!(pulse <= 5.3 + 0.06, "{pulse} points");
-        assert!(rest <= 0.7 + 0.06, "{rest} points");
+        assert!(later.iter().all(|position| (position - end).abs() <= 0.5 + 0.06), "{later:?}");
+        assert!((end - rest).abs() <= 0.7 + 0.06, "{end} points");
     }
+}
+
+/// Fig. 10: 12/U times the duty is the valve's exact inverse.
+#[test]
+fn a_compensated_duty_leaves_the_wastegate_alone() {
+    let mut control = open_loop(44.0 * 12.0 / 11.9, 11.9, false);
+    let rest = control.position();
+    for (voltage, end) in [(11.9, 2.0), (11.1, 6.0), (11.9, 10.0)] {
+        control.surroundings.supply_voltage = voltage;
+        control.demand.pwm_reference = 44.0 * 12.0 / voltage;
+        control.run(end, |control| {
+            let moved = (control.position() - rest).abs();
+            assert!(moved < 0.0005, "{moved} points at {} s", control.time());
+        });
+    }
+}
+
+/// Fig. 7: the hysteresis of the actuator, under a duty that goes slowly up and down.
+#[test]
+fn figure_7() {
+    let mut control = open_loop(0.0, 12.0, false);
+    let mut branches: [Vec<[f64; 3]>; 2] = [vec![], vec![]];
+    for (branch, end) in branches.iter_mut().zip([100.0, 200.0]) {
+        while control.time() < end - 0.5 * STEP {
+            let time = control.time();
+            control.demand.pwm_reference = if time < 100.0 { time } else { 200.0 - time };
+            control.step();
+            let outputs = control.plant.variables.outputs;
+            let duty = control.controller.variables.outputs.hp_wastegate_pwm;
+            branch.push([duty, control.position(), outputs.actuator_pressure]);
+        }
+    }
+    let [up, down] = branches;
+    // At equal duty, on the reference's grid of 0.25 %.
+    let gap = |column: usize, most: f64| {
+        up[1..]
+            .iter()
+            .zip(down.iter().rev())
+            .skip(19)
+            .step_by(20)
+            .map(|(up, down)| {
+                assert!((up[0] - down[0]).abs() <= 1e-9, "{up:?} {down:?}");
+                if (4.9..most).contains(&up[0]) { (up[column] - down[column]).abs() } else { 0.0 }
+            })
+            .fold(0.0, f64::max)
+    };
+    let [points, low, all] = [gap(1, 95.1), gap(2, 84.9), gap(2, 95.1)];
+    println!("position {points} points, pressure {low} Pa below 85 %, {all} Pa in all");
+    // Half of the last digit, and 0.01 % of full scale twice.
+    assert!(points <= 1.3 + 0.05 + 0.02, "{points} points");
+    assert!(low <= 100.0 + 20.0, "{low} Pa");
+    // Where the tank's pressure is the floor, the relay's band shows.
+    assert!(all <= 1900.0 + 50.0 + 20.0, "{all} Pa");
+}
+
+/// Fig. 8: the relay runs the pump, whose current costs 0.4 V while it is on.
+#[test]
+fn figure_8() {
+    let demand =
+        controller::Inputs { pwm_reference: 50.0, engine_speed: 2000.0, ..controller::Inputs::default() };
+    let mut control = Loop::settled(demand, Order::ControllerFirst, |controller, plant| {
+        controller.mode = controller::ControlMode::OpenLoop;
+        controller.compensate_voltage = false;
+        plant.pump.voltage_drop = 0.4;
+    });
+    control.plant.variables.start.tank.pressure = 30e3;
+    let mut control = control.run_in();
+    let mut last = (control.position(), control.plant.variables.outputs.actuator_pressure);
+    let mut edges = vec![];
+    control.run(90.0, |control| {
+        let on = control.controller.variables.outputs.vacuum_pump > 0.5;
+        if on == edges.len().is_multiple_of(2) {
+            edges.push((control.time() - STEP, last));
+        }
+        last = (control.position(), control.plant.variables.outputs.actuator_pressure);
+    });
+    println!("{edges:?}, {last:?} in the end");
+    let [(begins, before), (ends, during)] = edges[..] else { panic!("the pump runs once: {edges:?}") };
+    // Half of the last digit, and one sample: 0.01 % of full scale is 3.5 Pa of the tank, that is 0.05 s of
+    // leaking at 5 kPa in 72 s.
+    assert!((begins - 71.88).abs() <= 0.07, "{begins} s");
+    assert!((ends - 81.54).abs() <= 0.07, "{ends} s");
+    // The reference's 4.3 points, less what friction, whose force starts at its limit, gives way at first.
+    assert!((-4.35..=-4.05).contains(&(during.0 - before.0)), "{} points", during.0 - before.0);
+    assert!((last.0 - during.0 - 4.3).abs() <= 0.07, "{} points", last.0 - during.0);
+    assert!((during.1 - before.1 - 1460.0).abs() <= 25.0, "{} Pa", during.1 - before.1);
 }
 
 /// With the high-pressure stage passed by, the low-pressure wastegate takes boost to its reference.
@@ -328,7 +600,7 @@ fn the_low_pressure_stage_follows_alone() {
         let demand =
             controller::Inputs { boost_reference: 130e3, engine_speed, ..controller::Inputs::default() };
         let mut control = Loop::new(demand, Order::ControllerFirst, |_, _| {});
-        let answers = follow(&mut control, &[(0.0, 130.0), (20.0, 145.0), (40.0, 120.0)], 60.0);
+        let answers = follow(&mut control, &[(0.0, 130.0), (20.0, 145.0), (40.0, 120.0)], 60.0, |_| {});
         for answer in &answers[1..] {
             println!("{engine_speed} rpm: {answer:?}");
             assert!(answer.end_error <= 10.0 + MARGIN, "{engine_speed} rpm: {answer:?}");
@@ -348,24 +620,39 @@ fn the_stages_hand_over() {
             ..controller::Inputs::default()
         };
         let mut control = Loop::new(demand, Order::ControllerFirst, |_, _| {});
-        let mut ramp = |to: f64| -> (f64, f64) {
+        let mut ramp = |to: f64, hand_over: Option<f64>| -> (f64, f64) {
             let (mut least, mut most): (f64, f64) = (0.0, 0.0);
+            let (mut errors, mut hand_overs) = (vec![], vec![]);
+            let mut bypass = control.controller.variables.outputs.hp_bypass;
             for _ in 0..3200 {
                 let speed = &mut control.surroundings.engine_speed;
                 let left = to - *speed;
                 *speed += left.clamp(-rate * STEP, rate * STEP);
                 control.step();
+                let now = control.controller.variables.outputs.hp_bypass;
+                if now.to_bits() != std::mem::replace(&mut bypass, now).to_bits() {
+                    hand_overs.push(control.surroundings.engine_speed);
+                }
                 let error = control.boost_pressure() - 150e3;
                 least = least.min(error);
                 most = most.max(error);
+                errors.push(error);
+            }
+            // One in two samples of the ramp.
+            let expected = |speed: f64| hand_over.is_some_and(|there| (speed - there).abs() <= rate / 40.0);
+            assert_eq!(hand_overs.len(), usize::from(hand_over.is_some()), "{hand_overs:?}");
+            assert!(hand_overs.iter().all(|&speed| expected(speed)), "{hand_overs:?}");
+            if least < -20e3 {
+                let long = errors.iter().filter(|&&error| error < 0.5 * least).count();
+                assert!(long as f64 * STEP <= 2.0, "half of the dip lasts for {long} samples");
             }
             let error = control.boost_pressure() - 150e3;
             assert!(error.abs() < 50.0 + MARGIN, "{error} Pa are left at {to} rpm");
             (least, most)
         };
-        let settled = ramp(3000.0);
-        let up = ramp(4000.0);
-        let down = ramp(3000.0);
+        let settled = ramp(3000.0, None);
+        let up = ramp(4000.0, Some(3500.0));
+        let down = ramp(3000.0, Some(3400.0));
         println!("{rate} rpm/s: settling {settled:?}, up {up:?}, down {down:?}");
         assert!((-35e3..-20e3).contains(&up.0), "{rate} rpm/s up: {up:?}");
         assert!(down.0 > -8e3 && down.1 < 7e3, "{rate} rpm/s down: {down:?}");

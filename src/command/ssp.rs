@@ -1,12 +1,10 @@
 //! `ssp`: the coupled system of any plant and any controller, as a package of System Structure and
 //! Parameterization.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use boost_interface::{Compatibility, NameMap, Role};
-use fmu_package::terminal::print;
 use fmu_package::{FmuDescription, ParameterSet, SystemPackage, reading, writing};
 
 use super::coupling::{Member, couple};
@@ -115,7 +113,5 @@ fn place(set: &ParameterSet, plant: &FmuDescription, controller: &FmuDescription
 /// Writes a package and says so.
 pub fn write(package: &SystemPackage, path: &Path) -> Result<()> {
     writing::write(path, |writer| package.write(writer))?;
-    let kilobytes =
-        fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len().div_ceil(1000);
-    Ok(print(&format!("{}  {kilobytes} kB\n", path.display()))?)
+    cargo_fmu::say(path, "")
 }

@@ -1,6 +1,8 @@
 //! The feedback: a gain scheduled PID controller by λ-tuning, with a filtered derivative of the
 //! measurement and tracking against wind-up (paper, section 6).
 
+use fmu_export::Persistent;
+
 use super::schedule::LocalModel;
 use crate::elementary::larger;
 
@@ -15,7 +17,7 @@ const LEAST_TRACKING_SAMPLES: f64 = 4.0;
 /// `1 + s T_i + s² T_i T_d = (1 + s T) (1 + s L/2)`, which cancels the local model with its delay in Padé's
 /// approximation. The sum is used.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tuning {
+pub struct FeedbackSettings {
     /// K (%/Pa).
     pub gain: f64,
     /// `K / T_i` (%/(Pa s)).
@@ -26,8 +28,8 @@ pub struct Tuning {
     pub derivative_time: f64,
 }
 
-impl Tuning {
-    /// λ-tuning for a local model; λ (s) is the time constant asked of the closed loop.
+impl FeedbackSettings {
+    /// λ-tuning for a local model; λ (s) is the desired time constant of the closed loop.
     #[must_use]
     pub fn new(model: &LocalModel, lambda: f64) -> Self {
         let half_delay = model.delay / 2.0;
@@ -47,8 +49,8 @@ impl Tuning {
     }
 }
 
-/// What the PID controller remembers between samples.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// The state of the PID controller.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct Pid {
     /// The integral term (%).
     pub integral: f64,
@@ -58,10 +60,8 @@ pub struct Pid {
     measurement: f64,
 }
 
-fmu_export::persistent!(Pid { integral, derivative, measurement });
-
 impl Pid {
-    /// A controller that begins at rest at a boost pressure (Pa).
+    /// A controller at rest at a boost pressure (Pa).
     #[must_use]
     pub fn at(measurement: f64) -> Self {
         Self { integral: 0.0, derivative: 0.0, measurement }
@@ -69,18 +69,24 @@ impl Pid {
 
     /// The derivative term takes the measurement (Pa) of a new sample.
     ///
-    /// It acts on the measurement alone, lest a step of the reference kick, and through a filter with the
-    /// time constant `T_d / filter`, discretised by backward differences.
-    pub fn differentiate(&mut self, tuning: &Tuning, filter: f64, sample_time: f64, measurement: f64) {
+    /// It acts on the measurement alone, so that a step of the reference causes no kick, and through a filter with
+    /// the time constant `T_d / filter`, discretised by backward differences.
+    pub fn differentiate(
+        &mut self,
+        tuning: &FeedbackSettings,
+        filter: f64,
+        sample_time: f64,
+        measurement: f64,
+    ) {
         let pole = tuning.derivative_time / (tuning.derivative_time + filter * sample_time);
         let change = measurement - self.measurement;
         self.derivative = pole * self.derivative - tuning.gain * filter * pole * change;
         self.measurement = measurement;
     }
 
-    /// The integral term for the next sample: by the error (Pa), and by what the limits cut off the duty
-    /// (%, limited minus asked), which keeps it from winding up.
-    pub fn integrate(&mut self, tuning: &Tuning, sample_time: f64, error: f64, cut: f64) {
+    /// The integral term for the next sample: by the error (Pa), and by the difference that the limits make to the
+    /// duty (%, limited minus unlimited), which prevents wind-up.
+    pub fn integrate(&mut self, tuning: &FeedbackSettings, sample_time: f64, error: f64, cut: f64) {
         self.integral += sample_time * tuning.integral_gain * error
             + sample_time / tuning.tracking_time(sample_time) * cut;
     }

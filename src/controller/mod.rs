@@ -10,78 +10,73 @@
 //!                               boost pressure
 //! ```
 //!
-//! The [`feedforward`] maps the reference to the duty that holds it, the [`feedback`], a PID controller
-//! tuned by the local model of the [`schedule`], takes care of what the map does not know, and the
-//! [`compensator`] turns the duty at nominal voltage into that at the voltage there is, before a
-//! disturbance of the voltage moves the wastegate. Between reference and feedback stands a
-//! [`reference_model`], unless the structure is the paper's own. Apart from these, a relay keeps the vacuum
-//! in the tank ([`tank_relay`]), and the [`stage`] strategy decides which turbocharger works.
+//! The feedforward maps the reference to the duty that holds it. The [`feedback`], a PID controller tuned by the
+//! local model of the [`schedule`], corrects what the map does not contain. The compensator converts the duty at
+//! nominal voltage to that at the measured voltage, so that a disturbance of the voltage does not move the
+//! wastegate. Between reference and feedback stands a reference model, unless the structure is that of the paper.
+//! Besides, a relay switches the vacuum pump, and the stage strategy decides which turbocharger works.
 //!
-//! Two further modes leave the boost pressure aside: `position` puts the wastegate where it is asked to be
-//! ([`actuator_inverse`]), `open_loop` passes a duty on. Both compensate for the voltage.
+//! Two further modes do not control boost pressure: `position` moves the wastegate to a reference
+//! ([`actuator_inverse`]), `open_loop` takes the duty as an input. Both compensate for the voltage.
 //!
-//! All of it happens at the samples of the [`clock`]; between them the outputs stay.
+//! Everything is computed at the samples; between them the outputs are held.
 
 pub mod actuator_inverse;
-pub mod clock;
-pub mod compensator;
+mod clock;
+mod compensator;
 pub mod feedback;
-pub mod feedforward;
-pub mod reference_model;
+mod feedforward;
+mod reference_model;
 pub mod schedule;
-pub mod stage;
-pub mod tank_relay;
+mod stage;
+mod tank_relay;
 
 /// The variables of the controller, generated from `modelDescription/controller.json`.
 pub mod variables {
     fmu_export::include_variables!("BoostController");
 }
 
-use fmu_export::{Context, Error, InputsOf, Model, Step};
+use fmu_export::{Context, Error, InputsOf, Model, Persistent, Step};
 
 use crate::LONGEST_STEP;
 use clock::SampleClock;
 use compensator::{Compensator, Limits, SupplyVoltage};
-use feedback::{Pid, Tuning};
+use feedback::{FeedbackSettings, Pid};
 use reference_model::ReferenceModel;
 use schedule::OperatingPoint;
 use stage::{LowPressureLoop, StageStrategy};
 use tank_relay::TankRelay;
 use variables::{ControlMode, FeedbackStructure, Inputs, Locals, Outputs, Parameters, Variables};
 
-/// The least boost pressure (Pa) that is a measurement. Some masters hand zeros to wired inputs in their
+/// The least boost pressure (Pa) that is a measurement. Some masters pass zeros to connected inputs in their
 /// first step, and no engine runs at a fifth of the ambient pressure upstream of its throttle.
 const LEAST_MEASUREMENT: f64 = 20e3;
 
 /// The limits of the duty (%) where none are set: modes position and `open_loop`.
 const FULL_RANGE: (f64, f64) = (0.0, 100.0);
 
-/// The controller's memory.
-#[derive(Clone, Debug, Default)]
+/// The boost pressure controller as a co-simulation model.
+#[derive(Clone, Debug, Default, Persistent)]
 pub struct BoostController {
     clock: SampleClock,
     relay: TankRelay,
     stage: StageStrategy,
     supply_voltage: SupplyVoltage,
-    /// Of mode boost: none until a sample has seen a measurement.
+    /// Of mode boost: none before the first measurement.
     boost: Option<BoostLoop>,
 }
 
-fmu_export::persistent!(BoostController { clock, relay, stage, supply_voltage, boost });
-
 /// The memory of mode boost.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Persistent)]
 struct BoostLoop {
     pid: Pid,
     reference_model: ReferenceModel,
     low_pressure: LowPressureLoop,
 }
 
-fmu_export::persistent!(BoostLoop { pid, reference_model, low_pressure });
-
-/// A duty at nominal voltage and what it is made of (%).
+/// A duty at nominal voltage and its terms (%).
 #[derive(Clone, Copy, Debug)]
-struct Command {
+struct DutyCommand {
     feedforward: f64,
     proportional: f64,
     integral: f64,
@@ -90,7 +85,7 @@ struct Command {
     reference_model_pressure: f64,
 }
 
-impl Command {
+impl DutyCommand {
     /// A duty without feedback.
     fn feedforward(duty: f64, reference_model_pressure: f64) -> Self {
         Self {
@@ -132,8 +127,8 @@ impl Model for BoostController {
         schedule::check(&parameters.schedule)
     }
 
-    /// The outputs are those of the mode without memory. Nothing is remembered of initialization, and the
-    /// measured boost pressure is not looked at, so that a plant that settles at these outputs can be
+    /// The outputs are those of the mode without memory. Initialization leaves no memory, and the
+    /// measured boost pressure is not used, so that a plant that settles at these outputs can be
     /// initialized together with the controller without a loop.
     fn initialize(
         &mut self,
@@ -154,7 +149,7 @@ impl Model for BoostController {
         } else {
             feedforward::at_rest(parameters, inputs)
         };
-        let command = Command::feedforward(duty, feedforward::bounded_reference(parameters, inputs));
+        let command = DutyCommand::feedforward(duty, feedforward::bounded_reference(parameters, inputs));
         let supply_voltage = SupplyVoltage::default().sample(inputs.supply_voltage_measured);
         let compensator = Compensator::new(parameters, supply_voltage);
         publish(locals, outputs, &command, compensator, limits(parameters, compensator), valves);
@@ -205,7 +200,7 @@ impl BoostController {
             context.event(format_args!("at {time} s: the vacuum pump goes {does}, tank at {pressure} Pa"));
         }
         if self.stage != was_bypassed {
-            let (is, speed) = (if bypassed { "passed by" } else { "at work" }, inputs.engine_speed);
+            let (is, speed) = (if bypassed { "bypassed" } else { "active" }, inputs.engine_speed);
             context.event(format_args!("at {time} s: the high-pressure stage is {is}, {speed} rpm"));
         }
 
@@ -213,16 +208,16 @@ impl BoostController {
         let compensator = Compensator::new(parameters, supply_voltage);
         let limits = limits(parameters, compensator);
         let reference = feedforward::bounded_reference(parameters, inputs);
-        // The low-pressure wastegate of a high-pressure stage passed by is shut but for mode boost.
+        // While the high-pressure stage is bypassed, the low-pressure wastegate is shut except in mode boost.
         let mut lp_wastegate =
             if bypassed { 0.0 } else { stage::lp_wastegate(parameters, inputs.engine_speed) };
         let command = match &mut self.boost {
             Some(boost) if bypassed => {
-                lp_wastegate = boost.pass_by(parameters, inputs.boost_pressure, reference);
-                Command::feedforward(parameters.pwm_max, inputs.boost_pressure)
+                lp_wastegate = boost.bypass(parameters, inputs.boost_pressure, reference);
+                DutyCommand::feedforward(parameters.pwm_max, inputs.boost_pressure)
             }
             Some(boost) => boost.control(parameters, inputs, reference, limits),
-            None => Command::feedforward(feedforward::at_rest(parameters, inputs), reference),
+            None => DutyCommand::feedforward(feedforward::at_rest(parameters, inputs), reference),
         };
         let valves = Valves { vacuum_pump, lp_wastegate, hp_bypass: bypassed };
         publish(locals, outputs, &command, compensator, limits, valves);
@@ -230,7 +225,7 @@ impl BoostController {
 }
 
 impl BoostLoop {
-    /// A controller that begins at rest at a boost pressure (Pa).
+    /// A controller at rest at a boost pressure (Pa).
     fn at(boost_pressure: f64) -> Self {
         Self {
             pid: Pid::at(boost_pressure),
@@ -246,14 +241,14 @@ impl BoostLoop {
         inputs: &Inputs,
         reference: f64,
         limits: Limits,
-    ) -> Command {
+    ) -> DutyCommand {
         let &Parameters { sample_time, lambda, derivative_filter, .. } = parameters;
         let measurement = inputs.boost_pressure;
         self.low_pressure = LowPressureLoop::default();
 
         let operating_point = OperatingPoint::new(&parameters.schedule, reference, inputs.engine_speed);
         let local_model = operating_point.local_model();
-        let tuning = Tuning::new(&local_model, lambda);
+        let tuning = FeedbackSettings::new(&local_model, lambda);
         self.pid.differentiate(&tuning, derivative_filter, sample_time, measurement);
 
         let (feedforward, error, reference_model_pressure) = match parameters.structure {
@@ -268,7 +263,7 @@ impl BoostLoop {
                 (feedforward, error, pressure)
             }
         };
-        let command = Command {
+        let command = DutyCommand {
             feedforward,
             proportional: tuning.gain * error,
             integral: self.pid.integral,
@@ -280,9 +275,9 @@ impl BoostLoop {
         command
     }
 
-    /// Boost by the low-pressure wastegate, at one sample: its opening. The memory of the control by the
-    /// high-pressure wastegate follows the boost pressure, from which it begins anew when its turn comes.
-    fn pass_by(&mut self, parameters: &Parameters, boost_pressure: f64, reference: f64) -> f64 {
+    /// Boost by the low-pressure wastegate, at one sample: its opening. The state of the control by the
+    /// high-pressure wastegate follows the boost pressure, so that it starts there when it takes over again.
+    fn bypass(&mut self, parameters: &Parameters, boost_pressure: f64, reference: f64) -> f64 {
         let low_pressure = self.low_pressure;
         *self = Self { low_pressure, ..Self::at(boost_pressure) };
         self.low_pressure.sample(parameters, boost_pressure - reference)
@@ -298,11 +293,11 @@ fn limits(parameters: &Parameters, compensator: Compensator) -> Limits {
     compensator.limits(least, most)
 }
 
-/// Hands out what was computed.
+/// Sets the outputs and local variables.
 fn publish(
     locals: &mut Locals,
     outputs: &mut Outputs,
-    command: &Command,
+    command: &DutyCommand,
     compensator: Compensator,
     limits: Limits,
     valves: Valves,

@@ -2,24 +2,24 @@
 //!
 //! With a static feedforward and an integral term, the response to the reference is
 //! `(1 + s (T + λ')) / ((1 + s T) (1 + s λ'))` with `λ' = λ + L/2`: it overshoots by construction. Here a
-//! model of the engine, the local models along its path joined into one, is driven to the reference with the
+//! model of the engine, composed of the local models along its path, is driven to the reference with the
 //! time constant λ; the duty that does this is the feedforward, and the feedback sees only how far the
 //! engine is from the model, delayed as the engine is. Because the model gets the duty within its limits,
-//! it does not run away from an engine whose wastegate is at its end.
+//! it does not run away from an engine whose wastegate is at its stop.
+
+use fmu_export::Persistent;
 
 use super::schedule::OperatingPoint;
 use crate::elementary::larger;
 
-/// What the reference model remembers between samples.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// The state of the reference model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct ReferenceModel {
     /// `y_m`: its boost pressure (Pa).
     pub pressure: f64,
     /// `y_d`: the same after the engine's delay (Pa); none before the first sample.
     delayed: Option<f64>,
 }
-
-fmu_export::persistent!(ReferenceModel { pressure, delayed });
 
 /// The reference model at one sample.
 #[derive(Clone, Copy, Debug)]
@@ -31,30 +31,26 @@ pub struct Linearized {
 }
 
 impl ReferenceModel {
-    /// A model that begins at rest at a boost pressure (Pa).
-    #[must_use]
+    /// A model at rest at a boost pressure (Pa).
     pub fn at(pressure: f64) -> Self {
         Self { pressure, delayed: None }
     }
 
     /// The model at its boost pressure, given any operating point of the same engine speed.
-    #[must_use]
     pub fn linearize(&self, operating_point: OperatingPoint<'_>) -> Linearized {
         let here = operating_point.at_pressure(self.pressure);
         let local = here.local_model();
         Linearized { holding: here.feedforward(), slope: local.gain / local.time_constant }
     }
 
-    /// The duty at nominal voltage (%) that leads the model to the reference (Pa) with the time constant
+    /// The duty at nominal voltage (%) that drives the model to the reference (Pa) with the time constant
     /// λ (s).
-    #[must_use]
     pub fn feedforward(&self, model: &Linearized, reference: f64, lambda: f64) -> f64 {
         model.holding + (reference - self.pressure) / lambda / model.slope
     }
 
     /// How far a measurement (Pa) is below the delayed model. The model begins at the measurement, hence 0
     /// at first.
-    #[must_use]
     pub fn error(&self, measurement: f64) -> f64 {
         self.delayed.map_or(0.0, |delayed| delayed - measurement)
     }

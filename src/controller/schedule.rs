@@ -23,14 +23,14 @@ pub struct LocalModel {
 
 /// A place on one axis of a grid: between a grid point and the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Place {
+struct GridPosition {
     /// The grid point below.
     below: usize,
     /// The fraction of the interval to the next one: 0 to 1.
     fraction: f64,
 }
 
-impl Place {
+impl GridPosition {
     /// The place of a value on an axis of at least two points; that of the edge for one outside.
     #[inline]
     fn on<const POINTS: usize>(axis: &[f64; POINTS], value: f64) -> Self {
@@ -52,8 +52,8 @@ impl Place {
 #[derive(Clone, Copy, Debug)]
 pub struct OperatingPoint<'a> {
     schedule: &'a ScheduleParameters,
-    row: Place,
-    column: Place,
+    row: GridPosition,
+    column: GridPosition,
     /// How much each of the four grid points around it counts: those of the row below, then those of the
     /// next row.
     weights: [f64; 4],
@@ -64,12 +64,12 @@ impl<'a> OperatingPoint<'a> {
     #[must_use]
     #[inline]
     pub fn new(schedule: &'a ScheduleParameters, boost_pressure: f64, engine_speed: f64) -> Self {
-        Self::at(schedule, boost_pressure, Place::on(&schedule.engine_speed, engine_speed))
+        Self::at(schedule, boost_pressure, GridPosition::on(&schedule.engine_speed, engine_speed))
     }
 
     #[inline]
-    fn at(schedule: &'a ScheduleParameters, boost_pressure: f64, column: Place) -> Self {
-        let row = Place::on(&schedule.boost_reference, boost_pressure);
+    fn at(schedule: &'a ScheduleParameters, boost_pressure: f64, column: GridPosition) -> Self {
+        let row = GridPosition::on(&schedule.boost_reference, boost_pressure);
         let (y, x) = (row.fraction, column.fraction);
         let weights = [(1.0 - y) * (1.0 - x), (1.0 - y) * x, y * (1.0 - x), y * x];
         Self { schedule, row, column, weights }

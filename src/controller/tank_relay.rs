@@ -1,16 +1,14 @@
 //! The relay that keeps the vacuum tank between two pressures by its pump (paper, section 6).
 
-use fmu_export::Error;
+use fmu_export::{Error, Persistent};
 
 use super::variables::Parameters;
 
-/// What the relay remembers: whether the pump is on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// The state of the relay: whether the pump is on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Persistent)]
 pub struct TankRelay {
     on: bool,
 }
-
-fmu_export::persistent!(TankRelay { on });
 
 impl TankRelay {
     /// Whether the pump is on at a tank pressure (Pa): on above the one limit until below the other.
@@ -24,10 +22,7 @@ impl TankRelay {
     }
 }
 
-/// Refuses limits that leave no band between them.
-///
-/// # Errors
-/// Names both with their values.
+/// Rejects limits without a band between them.
 pub fn check(parameters: &Parameters) -> Result<(), Error> {
     let (on, off) = (parameters.tank_pressure_on, parameters.tank_pressure_off);
     if on > off {

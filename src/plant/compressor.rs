@@ -4,8 +4,8 @@
 //! Speed lines are the parabola `Ψ = Ψ_m·(1 − (Φ/Φ_m)²)` between the head coefficient `Ψ = 2·Δh_is/U²` and
 //! the flow coefficient `Φ = W/(ρ₁·πD²/4·U)`, solved for the flow. Written with squares of speeds it is
 //! defined at standstill and for pressure ratios below 1 as well; beyond the head of zero flow it is
-//! continued as an odd function, which is the back flow of surge. Efficiency is a parabola over Φ, and
-//! "effective": mechanical and heat losses are in it.
+//! continued as an odd function, which is the back flow of surge. Efficiency is a parabola over Φ and
+//! includes mechanical and heat losses.
 
 use std::f64::consts::PI;
 
@@ -13,7 +13,6 @@ use super::gas::{Gas, Volume, signed_root, smooth_max};
 use super::scalar::Scalar;
 use super::variables::{CompressorLocals, CompressorParameters};
 
-/// A compressor.
 #[derive(Clone, Copy, Debug)]
 pub struct Compressor<D = f64> {
     parameters: CompressorParameters<D>,
@@ -27,19 +26,16 @@ pub struct Compressor<D = f64> {
     by_peak_efficiency_flow_coefficient: D,
     /// The volume behind the compressor.
     pub outlet_volume: Volume<D>,
-    /// The gas.
     pub air: Gas<D>,
 }
 
 impl<D: Scalar> Compressor<D> {
-    /// A compressor of a gas.
-    #[must_use]
     pub fn new(parameters: CompressorParameters<D>, air: Gas<D>) -> Self {
         let p = &parameters;
         Self {
             radius: p.diameter * 0.5,
-            inlet_area_by_gas_constant: p.diameter * p.diameter * (0.25 * PI) / air.gas_constant,
-            head_slope: air.specific_heat * 2.0 / p.peak_head_coefficient,
+            inlet_area_by_gas_constant: p.diameter * p.diameter * (0.25 * PI) / air.parameters.gas_constant,
+            head_slope: air.parameters.specific_heat * 2.0 / p.peak_head_coefficient,
             by_peak_efficiency_flow_coefficient: p.peak_efficiency_flow_coefficient.recip(),
             outlet_volume: air.volume(p.outlet_volume),
             parameters,
@@ -49,10 +45,9 @@ impl<D: Scalar> Compressor<D> {
 
     /// The flow from the inlet (pressure in Pa, temperature in K) at a shaft speed (rad/s), where isentropic
     /// compression to the outlet's pressure raises the temperature by a ratio.
-    #[must_use]
     pub fn compress(&self, inlet: (D, D), temperature_ratio: D, speed: D) -> CompressorLocals<D> {
         let (pressure, temperature) = inlet;
-        let specific_heat = self.air.specific_heat;
+        let specific_heat = self.air.parameters.specific_heat;
         let tip_speed_squared = (self.radius * speed).powi(2);
         // Isentropic rise of temperature; its product with the specific heat is Δh_is.
         let rise = temperature * (temperature_ratio - 1.0);

@@ -7,16 +7,14 @@ use std::f64::consts::PI;
 
 use super::gas::Gas;
 use super::scalar::Scalar;
-use super::variables::CylindersParameters;
+use super::variables::{CylindersLocals, CylindersParameters};
 
 /// The cylinders of an engine with four strokes.
 #[derive(Clone, Copy, Debug)]
 pub struct Cylinders<D = f64> {
-    /// Its parameters.
     pub parameters: CylindersParameters<D>,
     /// Fuel per air in a stoichiometric mixture.
     pub fuel_air_ratio: D,
-    /// The gas taken in.
     pub air: Gas<D>,
     /// Exponent of the pressure ratio with which residual gas expands.
     pub residual_exponent: D,
@@ -37,29 +35,17 @@ pub struct CylinderFlows<D = f64> {
     pub exhaust_temperature: D,
 }
 
-/// The parts of the torque at an instant.
-#[derive(Clone, Copy, Debug)]
-pub struct Work<D = f64> {
-    /// Indicated work of the high-pressure cycle in J per cycle.
-    pub indicated: D,
-    /// Friction mean effective pressure in Pa.
-    pub friction_pressure: D,
-    /// Brake torque in N m.
-    pub torque: D,
-}
-
 impl<D: Scalar> Cylinders<D> {
     /// The flows at an engine speed (rpm) from the intake (pressure in Pa, temperature in K).
     ///
     /// The volumetric efficiency is that of residual gas expanding to intake pressure, by the ratio `residual`
-    /// of volumes. Where the residual gas fills the cylinders wholly (the throttle is shut), no air comes in.
-    #[must_use]
+    /// of volumes. Where residual gas fills the cylinders completely (the throttle is shut), no air comes in.
     pub fn flows(&self, engine_speed: D, intake: (D, D), residual: D) -> CylinderFlows<D> {
         let (pressure, temperature) = intake;
         let volumetric_efficiency = self.parameters.volumetric_efficiency_factor
             * (self.parameters.compression_ratio - residual).at_least(0.0)
             / (self.parameters.compression_ratio - 1.0);
-        let density = pressure / (self.air.gas_constant * temperature);
+        let density = pressure / (self.air.parameters.gas_constant * temperature);
         // One filling in two revolutions: rpm / 120 cycles a second.
         let air = volumetric_efficiency * self.parameters.displacement * engine_speed / 120.0 * density;
         let fuel = air * self.fuel_air_ratio;
@@ -74,28 +60,45 @@ impl<D: Scalar> Cylinders<D> {
         }
     }
 
-    /// The work at an engine speed (rpm), a flow of fuel (kg/s), and the pressures (Pa) of both manifolds.
+    /// The local variables, and the brake torque in N m, at an engine speed (rpm), with the flows there and the
+    /// pressures (Pa) of both manifolds. No state depends on the work, so the right-hand side does without it.
     ///
     /// Friction after the boost-layout model of the Linköping engine models (there after Heywood's
     /// textbook correlation): a part that grows with piston speed and one with load.
-    #[must_use]
-    pub fn work(&self, engine_speed: D, fuel: D, intake_pressure: D, exhaust_pressure: D) -> Work<D> {
+    pub fn work(
+        &self,
+        engine_speed: D,
+        flows: CylinderFlows<D>,
+        intake_pressure: D,
+        exhaust_pressure: D,
+    ) -> (CylindersLocals<D>, D) {
         // The floor of 1 rpm is for standstill, where no fuel flows either.
         let cycles_per_second = engine_speed.at_least(1.0) / 120.0;
         let boost = (intake_pressure / 1e5 - 1.0).at_least(0.0);
         let retarded = (-self.parameters.ignition_retard_loss * boost * boost + 1.0).at_least(0.0);
         let efficiency = self.parameters.indicated_efficiency * retarded;
-        let indicated = fuel / cycles_per_second * self.parameters.lower_heating_value * efficiency;
+        let indicated_work =
+            flows.fuel / cycles_per_second * self.parameters.lower_heating_value * efficiency;
         let piston_speed = self.parameters.stroke * 2.0 * engine_speed / 60.0;
         let load = self.parameters.mean_effective_pressure_offset
             + self.parameters.mean_effective_pressure_slope * intake_pressure;
         let motored =
             (piston_speed.power(1.8.into()) * 0.0072 + 0.464) * self.parameters.friction_boost_layout * 1e5;
-        let friction_pressure = self.parameters.friction_auxiliary_factor
+        let friction_mean_effective_pressure = self.parameters.friction_auxiliary_factor
             * (motored + load.at_least(0.0) * 0.0215)
             * (self.parameters.bore.recip() * 0.075).sqrt();
         let pumping_pressure = exhaust_pressure - intake_pressure;
-        let net = indicated - self.parameters.displacement * (pumping_pressure + friction_pressure);
-        Work { indicated, friction_pressure, torque: net / (4.0 * PI) }
+        let net = indicated_work
+            - self.parameters.displacement * (pumping_pressure + friction_mean_effective_pressure);
+        let locals = CylindersLocals {
+            volumetric_efficiency: flows.volumetric_efficiency,
+            air_mass_flow: flows.air,
+            fuel_mass_flow: flows.fuel,
+            exhaust_mass_flow: flows.exhaust,
+            exhaust_temperature: flows.exhaust_temperature,
+            indicated_work,
+            friction_mean_effective_pressure,
+        };
+        (locals, net / (4.0 * PI))
     }
 }

@@ -1,33 +1,31 @@
-//! The option to take the commanded duty over at the starts of the PWM periods only, as a PWM unit does
+//! The option that a commanded duty takes effect at the start of the next PWM period, as in a PWM unit
 //! (paper, section 3.3: 300 Hz, while the controller runs at 80 Hz).
 //!
 //! The instants are counted in integers from the experiment's start, so that they do not drift. The held
-//! duty is part of the model's memory. The voltage is not held: the valve feels it at once.
+//! duty is part of the model's state. The voltage is not held: it acts at once.
+
+use fmu_export::Persistent;
 
 /// Instants nearer than this share of a period to the end of a step belong to the next step.
 const ROUNDING: f64 = 1e-6;
 
 /// The held duty and the count of the periods.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Persistent)]
 pub struct DutyLatch {
-    /// The duty in percent that holds until the next period starts.
+    /// The duty in percent until the next period starts.
     pub held: f64,
     /// How many periods have started.
     started: u64,
 }
 
-fmu_export::persistent!(DutyLatch { held, started });
-
 impl DutyLatch {
     /// Before the first period, with a duty in percent.
-    #[must_use]
     pub fn new(duty: f64) -> Self {
         Self { held: duty, started: 0 }
     }
 
     /// The time in s from the experiment's start to the next start of a period, if it lies before `end`
     /// (s from there too).
-    #[must_use]
     pub fn next_before(&self, end: f64, frequency: f64) -> Option<f64> {
         let instant = self.started as f64 / frequency;
         (instant < end - ROUNDING / frequency).then_some(instant)

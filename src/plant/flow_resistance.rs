@@ -4,24 +4,13 @@
 use super::gas::signed_root;
 use super::scalar::Scalar;
 
-/// A resistance with the law W = √(p·Δp/(H·T)).
-#[derive(Clone, Copy, Debug)]
-pub struct FlowResistance<D = f64> {
-    /// H in Pa² s²/(kg² K).
-    pub resistance: D,
-    /// Pressure difference in Pa below which the flow is linear, so that its slope stays finite.
-    pub linear_pressure: D,
-}
-
-impl<D: Scalar> FlowResistance<D> {
-    /// The flow in kg/s from the first to the second side, each given by pressure (Pa) and temperature
-    /// (K). Density is that of the side from which the flow comes.
-    #[must_use]
-    pub fn mass_flow(&self, first: (D, D), second: (D, D)) -> D {
-        let difference = first.0 - second.0;
-        let (pressure, temperature) = if difference >= 0.0 { first } else { second };
-        (pressure / (self.resistance * temperature)).sqrt() * signed_root(difference, self.linear_pressure)
-    }
+/// The flow in kg/s by the law W = √(p·Δp/(H·T)) from the first to the second side, each given by pressure (Pa)
+/// and temperature (K), through a resistance H in Pa² s²/(kg² K). Density is that of the side from which the flow
+/// comes. Below a pressure difference of `linear_pressure` (Pa) the flow is linear, so that its slope stays finite.
+pub fn mass_flow<D: Scalar>(resistance: D, linear_pressure: D, first: (D, D), second: (D, D)) -> D {
+    let difference = first.0 - second.0;
+    let (pressure, temperature) = if difference >= 0.0 { first } else { second };
+    (pressure / (resistance * temperature)).sqrt() * signed_root(difference, linear_pressure)
 }
 
 #[cfg(test)]
@@ -30,8 +19,7 @@ mod tests {
 
     #[test]
     fn far_from_the_linear_range_the_law_is_quadratic() {
-        let filter = FlowResistance { resistance: 1.6e8, linear_pressure: 1.0 };
-        let flow = filter.mass_flow((1e5, 300.0), (9e4, 300.0));
+        let flow = mass_flow(1.6e8, 1.0, (1e5, 300.0), (9e4, 300.0));
         // The smoothing's share is (1 Pa/10 kPa)²/4.
         assert!((flow - (1e5_f64 * 1e4 / (1.6e8 * 300.0)).sqrt()).abs() < 1e-8);
     }

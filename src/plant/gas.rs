@@ -2,40 +2,27 @@
 //! smooth functions that keep the equations differentiable where flows reverse.
 
 use super::scalar::Scalar;
+use super::variables::GasParameters;
 
-/// An ideal gas.
 #[derive(Clone, Copy, Debug)]
 pub struct Gas<D = f64> {
-    /// Specific gas constant R in J/(kg K).
-    pub gas_constant: D,
-    /// Specific heat at constant pressure in J/(kg K).
-    pub specific_heat: D,
-    /// Ratio of the specific heats γ.
-    pub heat_capacity_ratio: D,
+    pub parameters: GasParameters<D>,
     /// The isentropic exponent of temperature over pressure, (γ − 1)/γ.
     pub isentropic_exponent: D,
 }
 
 impl<D: Scalar> Gas<D> {
-    /// A gas from its constants: R and the specific heat in J/(kg K), and γ.
-    #[must_use]
-    pub fn new(gas_constant: D, specific_heat: D, heat_capacity_ratio: D) -> Self {
-        Self {
-            gas_constant,
-            specific_heat,
-            heat_capacity_ratio,
-            isentropic_exponent: (heat_capacity_ratio - 1.0) / heat_capacity_ratio,
-        }
+    pub fn new(parameters: GasParameters<D>) -> Self {
+        let ratio = parameters.heat_capacity_ratio;
+        Self { parameters, isentropic_exponent: (ratio - 1.0) / ratio }
     }
 
     /// A volume (m³) that holds the gas.
-    #[must_use]
     pub fn volume(&self, volume: D) -> Volume<D> {
-        Volume { stiffness: self.gas_constant / volume }
+        Volume { stiffness: self.parameters.gas_constant / volume }
     }
 }
 
-/// A volume that holds a gas.
 #[derive(Clone, Copy, Debug)]
 pub struct Volume<D = f64> {
     /// R/V in J/(kg K m³).
@@ -45,33 +32,29 @@ pub struct Volume<D = f64> {
 impl<D: Scalar> Volume<D> {
     /// dp/dt in Pa/s at a temperature (K) when `mass_flow` (kg/s) goes in on balance: the ideal gas law, with
     /// the variation of temperature neglected (paper, eq. (3)).
-    #[must_use]
     pub fn pressure_rate(&self, temperature: D, mass_flow: D) -> D {
         self.stiffness * temperature * mass_flow
     }
 }
 
-/// A differentiable max(a, b); `width` is how near a and b must be to matter both.
-#[must_use]
+/// A differentiable max(a, b), smoothed where a and b differ by about `width`.
 pub fn smooth_max<D: Scalar>(a: D, b: D, width: D) -> D {
     let distance = a - b;
     (a + b + (distance * distance + width * width).sqrt()) * 0.5
 }
 
 /// A differentiable, odd √|x|·sgn x, linear within about `width` of 0.
-#[must_use]
 pub fn signed_root<D: Scalar>(x: D, width: D) -> D {
     x / (x * x + width * width).sqrt().sqrt()
 }
 
-/// The temperature in K where two flows (kg/s, K) are mixed; backward flows carry nothing in.
+/// The temperature in K where two flows (kg/s, K) are mixed; backward flows do not count.
 ///
 /// `width` in kg/s blends the temperatures where both flows vanish.
-#[must_use]
 pub fn mixed_temperature<D: Scalar>(first: (D, D), second: (D, D), width: D) -> D {
     let a = smooth_max(first.0, 0.0.into(), width);
     let b = smooth_max(second.0, 0.0.into(), width);
-    // The flows are known before the temperatures: so these are waited for less.
+    // In this order the flows, which are known first, are combined while the temperatures are computed.
     let share = b / (a + b);
     first.1 + share * (second.1 - first.1)
 }

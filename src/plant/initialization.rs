@@ -3,31 +3,30 @@
 //! [`running`] is an engine that has just been started: no boost, both shafts turning slowly, the
 //! wastegate shut. [`settled`] is the steady state for the inputs at the start, so that an experiment
 //! begins at rest: the actuation is solved in closed form, the gas path with the solver of steady states.
-//! In both the vacuum tank has its start pressure; a tank is never in equilibrium, since it leaks.
+//! In both the vacuum tank has its start pressure: since it leaks, it is never in equilibrium.
 
 use num_dual::Dual64;
 
-use super::integration::{Pace, Signal, budget};
+use super::integration::{IntervalInputs, Pace, budget};
 use super::scalar::Scalar;
 use super::system::{GAS_PATH_SCALES, System};
 use super::variables::{ActuationStates, GasPathStates, Inputs, Parameters, StateGroups, States};
 use crate::solver::course::Interval;
 use crate::solver::linear;
-use crate::solver::steady_state::{self, Failure};
+use crate::solver::steady_state::{self, NoSteadyState};
 
 const GAS_PATH: usize = GasPathStates::COUNT;
 
-/// For how long at most the transient is followed when there is no steady state to solve for, in s.
+/// For how long at most the transient is simulated where there is no steady state to solve for, in s.
 const LONGEST_TRANSIENT: u32 = 60;
 /// The rate of change in 1/s of the scaled states below which a transient has come to rest.
 const AT_REST: f64 = 1e-9;
 
 /// The rate of change in 1/s of the scaled states up to which they are a steady state: rounding leaves
-/// some 1e-10, a transient that is being followed far more.
+/// some 1e-10, a transient far more.
 const SETTLED: f64 = 1e-8;
 
 /// The states of an engine that has just been started, with the vacuum tank at a pressure in Pa.
-#[must_use]
 pub fn running<D: Scalar>(system: &System<D>, inputs: &Inputs<D>, tank_pressure: D) -> States<D> {
     let ambient_pressure = inputs.ambient_pressure;
     // The speeds of the shafts and the rest of the actuator are those of the declared start values.
@@ -51,23 +50,22 @@ pub fn running<D: Scalar>(system: &System<D>, inputs: &Inputs<D>, tank_pressure:
 pub struct Settled {
     /// The states to start from.
     pub states: States,
-    /// Why they are no steady state, if they are none.
+    /// Why they are not a steady state, if they are not.
     pub shortcoming: Option<Shortcoming>,
 }
 
-/// Why an experiment does not start settled.
+/// Why an experiment does not start in a steady state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shortcoming {
     /// What the solver found.
-    pub failure: Failure,
+    pub failure: NoSteadyState,
     /// For how many seconds the transient of [`running`] was followed instead.
     pub followed: f64,
 }
 
 /// The steady state for the inputs, with the vacuum tank held at a pressure in Pa.
 ///
-/// Where there is none, or none is found, the states that the transient from [`running`] reaches.
-#[must_use]
+/// Where there is none, or none is found, the states at the end of the transient from [`running`].
 pub fn settled(parameters: &Parameters, inputs: &Inputs, tank_pressure: f64) -> Settled {
     let mut system = System::new(parameters);
     system.freeze_tank(true);
@@ -122,7 +120,6 @@ fn settled_rates_along(
 /// tank's pressure change, by the implicit function theorem.
 ///
 /// `None` where the states are no steady state, or not an isolated one.
-#[must_use]
 pub fn differentiate_settled(
     parameters: &Parameters<Dual64>,
     inputs: &Inputs<Dual64>,
@@ -202,7 +199,7 @@ fn settle_gas_path<D: Scalar>(
 fn follow_transient(system: &System, inputs: &Inputs, start: States) -> (States, f64) {
     // The parameter's default, not its value: a start does not depend on how the steps are integrated.
     let tolerance = Parameters::default().solver.relative_tolerance;
-    let signal = Signal { at: |_| *inputs, is_constant: true };
+    let signal = IntervalInputs { at: |_| *inputs, is_constant: true };
     let mut pace = Pace::default();
     let mut states = start;
     let budget = budget(0.0);

@@ -1,25 +1,27 @@
-//! How the plant goes through time.
+//! The integration of the plant over time.
 //!
 //! The actuation is cheap, swings and meets kinks (stops, the reversal of friction, the valve's change of
 //! ports); the gas path is several times as expensive, stiff, does not swing, and is smooth. And as long as the
 //! exhaust does not push the wastegate, the actuation drives the gas path but not the other way round. So
-//! each takes the steps that suit it ([`multirate`]). Where the exhaust does push, both go together.
+//! each takes its own steps ([`multirate`]). Where the exhaust does push, both take the same steps.
 //!
 //! Both take steps of ROS34PW2, which keep their order with a Jacobian that is out of date. A Jacobian serves for
 //! 25 steps; one from before a jump of the inputs is not used any more, and the first step after the jump is short.
 //!
-//! `docs/integration.md` tells which other methods were tried.
+//! `docs/integration.md` compares the methods that were tried.
+
+use fmu_export::Persistent;
 
 use super::system::{Actuation, Evaluation, GAS_PATH_SCALES, GasPath, System};
 use super::variables::{ActuationStates, GasPathStates, Inputs, StateGroups, States};
-use crate::solver::course::{Budget, Course, Failure, Interval, JumpLaw, Memory, Rules};
+use crate::solver::course::{Budget, Course, IntegrationFailure, Interval, JumpLaw, Rules, StepMemory};
 use crate::solver::multirate::{self, Fast, Slow, SlowMemory};
 use crate::solver::rosenbrock::{Blocks, step};
 
 const ACTUATION: usize = ActuationStates::COUNT;
 const GAS_PATH: usize = GasPathStates::COUNT;
 
-/// The tank's pressure forgets no error, so it is judged this much more strictly than its full scale says.
+/// Errors of the tank's pressure do not decay, so they count this much more than its full scale says.
 const TANK_STRICTNESS: f64 = 35.0;
 /// The rod's speed is fast and tiny: its errors may be this many times as large.
 const ROD_SPEED_SLACK: f64 = 10.0;
@@ -125,20 +127,18 @@ const PUSHED_RULES: Rules<{ States::COUNT }> = Rules {
 /// What is remembered from one communication step to the next: the lengths of steps, the linearizations and the last
 /// derivatives. It only saves work, but it belongs to the plant's state, so that a restored plant goes on bit for
 /// bit.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Persistent)]
 pub struct Pace {
-    actuation: Memory<ACTUATION, ACTUATION_INPUTS>,
+    actuation: StepMemory<ACTUATION, ACTUATION_INPUTS>,
     gas_path: SlowMemory<GAS_PATH, GAS_PATH_INPUTS>,
     /// Whether the vacuum tank was held: the actuation's derivatives are others then.
     tank_is_frozen: bool,
 }
 
-fmu_export::persistent!(Pace { actuation, gas_path, tank_is_frozen });
-
 impl Default for Pace {
     fn default() -> Self {
         Self {
-            actuation: Memory::new(FIRST_STEP),
+            actuation: StepMemory::new(FIRST_STEP),
             gas_path: SlowMemory::new(FIRST_STEP),
             tank_is_frozen: false,
         }
@@ -146,14 +146,13 @@ impl Default for Pace {
 }
 
 /// The budget of a call that advances the plant by a duration in s.
-#[must_use]
 pub fn budget(duration: f64) -> Budget {
     Budget::new(MOST_TRIALS + MOST_TRIALS_PER_SECOND * duration)
 }
 
 /// The inputs during an interval.
 #[derive(Clone, Copy, Debug)]
-pub struct Signal<F> {
+pub struct IntervalInputs<F> {
     /// The inputs at a time in s.
     pub at: F,
     /// Whether they are the same at any time.
@@ -165,10 +164,10 @@ const ACTUATION_INPUTS: usize = 5;
 /// How many inputs the gas path has.
 const GAS_PATH_INPUTS: usize = 7;
 
-/// A plant whose actuation goes ahead of its gas path.
+/// A plant whose actuation is integrated ahead of its gas path.
 struct Apart<'a, F> {
     system: &'a System,
-    signal: &'a Signal<F>,
+    signal: &'a IntervalInputs<F>,
 }
 
 impl<F> Clone for Apart<'_, F> {
@@ -269,21 +268,17 @@ impl<F: Fn(f64) -> Inputs> Slow<GAS_PATH, GAS_PATH_INPUTS> for Apart<'_, F> {
 }
 
 impl Pace {
-    /// Advances the states of a plant over an interval. Returns what everything does at its end.
-    ///
-    /// # Errors
-    /// Where a step does not meet the tolerance however short it is, or too many are needed; the states are
-    /// then worthless.
+    /// Advances the states of a plant over an interval. Returns the evaluation at its end.
     pub fn advance(
         &mut self,
         system: &System,
-        signal: &Signal<impl Fn(f64) -> Inputs>,
+        signal: &IntervalInputs<impl Fn(f64) -> Inputs>,
         states: &mut States,
         interval: Interval<'_>,
-    ) -> Result<Evaluation, Failure> {
+    ) -> Result<Evaluation, IntegrationFailure> {
         if self.tank_is_frozen != system.is_tank_frozen() {
             self.tank_is_frozen = system.is_tank_frozen();
-            self.actuation = Memory::new(self.actuation.step);
+            self.actuation = StepMemory::new(self.actuation.step);
         }
         if system.actuator.parameters.exhaust_area == 0.0 {
             self.advance_apart(system, signal, states, interval)
@@ -296,10 +291,10 @@ impl Pace {
     fn advance_apart(
         &mut self,
         system: &System,
-        signal: &Signal<impl Fn(f64) -> Inputs>,
+        signal: &IntervalInputs<impl Fn(f64) -> Inputs>,
         states: &mut States,
         interval: Interval<'_>,
-    ) -> Result<Evaluation, Failure> {
+    ) -> Result<Evaluation, IntegrationFailure> {
         let mut actuation = ActuationStates::of(states).to_array();
         let mut gas_path = GasPathStates::of(states).to_array();
         let evaluations = multirate::advance(
@@ -315,14 +310,14 @@ impl Pace {
         Ok(Evaluation { actuation: evaluations.0, gas_path: evaluations.1 })
     }
 
-    /// Advances everything with the same steps. What couples the halves is left out of the linearization.
+    /// Advances everything with the same steps. The linearization omits the coupling of the halves.
     fn advance_together(
         &mut self,
         system: &System,
-        signal: &Signal<impl Fn(f64) -> Inputs>,
+        signal: &IntervalInputs<impl Fn(f64) -> Inputs>,
         states: &mut States,
         interval: Interval<'_>,
-    ) -> Result<Evaluation, Failure> {
+    ) -> Result<Evaluation, IntegrationFailure> {
         let inputs = &signal.at;
         let evaluate = |time: f64, x: &[f64; States::COUNT]| {
             let (actuation, gas_path) = split(x);
@@ -362,7 +357,7 @@ impl Pace {
         }
     }
 
-    /// Linearizes the halves of everything anew where they are used up.
+    /// Renews the linearizations of the halves that are used up.
     fn linearize(&mut self, system: &System, inputs: &Inputs, course: &Course<'_, { States::COUNT }>) {
         let (actuation, gas_path) = split(&course.states);
         let (actuation_slopes, gas_path_slopes) = split(&course.slopes);
@@ -394,7 +389,7 @@ impl Pace {
     }
 }
 
-/// What belongs to actuation and gas path, one after the other.
+/// Actuation and gas path, concatenated.
 const fn joined<T: Copy>(actuation: [T; ACTUATION], gas_path: [T; GAS_PATH]) -> [T; States::COUNT] {
     let mut joined = [gas_path[0]; States::COUNT];
     let mut i = 0;
@@ -434,7 +429,7 @@ mod tests {
                 (60.0, 2500.0)
             };
             let inputs = Inputs { hp_wastegate_pwm: duty, engine_speed: speed, ..Inputs::default() };
-            let signal = Signal { at: |_| inputs, is_constant: true };
+            let signal = IntervalInputs { at: |_| inputs, is_constant: true };
             pace.advance(
                 system,
                 &signal,
@@ -466,7 +461,7 @@ mod tests {
     }
 
     #[test]
-    fn less_is_left_of_the_error_the_smaller_the_tolerance() {
+    fn the_error_falls_with_the_tolerance() {
         let system = system(0.0);
         let exact = travelled(&system, 1e-8, 160);
         let mut last = f64::INFINITY;
@@ -488,7 +483,7 @@ mod tests {
     }
 
     #[test]
-    fn together_it_goes_the_same_way_as_apart() {
+    fn the_joint_and_the_multirate_integration_agree() {
         // An area on which the exhaust pushes with 1e-15 N.
         let found = difference(&travelled(&system(1e-20), 1e-4, 160), &travelled(&system(0.0), 1e-4, 160));
         assert!(found < 1e-4, "{found:e}");
@@ -500,7 +495,7 @@ mod tests {
         let inputs = Inputs::default();
         let mut states = running(&system, &inputs, 32_500.0);
         let (mut pace, budget) = (Pace::default(), Budget::new(52_000.0));
-        let signal = Signal { at: |_| inputs, is_constant: true };
+        let signal = IntervalInputs { at: |_| inputs, is_constant: true };
         let interval = |_: &u32| {
             let interval = Interval { from: 0.0, to: 1e-3, tolerance: 1e-4, budget: &budget };
             pace.advance(&system, &signal, &mut states, interval).is_ok()
@@ -512,7 +507,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_integrated_is_told() {
+    fn a_failed_integration_is_reported() {
         type Damage = fn(&mut States);
         let chamber: Damage = |states| states.actuator.chamber_pressure = f64::NAN;
         let intercooler: Damage = |states| states.intercooler.outlet_pressure = f64::NAN;
@@ -521,7 +516,7 @@ mod tests {
             let inputs = Inputs::default();
             let mut states = running(&system, &inputs, 32_500.0);
             damage(&mut states);
-            let signal = Signal { at: |_| inputs, is_constant: true };
+            let signal = IntervalInputs { at: |_| inputs, is_constant: true };
             let budget = budget(0.5);
             let interval = Interval { from: 0.5, to: 1.0, tolerance: 1e-4, budget: &budget };
             let failure = Pace::default().advance(&system, &signal, &mut states, interval).unwrap_err();

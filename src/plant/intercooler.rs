@@ -1,24 +1,37 @@
 //! The intercooler: a flow resistance and a heat exchanger with constant effectiveness.
 
-use super::flow_resistance::FlowResistance;
+use super::flow_resistance::mass_flow;
 use super::gas::Volume;
 use super::scalar::Scalar;
+use super::variables::{IntercoolerLocals, IntercoolerParameters};
 
-/// An intercooler.
 #[derive(Clone, Copy, Debug)]
 pub struct Intercooler<D = f64> {
-    /// Its pressure loss.
-    pub resistance: FlowResistance<D>,
-    /// Share of the temperature difference to the coolant that is removed.
-    pub effectiveness: D,
+    pub parameters: IntercoolerParameters<D>,
     /// The volume from here to the throttle.
     pub volume: Volume<D>,
 }
 
 impl<D: Scalar> Intercooler<D> {
-    /// The temperature in K behind the intercooler, for those of inlet and coolant.
-    #[must_use]
-    pub fn outlet_temperature(&self, inlet_temperature: D, coolant_temperature: D) -> D {
-        inlet_temperature - self.effectiveness * (inlet_temperature - coolant_temperature)
+    /// Flow and cooling from the inlet (pressure in Pa, temperature in K) to a pressure (Pa) behind the
+    /// intercooler, for the temperature (K) of the coolant.
+    pub fn evaluate(
+        &self,
+        inlet: (D, D),
+        outlet_pressure: D,
+        coolant_temperature: D,
+    ) -> IntercoolerLocals<D> {
+        let IntercoolerParameters { flow_resistance, linear_pressure, effectiveness, .. } = self.parameters;
+        let inlet_temperature = inlet.1;
+        IntercoolerLocals {
+            inlet_temperature,
+            mass_flow: mass_flow(
+                flow_resistance,
+                linear_pressure,
+                inlet,
+                (outlet_pressure, inlet_temperature),
+            ),
+            outlet_temperature: inlet_temperature - effectiveness * (inlet_temperature - coolant_temperature),
+        }
     }
 }

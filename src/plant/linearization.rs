@@ -4,7 +4,6 @@
 use fmu_export::Inputs as _;
 use num_dual::Dual64;
 
-use super::quantities::quantities;
 use super::system::System;
 use super::variables::{Inputs, Outputs, Parameters, States};
 
@@ -14,7 +13,7 @@ pub const INPUTS: usize = Inputs::REALS.len();
 /// `dx/dt = f + A·Δx + B·Δu`, `y = g + C·Δx + D·Δu`. States, inputs and outputs are in the order of their
 /// declaration, in the units of the variables.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Linearization {
+pub struct StateSpace {
     /// f: the states' derivatives at the point, 0 at a steady state.
     pub rates: States,
     /// g: the outputs at the point.
@@ -32,14 +31,14 @@ pub struct Linearization {
 /// Linearizes the plant with these parameters about inputs and states. The duty acts at once, as it does
 /// without the latch.
 #[must_use]
-pub fn linearize(parameters: &Parameters, inputs: &Inputs, states: &States) -> Linearization {
+pub fn linearize(parameters: &Parameters, inputs: &Inputs, states: &States) -> StateSpace {
     let system = System::new(&parameters.map(Dual64::from));
     // The derivatives of rates and outputs along a direction.
     let column = |input_seeds: &Inputs, state_seeds: &States| {
         let inputs = inputs.combine(input_seeds, &mut Dual64::new);
         let states = states.combine(state_seeds, &mut Dual64::new);
         let evaluation = system.evaluate(&inputs, &states);
-        let outputs = quantities(&system, &inputs, &states, &evaluation).0;
+        let outputs = system.quantities(&inputs, &states, &evaluation).0;
         (evaluation.derivatives(), outputs)
     };
     let (no_inputs, no_states) = (inputs.map(|_| 0.0), states.map(|_| 0.0));
@@ -52,7 +51,7 @@ pub fn linearize(parameters: &Parameters, inputs: &Inputs, states: &States) -> L
         column(&seeds, &no_states)
     });
     let (rates, outputs) = by_states[0];
-    Linearization {
+    StateSpace {
         rates: rates.map(|rate| rate.re),
         outputs: outputs.map(|output| output.re),
         state_matrix: rows(&by_states.map(|column| numbers_of_states(&column.0))),

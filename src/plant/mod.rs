@@ -1,82 +1,81 @@
 //! The plant: a two-stage turbocharged petrol engine whose boost pressure is set by a vacuum-actuated
 //! wastegate.
 //!
-//! A PWM signal drives a [solenoid valve](solenoid_valve), which mixes ambient air and the vacuum of a
-//! [tank](vacuum_tank) into the chamber of the [actuator]; its rod opens the high-pressure turbine's
-//! wastegate. How that acts on boost is told by a mean value engine model: [flow
-//! resistances](flow_resistance), [valves](port), [compressors](compressor), [turbines](turbine),
-//! [shafts](shaft), [intercooler] and [cylinders], connected through volumes in which pressures build up.
-//! [`system`] is the assembly; it reads like the sketch of the engine in the paper's fig. 2.
+//! A PWM signal drives a solenoid valve, which mixes ambient air and the vacuum of a tank into the chamber of
+//! the [actuator]; its rod opens the high-pressure turbine's wastegate. A mean value engine model gives the
+//! effect on boost: flow resistances, valves, compressors, turbines, shafts, intercooler and cylinders, connected
+//! by volumes with pressures as states. [`system`] is the assembly, in the order of the paper's fig. 2.
 //!
-//! Each component is plain mathematics on numbers, with its equations' sources and units; it knows
-//! nothing of variables, importers or time steps. Pressures are in Pa, temperatures in K, mass flows in
-//! kg/s. A side of a flow is given as a pair of pressure and temperature.
+//! Each component has a file of its own with its equations, their sources and units. It knows nothing of
+//! importers or time steps. Pressures are in Pa, temperatures in K, mass flows in kg/s. A side of a flow is given
+//! as a pair of pressure and temperature.
 //!
-//! The paper describes the actuation system and refers to the literature for the engine; the turbocharger
-//! maps and volumes are not published. Theirs are chosen here so that the paper's figures come out; each
-//! parameter's description says where its value is from.
+//! The paper describes the actuation system and refers to the literature for the engine; the turbocharger maps
+//! and volumes are not published. They are chosen here to reproduce the paper's figures; the description of each
+//! parameter in `modelDescription/plant.json` states its source.
 //!
-//! [`BoostPlant`] gives the assembly time: it starts an experiment (see [`initialization`]), integrates
-//! over communication steps (see [`integration`]) and fills in the variables that were declared in
-//! `modelDescription/plant.json`.
+//! [`BoostPlant`] starts an experiment (`initialization`), integrates over communication steps (`integration`)
+//! and sets the variables that `modelDescription/plant.json` declares.
 
 pub mod actuator;
-pub mod compressor;
-pub mod cylinders;
-pub mod duty_latch;
-pub mod exhaust_manifold;
-pub mod flow_resistance;
-pub mod gas;
-pub mod initialization;
-pub mod integration;
-pub mod intercooler;
+mod air_filter;
+mod compressor;
+mod cylinders;
+mod duty_latch;
+mod exhaust;
+mod exhaust_manifold;
+mod flow_resistance;
+mod gas;
+mod initialization;
+mod integration;
+mod intercooler;
 pub mod linearization;
-pub mod orifice;
-pub mod port;
-pub mod quantities;
+mod orifice;
+mod port;
 pub mod scalar;
-pub mod shaft;
-pub mod solenoid_valve;
-pub mod supply;
+mod shaft;
+mod solenoid_valve;
+mod supply;
 pub mod system;
-pub mod turbine;
-pub mod vacuum_tank;
+mod turbine;
+mod vacuum_tank;
 
 /// The plant's variables, generated from `modelDescription/plant.json`.
 pub mod variables {
     fmu_export::include_variables!("BoostPlant");
 }
 
-use fmu_export::{Context, Error, Experiment, InputSignal, Model, Step, Variables as _};
+use fmu_export::{Context, Error, Experiment, InputSignal, Model, Persistent, Step, Variables as _};
 use num_dual::Dual64;
 
 use self::duty_latch::DutyLatch;
 use self::initialization::{Settled, differentiate_settled, running, settled};
-use self::integration::{Pace, Signal, budget};
-use self::quantities::quantities;
+use self::integration::{IntervalInputs, Pace, budget};
 use self::system::{Evaluation, System};
 use self::variables::{InitializationMode, Inputs, Parameters, States, Variables};
 use crate::LONGEST_STEP;
 use crate::solver::course::Interval;
-use crate::solver::steady_state::Failure;
+use crate::solver::steady_state::NoSteadyState;
 
-/// The largest ratio of Dahl's stiffness to the Coulomb force in 1/m, with a margin for rounding: beyond
-/// it the friction force changes faster than the reference implementation, which steps by 1/2400 s, resolves.
-const STIFFEST_FRICTION: f64 = 2000.0 * (1.0 + 1e-9);
+/// The largest ratio of Dahl's stiffness to the Coulomb force in 1/m: beyond it the friction force changes
+/// faster than the reference implementation, which steps by 1/2400 s, resolves.
+pub const STIFFEST_FRICTION: f64 = 2000.0;
+/// The part of it by which rounding may exceed it.
+const ROUNDING: f64 = 1e-9;
 
-/// The smallest tolerance; below it, rounding is what decides about a step. The smallest value of
-/// `solver.relative_tolerance`, too.
+/// The smallest tolerance, also the minimum of `solver.relative_tolerance`: below it, rounding decides about a
+/// step.
 const SMALLEST_TOLERANCE: f64 = 1e-8;
 
 /// The plant as a co-simulation model.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Persistent)]
 pub struct BoostPlant {
+    /// What follows from the parameters.
+    #[persistent(skip)]
     system: System,
     latch: DutyLatch,
     pace: Pace,
 }
-
-fmu_export::persistent!(BoostPlant { latch, pace; derived system });
 
 impl Default for BoostPlant {
     fn default() -> Self {
@@ -95,7 +94,7 @@ impl Model for BoostPlant {
     fn check_parameters(variables: &Variables) -> Result<(), Error> {
         let p = &variables.parameters;
         let actuator = &p.actuator;
-        if actuator.friction_stiffness > STIFFEST_FRICTION * actuator.coulomb_friction {
+        if actuator.friction_stiffness > STIFFEST_FRICTION * (1.0 + ROUNDING) * actuator.coulomb_friction {
             return Err(Error::new(format!(
                 "actuator.friction_stiffness = {:?} N/m is more than 2000 1/m times \
                  actuator.coulomb_friction = {:?} N",
@@ -160,7 +159,7 @@ impl Model for BoostPlant {
         if parameters.valve.duty_latch {
             let begin = step.start - context.experiment.start_time;
             let frequency = parameters.valve.pwm_frequency;
-            // The duty is discrete: within a step the first period takes it over, and those after it the same.
+            // The duty is discrete: all periods that start within a step have the same.
             if let Some(instant) = self.latch.next_before(begin + step.size, frequency) {
                 done = (instant - begin).max(0.0);
                 let interval = Interval { from: 0.0, to: done, tolerance, budget: &budget };
@@ -195,7 +194,7 @@ impl Model for BoostPlant {
         let parameters = variables.parameters.map(Dual64::from);
         let mut inputs = inputs.combine(direction.inputs(), &mut Dual64::new);
         if variables.parameters.valve.duty_latch {
-            // What the importer commands is not taken over before the next period.
+            // A new command does not act before the next period.
             inputs.hp_wastegate_pwm = Dual64::from(self.latch.held);
         }
         let states = variables.states.combine(&direction.start, &mut Dual64::new);
@@ -233,7 +232,7 @@ impl Model for BoostPlant {
 }
 
 impl BoostPlant {
-    /// The inputs with the duty that the valve sees.
+    /// The inputs with the duty that acts on the valve.
     fn as_held(&self, variables: &Variables, mut inputs: Inputs) -> Inputs {
         if variables.parameters.valve.duty_latch {
             inputs.hp_wastegate_pwm = self.latch.held;
@@ -241,15 +240,14 @@ impl BoostPlant {
         inputs
     }
 
-    /// Fills in what belongs to the states, the inputs that the plant sees, and what everything does there.
+    /// Sets outputs, local variables and derivatives from the states, the effective inputs and their evaluation.
     fn show(&self, variables: &mut Variables, inputs: &Inputs, evaluation: &Evaluation) {
         variables.derivatives = evaluation.derivatives();
-        (variables.outputs, variables.locals) =
-            quantities(&self.system, inputs, &variables.states, evaluation);
+        (variables.outputs, variables.locals) = self.system.quantities(inputs, &variables.states, evaluation);
     }
 
-    /// Advances the states over an interval, its times in s after the step's begin. Returns what everything
-    /// does at its end, unless it is empty.
+    /// Advances the states over an interval, its times in s after the step's begin. Returns the evaluation
+    /// at its end, unless it is empty.
     fn integrate(
         &mut self,
         states: &mut States,
@@ -274,7 +272,7 @@ impl BoostPlant {
             }
             inputs
         };
-        self.pace.advance(&self.system, &Signal { at, is_constant }, states, interval).map(Some).map_err(|failure| {
+        self.pace.advance(&self.system, &IntervalInputs { at, is_constant }, states, interval).map(Some).map_err(|failure| {
             Error::new(format!(
                 "{} cannot be integrated beyond {:?} s: even the shortest steps, or as many as are tried, miss \
                  the tolerance of {:?} of full scale; the equations are too stiff with these parameters and \
@@ -287,10 +285,10 @@ impl BoostPlant {
     }
 }
 
-/// The derivatives of everything that is calculated from inputs and states.
+/// The derivatives of all variables that are calculated from inputs and states.
 fn derivatives_of(system: &System<Dual64>, inputs: &Inputs<Dual64>, states: &States<Dual64>) -> Variables {
     let evaluation = system.evaluate(inputs, states);
-    let (outputs, locals) = quantities(system, inputs, states, &evaluation);
+    let (outputs, locals) = system.quantities(inputs, states, &evaluation);
     let mut derivatives = Variables::zero();
     derivatives.states = states.map(|state| state.eps);
     derivatives.derivatives = evaluation.derivatives().map(|rate| rate.eps);
@@ -305,12 +303,12 @@ fn tolerance(parameters: &Parameters, experiment: Experiment) -> f64 {
     parameters.solver.relative_tolerance.min(asked).max(SMALLEST_TOLERANCE)
 }
 
-/// Tells of inputs for which the experiment does not start at rest.
+/// Warns of inputs for which the experiment does not start at rest.
 fn warn_of_unsettled_start(settled: &Settled, inputs: &Inputs, context: &mut Context<'_>) {
     let Some(shortcoming) = &settled.shortcoming else { return };
     let reason = match shortcoming.failure {
-        Failure::NotIsolated => "there is no isolated steady state",
-        Failure::NotConverged => "no steady state was found",
+        NoSteadyState::NotIsolated => "there is no isolated steady state",
+        NoSteadyState::NotConverged => "no steady state was found",
     };
     let instead = if shortcoming.followed > 0.0 {
         format!("what a running engine has come to after {} s", shortcoming.followed)
@@ -324,7 +322,7 @@ fn warn_of_unsettled_start(settled: &Settled, inputs: &Inputs, context: &mut Con
     ));
 }
 
-/// Tells of start values that the mode of initialization does not use.
+/// Warns of start values that the mode of initialization does not use.
 fn warn_of_ignored_starts(variables: &Variables, context: &mut Context<'_>) {
     if variables.parameters.initialization.mode == InitializationMode::Given {
         return;

@@ -28,9 +28,8 @@ pub struct Orifice<D = f64> {
 
 impl<D: Scalar> Orifice<D> {
     /// The flow function of a gas, linear above a pressure ratio.
-    #[must_use]
     pub fn new(gas: Gas<D>, linear_ratio: D) -> Self {
-        let ratio = gas.heat_capacity_ratio;
+        let ratio = gas.parameters.heat_capacity_ratio;
         let mut orifice = Self {
             gas,
             factor: ratio * 2.0 / (ratio - 1.0),
@@ -64,7 +63,6 @@ impl<D: Scalar> Orifice<D> {
 
     /// The flow in kg/s through an effective area (m²) from the first to the second side, each given by
     /// pressure (Pa) and temperature (K); negative when the second pressure is the higher one.
-    #[must_use]
     #[inline]
     pub fn mass_flow(&self, area: D, first: (D, D), second: (D, D)) -> D {
         let temperature_ratio = |pressure_ratio: D| pressure_ratio.power(self.gas.isentropic_exponent);
@@ -79,7 +77,6 @@ impl<D: Scalar> Orifice<D> {
 
     /// The same where it is known by which ratio isentropic flow from the first to the second side changes the
     /// temperature.
-    #[must_use]
     pub fn mass_flow_at(&self, area: D, first: (D, D), second: (D, D), temperature_ratio: D) -> D {
         if area.vanishes() {
             0.0.into()
@@ -98,7 +95,7 @@ impl<D: Scalar> Orifice<D> {
         downstream_pressure: D,
         temperature_ratio: impl FnOnce(D) -> D,
     ) -> D {
-        let density_velocity = pressure / (self.gas.gas_constant * temperature).sqrt();
+        let density_velocity = pressure / (self.gas.parameters.gas_constant * temperature).sqrt();
         area * density_velocity * self.flow_function(downstream_pressure / pressure, temperature_ratio)
     }
 }
@@ -106,9 +103,11 @@ impl<D: Scalar> Orifice<D> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plant::variables::GasParameters;
 
     fn air() -> Orifice {
-        Orifice::new(Gas::new(287.0, 1005.0, 1.4), 0.95)
+        let gas = GasParameters { gas_constant: 287.0, specific_heat: 1005.0, heat_capacity_ratio: 1.4 };
+        Orifice::new(Gas::new(gas), 0.95)
     }
 
     fn flow_function(pressure_ratio: f64) -> f64 {

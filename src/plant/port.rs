@@ -2,21 +2,23 @@
 
 use super::orifice::Orifice;
 use super::scalar::Scalar;
-use super::variables::PortLocals;
+use super::variables::{PortLocals, PortParameters};
 
-/// A valve in the gas path.
 #[derive(Clone, Copy, Debug)]
 pub struct Port<D = f64> {
-    /// Effective area in m² when fully open: area times discharge coefficient.
-    pub open_area: D,
-    /// The flow function.
-    pub orifice: Orifice<D>,
+    /// Effective area in m² when fully open.
+    open_area: D,
+    orifice: Orifice<D>,
 }
 
 impl<D: Scalar> Port<D> {
+    /// A valve with the flow function of its gas.
+    pub fn new(parameters: PortParameters<D>, orifice: Orifice<D>) -> Self {
+        Self { open_area: parameters.area * parameters.discharge_coefficient, orifice }
+    }
+
     /// The flow at an opening (0 … 1) from the first to the second side, each given by pressure (Pa) and
     /// temperature (K). The area is proportional to the opening.
-    #[must_use]
     pub fn flow(&self, opening: D, first: (D, D), second: (D, D)) -> PortLocals<D> {
         let effective_area = opening * self.open_area;
         PortLocals { effective_area, mass_flow: self.orifice.mass_flow(effective_area, first, second) }
@@ -24,7 +26,6 @@ impl<D: Scalar> Port<D> {
 
     /// The same where it is known by which ratio isentropic flow from the first to the second side changes the
     /// temperature.
-    #[must_use]
     pub fn flow_at(&self, opening: D, first: (D, D), second: (D, D), temperature_ratio: D) -> PortLocals<D> {
         let effective_area = opening * self.open_area;
         PortLocals {

@@ -16,10 +16,8 @@ use super::orifice::Orifice;
 use super::scalar::Scalar;
 use super::variables::{ValveLocals, ValveParameters};
 
-/// A solenoid valve.
 #[derive(Clone, Copy, Debug)]
 pub struct SolenoidValve<D = f64> {
-    /// Its parameters.
     pub parameters: ValveParameters<D>,
     /// The flow function of the ports.
     pub orifice: Orifice<D>,
@@ -27,7 +25,6 @@ pub struct SolenoidValve<D = f64> {
 
 impl<D: Scalar> SolenoidValve<D> {
     /// The duty in percent at nominal voltage that has the effect of `duty` at `voltage` (V).
-    #[must_use]
     pub fn commanded_duty(&self, duty: D, voltage: D) -> D {
         let relative = voltage / self.parameters.nominal_voltage;
         let gain = if (self.parameters.voltage_exponent - 1.0).vanishes() {
@@ -39,13 +36,11 @@ impl<D: Scalar> SolenoidValve<D> {
     }
 
     /// Rate of change of the plunger's duty in %/s.
-    #[must_use]
     pub fn plunger_rate(&self, commanded_duty: D, plunger_duty: D) -> D {
         (commanded_duty - plunger_duty) / self.parameters.time_constant
     }
 
     /// Eq. (7): the pressure in Pa at which the valve holds the chamber.
-    #[must_use]
     pub fn pressure(&self, plunger_duty: D, ambient_pressure: D) -> D {
         let [k1, k2, k3, k4] = self.parameters.pressure_coefficient;
         let u = plunger_duty;
@@ -55,7 +50,6 @@ impl<D: Scalar> SolenoidValve<D> {
     /// What the valve does at a plunger's duty in percent: the flows between ambient (pressure in Pa, temperature
     /// in K), chamber and tank (pressures in Pa); the whole vacuum system has ambient temperature. Its voltage in V
     /// and commanded duty in percent act on the plunger alone.
-    #[must_use]
     pub fn flows(
         &self,
         (voltage, commanded_duty): (D, D),
@@ -92,7 +86,6 @@ impl<D: Scalar> SolenoidValve<D> {
     }
 
     /// The pressure in Pa at which the chamber comes to rest: the target, as far as tank and ambient allow.
-    #[must_use]
     pub fn chamber_pressure_at_rest(&self, plunger_duty: D, ambient_pressure: D, tank_pressure: D) -> D {
         self.pressure(plunger_duty, ambient_pressure).at_least(tank_pressure).at_most(ambient_pressure)
     }

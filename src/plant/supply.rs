@@ -5,26 +5,25 @@
 //! (paper, eq. (9)) is a little late.
 
 use super::scalar::Scalar;
+use super::variables::{PumpParameters, SupplySensorParameters};
 
 /// Voltage drop and measurement.
 #[derive(Clone, Copy, Debug)]
 pub struct Supply<D = f64> {
-    /// Drop of the voltage in V while the pump runs.
-    pub pump_voltage_drop: D,
-    /// Time constant of the measurement's filter in s.
-    pub sensor_time_constant: D,
+    /// The pump that loads the supply.
+    pub pump: PumpParameters<D>,
+    /// The sensor of the voltage.
+    pub sensor: SupplySensorParameters<D>,
 }
 
 impl<D: Scalar> Supply<D> {
     /// The voltage at the valve in V from the system voltage (V) and the pump (0 … 1).
-    #[must_use]
     pub fn voltage(&self, system_voltage: D, pump: D) -> D {
-        (system_voltage - self.pump_voltage_drop * pump).at_least(0.0)
+        (system_voltage - self.pump.voltage_drop * pump).at_least(0.0)
     }
 
     /// Rate of change of the measured voltage in V/s.
-    #[must_use]
     pub fn measured_rate(&self, voltage: D, measured: D) -> D {
-        (voltage - measured) / self.sensor_time_constant
+        (voltage - measured) / self.sensor.time_constant
     }
 }

@@ -1,6 +1,6 @@
 //! The assembly: how the components are connected (paper, figs. 2 and 3), and the differential equations
-//! that follow. This is the one text of the model; the integrator, the steady-state solver, the outputs
-//! and every local variable come from [`System::evaluate`].
+//! that follow. The integrator, the steady-state solver, the outputs and all local variables use
+//! [`System::evaluate`].
 //!
 //! ```text
 //! ambient ─ air filter ─ LPC ─┬─ HPC ────┬─ intercooler ─┬─ throttle ─ intake manifold ─ cylinders
@@ -15,11 +15,14 @@
 //! Volumes between the components carry pressures as states; temperatures are static, those of the gas
 //! that flows in.
 
+use std::f64::consts::PI;
+
 use super::actuator::Actuator;
+use super::air_filter::AirFilter;
 use super::compressor::Compressor;
 use super::cylinders::{CylinderFlows, Cylinders};
+use super::exhaust::Exhaust;
 use super::exhaust_manifold::ExhaustManifold;
-use super::flow_resistance::FlowResistance;
 use super::gas::{Gas, Volume, mixed_temperature};
 use super::intercooler::Intercooler;
 use super::orifice::Orifice;
@@ -31,16 +34,18 @@ use super::supply::Supply;
 use super::turbine::Turbine;
 use super::vacuum_tank::VacuumTank;
 use super::variables::{
-    ActuationStates, ActuatorLocals, ActuatorStates, AirFilterStates, CompressorLocals, CompressorStates,
-    ExhaustManifoldStates, ExhaustStates, GasPathStates, Inputs, IntakeManifoldStates, IntercoolerStates,
-    InterstageExhaustStates, Parameters, PortLocals, PortParameters, ShaftStates, StateGroups, States,
-    SupplySensorStates, TankStates, TurbineLocals, ValveLocals, ValveStates,
+    ActuationStates, ActuatorLocals, ActuatorStates, AirFilterLocals, AirFilterStates, CompressorLocals,
+    CompressorStates, ExhaustLocals, ExhaustManifoldLocals, ExhaustManifoldStates, ExhaustStates,
+    GasPathStates, HpWastegatePortLocals, Inputs, IntakeManifoldStates, IntercoolerLocals, IntercoolerStates,
+    InterstageExhaustLocals, InterstageExhaustStates, Locals, Outputs, Parameters, PortLocals,
+    PortParameters, PumpLocals, ShaftStates, StateGroups, States, SupplySensorStates, TankStates,
+    ThrottleBodyLocals, TurbineLocals, ValveLocals, ValveStates,
 };
 
-/// The pressure in Pa from which states are seen in the equations: a solver's trial states may be at or
+/// The lower limit in Pa of pressures in the equations: a solver's trial states may be at or
 /// below zero, where powers and roots of pressure ratios do not exist.
 const LOWEST_PRESSURE: f64 = 1.0;
-/// Flow in kg/s within which the temperatures of mixed air flows are blended.
+/// Flow in kg/s below which the temperatures of mixed air flows are blended.
 const AIR_MIXING_WIDTH: f64 = 1e-4;
 /// The same for exhaust gas.
 const EXHAUST_MIXING_WIDTH: f64 = 1e-5;
@@ -49,11 +54,12 @@ const EXHAUST_MIXING_WIDTH: f64 = 1e-5;
 #[derive(Clone, Copy, Debug)]
 pub struct System<D = f64> {
     supply: Supply<D>,
-    pub(super) valve: SolenoidValve<D>,
+    /// The solenoid valve.
+    pub valve: SolenoidValve<D>,
     tank: VacuumTank<D>,
-    pub(super) actuator: Actuator<D>,
-    air_filter: FlowResistance<D>,
-    air_filter_volume: Volume<D>,
+    /// The wastegate's actuator.
+    pub actuator: Actuator<D>,
+    air_filter: AirFilter<D>,
     lp_compressor: Compressor<D>,
     hp_compressor: Compressor<D>,
     hp_bypass: Port<D>,
@@ -68,8 +74,7 @@ pub struct System<D = f64> {
     interstage_volume: Volume<D>,
     lp_turbine: Turbine<D>,
     lp_wastegate: Port<D>,
-    exhaust: FlowResistance<D>,
-    exhaust_volume: Volume<D>,
+    exhaust: Exhaust<D>,
     hp_shaft: Shaft<D>,
     lp_shaft: Shaft<D>,
 }
@@ -83,65 +88,41 @@ pub const GAS_PATH_SCALES: GasPathStates = {
     scales
 };
 
-/// What the actuation does at an instant.
+/// The actuation at an instant.
 #[derive(Clone, Copy, Debug)]
 pub struct Actuation<D = f64> {
     /// The states' derivatives.
     pub derivatives: ActuationStates<D>,
-    /// The solenoid valve.
-    pub valve: ValveLocals<D>,
-    /// Flow that the vacuum pump draws in kg/s.
-    pub pumped: D,
-    /// The actuator.
-    pub actuator: ActuatorLocals<D>,
     /// Opening of the high-pressure wastegate, from 0 to 1.
     pub hp_wastegate_opening: D,
+    valve: ValveLocals<D>,
+    pump: PumpLocals<D>,
+    actuator: ActuatorLocals<D>,
 }
 
-/// What the gas path does at an instant.
+/// The gas path at an instant.
 #[derive(Clone, Copy, Debug)]
 pub struct GasPath<D = f64> {
     /// The states' derivatives.
     pub derivatives: GasPathStates<D>,
-    /// Flow through the air filter in kg/s.
-    pub air_filter: D,
-    /// The low-pressure compressor.
-    pub lp_compressor: CompressorLocals<D>,
-    /// The high-pressure compressor.
-    pub hp_compressor: CompressorLocals<D>,
-    /// The bypass of the high-pressure compressor.
-    pub hp_bypass: PortLocals<D>,
-    /// Temperature in K before the intercooler.
-    pub intercooler_inlet_temperature: D,
-    /// Flow through the intercooler in kg/s.
-    pub intercooler: D,
-    /// Temperature in K behind the intercooler.
-    pub charge_temperature: D,
-    /// The surge valve.
-    pub surge_valve: PortLocals<D>,
-    /// The throttle.
-    pub throttle: PortLocals<D>,
-    /// The cylinders.
-    pub cylinders: CylinderFlows<D>,
-    /// Temperature in K in the exhaust manifold.
-    pub exhaust_temperature: D,
-    /// The high-pressure turbine.
-    pub hp_turbine: TurbineLocals<D>,
-    /// The high-pressure wastegate.
-    pub hp_wastegate: PortLocals<D>,
-    /// Temperature in K between the turbines.
-    pub interstage_temperature: D,
-    /// The low-pressure turbine.
-    pub lp_turbine: TurbineLocals<D>,
-    /// The low-pressure wastegate.
-    pub lp_wastegate: PortLocals<D>,
-    /// Temperature in K before the catalyst.
-    pub tail_temperature: D,
-    /// Flow through the catalyst in kg/s.
-    pub exhaust: D,
+    air_filter: AirFilterLocals<D>,
+    lp_compressor: CompressorLocals<D>,
+    hp_compressor: CompressorLocals<D>,
+    hp_bypass_port: PortLocals<D>,
+    intercooler: IntercoolerLocals<D>,
+    surge_valve_port: PortLocals<D>,
+    throttle_body: ThrottleBodyLocals<D>,
+    cylinders: CylinderFlows<D>,
+    exhaust_manifold: ExhaustManifoldLocals<D>,
+    hp_turbine: TurbineLocals<D>,
+    hp_wastegate_port: HpWastegatePortLocals<D>,
+    interstage_exhaust: InterstageExhaustLocals<D>,
+    lp_turbine: TurbineLocals<D>,
+    lp_wastegate_port: PortLocals<D>,
+    exhaust: ExhaustLocals<D>,
 }
 
-/// What every component does at an instant.
+/// All components at an instant.
 #[derive(Clone, Copy, Debug)]
 pub struct Evaluation<D = f64> {
     /// Fig. 3 of the paper.
@@ -166,90 +147,70 @@ impl<D: Scalar> System<D> {
     #[must_use]
     pub fn new(parameters: &Parameters<D>) -> Self {
         let p = parameters;
-        let air = Gas::new(p.air.gas_constant, p.air.specific_heat, p.air.heat_capacity_ratio);
-        let exhaust_gas = Gas::new(
-            p.exhaust_gas.gas_constant,
-            p.exhaust_gas.specific_heat,
-            p.exhaust_gas.heat_capacity_ratio,
-        );
+        let (air, exhaust_gas) = (Gas::new(p.air), Gas::new(p.exhaust_gas));
         let air_orifice = Orifice::new(air, p.restrictions.linear_pressure_ratio);
         let exhaust_orifice = Orifice::new(exhaust_gas, p.restrictions.linear_pressure_ratio);
         Self {
-            supply: Supply {
-                pump_voltage_drop: p.pump.voltage_drop,
-                sensor_time_constant: p.supply_sensor.time_constant,
-            },
+            supply: Supply { pump: p.pump, sensor: p.supply_sensor },
             valve: SolenoidValve {
                 parameters: p.valve,
                 orifice: Orifice::new(air, p.valve.linear_pressure_ratio),
             },
-            tank: VacuumTank {
-                volume: air.volume(p.tank.volume),
-                frozen: p.tank.frozen,
-                pump_mass_flow: p.pump.mass_flow,
-            },
+            tank: VacuumTank { parameters: p.tank, pump: p.pump, volume: air.volume(p.tank.volume) },
             actuator: Actuator { parameters: p.actuator, air },
-            air_filter: FlowResistance {
-                resistance: p.air_filter.flow_resistance,
-                linear_pressure: p.air_filter.linear_pressure,
-            },
-            air_filter_volume: air.volume(p.air_filter.volume),
+            air_filter: AirFilter { parameters: p.air_filter, volume: air.volume(p.air_filter.volume) },
             lp_compressor: Compressor::new(p.lp_compressor, air),
             hp_compressor: Compressor::new(p.hp_compressor, air),
-            hp_bypass: port(&p.hp_bypass_port, air_orifice),
-            intercooler: Intercooler {
-                resistance: FlowResistance {
-                    resistance: p.intercooler.flow_resistance,
-                    linear_pressure: p.intercooler.linear_pressure,
-                },
-                effectiveness: p.intercooler.effectiveness,
-                volume: air.volume(p.intercooler.volume),
-            },
-            surge_valve: port(&p.surge_valve_port, air_orifice),
-            throttle: Port { open_area: p.throttle_body.area, orifice: air_orifice },
+            hp_bypass: Port::new(p.hp_bypass_port, air_orifice),
+            intercooler: Intercooler { parameters: p.intercooler, volume: air.volume(p.intercooler.volume) },
+            surge_valve: Port::new(p.surge_valve_port, air_orifice),
+            // The area of the throttle is the effective one.
+            throttle: Port::new(
+                PortParameters { area: p.throttle_body.area, discharge_coefficient: 1.0.into() },
+                air_orifice,
+            ),
             intake_manifold_volume: air.volume(p.intake_manifold.volume),
             cylinders: Cylinders {
                 parameters: p.cylinders,
                 fuel_air_ratio: p.cylinders.stoichiometric_air_fuel_ratio.recip(),
                 air,
-                residual_exponent: exhaust_gas.heat_capacity_ratio.recip(),
+                residual_exponent: exhaust_gas.parameters.heat_capacity_ratio.recip(),
             },
             exhaust_manifold: ExhaustManifold {
-                heat_transfer: p.exhaust_manifold.heat_transfer,
+                parameters: p.exhaust_manifold,
                 volume: exhaust_gas.volume(p.exhaust_manifold.volume),
-                specific_heat: p.exhaust_gas.specific_heat,
+                gas: exhaust_gas,
             },
             hp_turbine: Turbine::new(p.hp_turbine, exhaust_gas),
-            hp_wastegate: Port {
-                open_area: p.hp_wastegate_port.area * p.hp_wastegate_port.discharge_coefficient,
-                orifice: exhaust_orifice,
-            },
+            hp_wastegate: Port::new(
+                PortParameters {
+                    area: p.hp_wastegate_port.area,
+                    discharge_coefficient: p.hp_wastegate_port.discharge_coefficient,
+                },
+                exhaust_orifice,
+            ),
             interstage_volume: exhaust_gas.volume(p.interstage_exhaust.volume),
             lp_turbine: Turbine::new(p.lp_turbine, exhaust_gas),
-            lp_wastegate: port(&p.lp_wastegate_port, exhaust_orifice),
-            exhaust: FlowResistance {
-                resistance: p.exhaust.flow_resistance,
-                linear_pressure: p.exhaust.linear_pressure,
-            },
-            exhaust_volume: exhaust_gas.volume(p.exhaust.volume),
+            lp_wastegate: Port::new(p.lp_wastegate_port, exhaust_orifice),
+            exhaust: Exhaust { parameters: p.exhaust, volume: exhaust_gas.volume(p.exhaust.volume) },
             hp_shaft: Shaft::new(p.hp_shaft),
             lp_shaft: Shaft::new(p.lp_shaft),
         }
     }
 
-    /// Holds the vacuum tank's pressure or lets it go.
+    /// Holds the vacuum tank's pressure, or releases it.
     pub fn freeze_tank(&mut self, frozen: bool) {
-        self.tank.frozen = frozen;
+        self.tank.parameters.frozen = frozen;
     }
 
     /// Whether the vacuum tank's pressure is held.
     #[must_use]
     pub fn is_tank_frozen(&self) -> bool {
-        self.tank.frozen
+        self.tank.parameters.frozen
     }
 
     /// The voltage in V at the terminals of valve and sensor, and the duty in percent at nominal voltage
-    /// that the commanded one is worth.
+    /// with the same effect as the commanded one.
     #[must_use]
     pub fn command(&self, inputs: &Inputs<D>) -> (D, D) {
         let voltage = self.supply.voltage(inputs.supply_voltage, inputs.vacuum_pump);
@@ -273,7 +234,7 @@ impl<D: Scalar> System<D> {
         upstream.at_least(LOWEST_PRESSURE) - downstream.at_least(LOWEST_PRESSURE)
     }
 
-    /// The actuation (fig. 3) at an instant. Of the gas path it knows the pressure difference in Pa across
+    /// The actuation (fig. 3) at an instant. It depends on the gas path by the pressure difference in Pa across
     /// the high-pressure wastegate alone.
     #[must_use]
     pub fn actuation(
@@ -290,7 +251,7 @@ impl<D: Scalar> System<D> {
 
         let command = self.command(inputs);
         let valve = self.valve.flows(command, plunger_duty, ambient, p_act, p_tank);
-        let pumped = self.tank.drawn_mass_flow(inputs.vacuum_pump, p_tank);
+        let pump = self.tank.pump(inputs.vacuum_pump, p_tank);
         let actuator = self.actuator.evaluate(x, v, ambient.0, p_act, exhaust_difference);
         Actuation {
             derivatives: ActuationStates {
@@ -301,9 +262,10 @@ impl<D: Scalar> System<D> {
                     plunger_duty: self.valve.plunger_rate(valve.commanded_duty, plunger_duty),
                 },
                 tank: TankStates {
-                    pressure: self
-                        .tank
-                        .pressure_rate(ambient.1, valve.leakage_mass_flow + valve.tank_mass_flow - pumped),
+                    pressure: self.tank.pressure_rate(
+                        ambient.1,
+                        valve.leakage_mass_flow + valve.tank_mass_flow - pump.drawn_mass_flow,
+                    ),
                 },
                 actuator: ActuatorStates {
                     chamber_pressure: self.actuator.pressure_rate(
@@ -318,14 +280,14 @@ impl<D: Scalar> System<D> {
                     friction_force: self.actuator.friction_rate(friction_force, v),
                 },
             },
-            valve,
-            pumped,
-            actuator,
             hp_wastegate_opening: self.actuator.opening(x),
+            valve,
+            pump,
+            actuator,
         }
     }
 
-    /// The gas path (fig. 2) at an instant. Of the actuation it knows the high-pressure wastegate's opening
+    /// The gas path (fig. 2) at an instant. It depends on the actuation by the high-pressure wastegate's opening
     /// (0 … 1) alone.
     #[must_use]
     #[allow(clippy::too_many_lines)] // One line a component: the figure above in words.
@@ -349,7 +311,7 @@ impl<D: Scalar> System<D> {
         .map(|pressure| pressure.at_least(LOWEST_PRESSURE));
         let (w_hp, w_lp) = (states.hp_shaft.speed, states.lp_shaft.speed);
 
-        // The powers of all pressure ratios at once, so that none waits for another: the ratios of temperatures
+        // The powers of all pressure ratios at once, so that the processor computes them in parallel: the ratios of temperatures
         // in isentropic flow, of volumes for the residual gas, and the drops that drive the turbines.
         let [lpc_rise, hpc_rise, intake, overlap, hpt_fall, lpt_fall] =
             D::logarithms([p_1 / p_af, p_2 / p_1, p_im / p_ic, p_em / p_im, p_it / p_em, p_t / p_it]);
@@ -368,7 +330,7 @@ impl<D: Scalar> System<D> {
             ]);
 
         // Air path (fig. 2, upper half).
-        let air_filter = self.air_filter.mass_flow(ambient, (p_af, ambient.1));
+        let air_filter = self.air_filter.evaluate(ambient, p_af);
         let lpc = self.lp_compressor.compress((p_af, ambient.1), lpc_ratio, w_lp);
         let between = (p_1, lpc.outlet_temperature);
         let hpc = self.hp_compressor.compress(between, hpc_ratio, w_hp);
@@ -379,15 +341,16 @@ impl<D: Scalar> System<D> {
             (bypass.mass_flow, lpc.outlet_temperature),
             AIR_MIXING_WIDTH.into(),
         );
-        let intercooler = self.intercooler.resistance.mass_flow((p_2, t_2m), (p_ic, t_2m));
-        let t_ic = self.intercooler.outlet_temperature(t_2m, ambient.1);
+        let intercooler = self.intercooler.evaluate((p_2, t_2m), p_ic, ambient.1);
+        let t_ic = intercooler.outlet_temperature;
         let surge_valve = self.surge_valve.flow(inputs.surge_valve, (p_ic, t_ic), between);
         let throttle = self.throttle.flow_at(inputs.throttle, (p_ic, t_ic), (p_im, t_ic), throttle_ratio);
 
         // Cylinders and exhaust (fig. 2, lower half).
         let cylinders = self.cylinders.flows(inputs.engine_speed, (p_im, t_ic), residual);
-        let t_em =
-            self.exhaust_manifold.temperature((cylinders.exhaust, cylinders.exhaust_temperature), ambient.1);
+        let exhaust_manifold =
+            self.exhaust_manifold.evaluate((cylinders.exhaust, cylinders.exhaust_temperature), ambient.1);
+        let t_em = exhaust_manifold.temperature;
         let hpt = self.hp_turbine.expand((p_em, t_em), hpt_ratio, hpt_drop, w_hp);
         // The flap's area grows with the square of the opening. With a linear law the boost pressure would react
         // far more strongly to the first opening than to the rest, and the control loop relies on a gain that
@@ -407,12 +370,15 @@ impl<D: Scalar> System<D> {
             (lp_wastegate.mass_flow, t_it),
             EXHAUST_MIXING_WIDTH.into(),
         );
-        let exhaust = self.exhaust.mass_flow((p_t, t_t), ambient);
+        let exhaust = self.exhaust.evaluate((p_t, t_t), ambient);
 
         // The balances of the volumes and the shafts.
         let derivatives = GasPathStates {
             air_filter: AirFilterStates {
-                pressure: self.air_filter_volume.pressure_rate(ambient.1, air_filter - lpc.mass_flow),
+                pressure: self
+                    .air_filter
+                    .volume
+                    .pressure_rate(ambient.1, air_filter.mass_flow - lpc.mass_flow),
             },
             lp_compressor: CompressorStates {
                 outlet_pressure: self.lp_compressor.outlet_volume.pressure_rate(
@@ -424,13 +390,13 @@ impl<D: Scalar> System<D> {
                 outlet_pressure: self
                     .hp_compressor
                     .outlet_volume
-                    .pressure_rate(t_2m, hpc.mass_flow + bypass.mass_flow - intercooler),
+                    .pressure_rate(t_2m, hpc.mass_flow + bypass.mass_flow - intercooler.mass_flow),
             },
             intercooler: IntercoolerStates {
                 outlet_pressure: self
                     .intercooler
                     .volume
-                    .pressure_rate(t_ic, intercooler - throttle.mass_flow - surge_valve.mass_flow),
+                    .pressure_rate(t_ic, intercooler.mass_flow - throttle.mass_flow - surge_valve.mass_flow),
             },
             intake_manifold: IntakeManifoldStates {
                 pressure: self.intake_manifold_volume.pressure_rate(t_ic, throttle.mass_flow - cylinders.air),
@@ -449,8 +415,9 @@ impl<D: Scalar> System<D> {
             },
             exhaust: ExhaustStates {
                 pressure: self
-                    .exhaust_volume
-                    .pressure_rate(t_t, lpt.mass_flow + lp_wastegate.mass_flow - exhaust),
+                    .exhaust
+                    .volume
+                    .pressure_rate(t_t, lpt.mass_flow + lp_wastegate.mass_flow - exhaust.mass_flow),
             },
             hp_shaft: ShaftStates { speed: self.hp_shaft.acceleration(w_hp, hpt.power, hpc.power) },
             lp_shaft: ShaftStates { speed: self.lp_shaft.acceleration(w_lp, lpt.power, lpc.power) },
@@ -460,25 +427,76 @@ impl<D: Scalar> System<D> {
             air_filter,
             lp_compressor: lpc,
             hp_compressor: hpc,
-            hp_bypass: bypass,
-            intercooler_inlet_temperature: t_2m,
+            hp_bypass_port: bypass,
             intercooler,
-            charge_temperature: t_ic,
-            surge_valve,
-            throttle,
+            surge_valve_port: surge_valve,
+            throttle_body: ThrottleBodyLocals { mass_flow: throttle.mass_flow },
             cylinders,
-            exhaust_temperature: t_em,
+            exhaust_manifold,
             hp_turbine: hpt,
-            hp_wastegate,
-            interstage_temperature: t_it,
+            hp_wastegate_port: HpWastegatePortLocals {
+                effective_area: hp_wastegate.effective_area,
+                mass_flow: hp_wastegate.mass_flow,
+            },
+            interstage_exhaust: InterstageExhaustLocals { temperature: t_it },
             lp_turbine: lpt,
-            lp_wastegate,
-            tail_temperature: t_t,
+            lp_wastegate_port: lp_wastegate,
             exhaust,
         }
     }
-}
 
-fn port<D: Scalar>(p: &PortParameters<D>, orifice: Orifice<D>) -> Port<D> {
-    Port { open_area: p.area * p.discharge_coefficient, orifice }
+    /// The outputs and local variables that belong to inputs, states and their evaluation.
+    #[must_use]
+    pub fn quantities(
+        &self,
+        inputs: &Inputs<D>,
+        states: &States<D>,
+        evaluation: &Evaluation<D>,
+    ) -> (Outputs<D>, Locals<D>) {
+        let Evaluation { actuation, gas_path } = evaluation;
+        let (cylinders, engine_torque) = self.cylinders.work(
+            inputs.engine_speed,
+            gas_path.cylinders,
+            states.intake_manifold.pressure,
+            states.exhaust_manifold.pressure,
+        );
+        let rpm = 30.0 / PI;
+        let outputs = Outputs {
+            boost_pressure: states.intercooler.outlet_pressure,
+            tank_pressure: states.tank.pressure,
+            actuator_pressure: states.actuator.chamber_pressure,
+            intake_manifold_pressure: states.intake_manifold.pressure,
+            exhaust_manifold_pressure: states.exhaust_manifold.pressure,
+            interstage_exhaust_pressure: states.interstage_exhaust.pressure,
+            hp_wastegate_position: actuation.hp_wastegate_opening,
+            supply_voltage_measured: states.supply_sensor.voltage,
+            engine_torque,
+            air_mass_flow: cylinders.air_mass_flow,
+            hp_turbo_speed: states.hp_shaft.speed * rpm,
+            lp_turbo_speed: states.lp_shaft.speed * rpm,
+            exhaust_temperature: gas_path.exhaust_manifold.temperature,
+            charge_temperature: gas_path.intercooler.outlet_temperature,
+        };
+        let locals = Locals {
+            valve: actuation.valve,
+            pump: actuation.pump,
+            actuator: actuation.actuator,
+            hp_wastegate_port: gas_path.hp_wastegate_port,
+            air_filter: gas_path.air_filter,
+            lp_compressor: gas_path.lp_compressor,
+            hp_compressor: gas_path.hp_compressor,
+            hp_bypass_port: gas_path.hp_bypass_port,
+            intercooler: gas_path.intercooler,
+            surge_valve_port: gas_path.surge_valve_port,
+            throttle_body: gas_path.throttle_body,
+            cylinders,
+            exhaust_manifold: gas_path.exhaust_manifold,
+            hp_turbine: gas_path.hp_turbine,
+            interstage_exhaust: gas_path.interstage_exhaust,
+            lp_turbine: gas_path.lp_turbine,
+            lp_wastegate_port: gas_path.lp_wastegate_port,
+            exhaust: gas_path.exhaust,
+        };
+        (outputs, locals)
+    }
 }

@@ -5,10 +5,8 @@ use super::gas::{Gas, signed_root, smooth_max};
 use super::scalar::Scalar;
 use super::variables::{TurbineLocals, TurbineParameters};
 
-/// A turbine.
 #[derive(Clone, Copy, Debug)]
 pub struct Turbine<D = f64> {
-    /// Its parameters.
     pub parameters: TurbineParameters<D>,
     /// Radius of the wheel in m.
     radius: D,
@@ -16,18 +14,15 @@ pub struct Turbine<D = f64> {
     by_peak_efficiency_speed_ratio: D,
     /// Reciprocal of the specific heat, in kg K/J.
     by_specific_heat: D,
-    /// The gas.
     pub gas: Gas<D>,
 }
 
 impl<D: Scalar> Turbine<D> {
-    /// A turbine in a gas.
-    #[must_use]
     pub fn new(parameters: TurbineParameters<D>, gas: Gas<D>) -> Self {
         Self {
             radius: parameters.diameter * 0.5,
             by_peak_efficiency_speed_ratio: parameters.peak_efficiency_speed_ratio.recip(),
-            by_specific_heat: gas.specific_heat.recip(),
+            by_specific_heat: gas.parameters.specific_heat.recip(),
             parameters,
             gas,
         }
@@ -36,14 +31,13 @@ impl<D: Scalar> Turbine<D> {
     /// The flow from the inlet (pressure in Pa, temperature in K) at a shaft speed (rad/s), where isentropic
     /// expansion to the outlet's pressure lowers the temperature by a ratio, and `drop` is the ratio of
     /// pressures to the power of [`TurbineParameters::flow_exponent`].
-    #[must_use]
     pub fn expand(&self, inlet: (D, D), temperature_ratio: D, drop: D, speed: D) -> TurbineLocals<D> {
         let (pressure, temperature) = inlet;
         let drive = -drop + 1.0;
         let mass_flow = self.parameters.flow_capacity * pressure / temperature.sqrt()
             * signed_root(drive, self.parameters.flow_smoothing);
 
-        let isentropic = self.gas.specific_heat * temperature * (-temperature_ratio + 1.0);
+        let isentropic = self.gas.parameters.specific_heat * temperature * (-temperature_ratio + 1.0);
         // Enthalpy in J/kg; the width keeps the blade speed ratio finite without expansion.
         let enthalpy = smooth_max(isentropic, 0.0.into(), 100.0.into());
         let speed_ratio = self.radius * speed / (enthalpy * 2.0).sqrt();

@@ -1,41 +1,38 @@
 //! The vacuum tank and its pump (paper, section 3.2 and eq. (3)).
 //!
-//! The running pump draws a constant mass flow: the paper finds that good enough between 30 and 35 kPa,
-//! where the controller keeps the tank. A pump cannot draw from nothing, so below 1 kPa, far outside that
-//! band, its flow falls in proportion to the pressure and ends at the pump's ultimate vacuum. A pump that is
-//! left on brings the tank there, and no further.
+//! The running pump draws a constant mass flow: the paper finds that accurate enough between 30 and 35 kPa,
+//! where the controller keeps the tank. A pump cannot draw from a perfect vacuum, so below 1 kPa, far outside that
+//! band, its flow falls in proportion to the pressure and is zero at the pump's ultimate vacuum,
+//! which is the lowest pressure that the tank can reach.
 
 use super::gas::Volume;
 use super::scalar::Scalar;
+use super::variables::{PumpLocals, PumpParameters, TankParameters};
 
 /// The pressure in Pa below which the pump's flow falls.
 const PUMP_FADES_BELOW: f64 = 1000.0;
-/// The pressure in Pa at which the pump draws nothing any more.
+/// The pressure in Pa at which the pump's flow is zero.
 const ULTIMATE_VACUUM: f64 = 10.0;
 
-/// A vacuum tank with a pump.
 #[derive(Clone, Copy, Debug)]
 pub struct VacuumTank<D = f64> {
-    /// Its volume.
+    pub parameters: TankParameters<D>,
+    pub pump: PumpParameters<D>,
+    /// The air in it.
     pub volume: Volume<D>,
-    /// Whether the pressure is held as it is.
-    pub frozen: bool,
-    /// Flow in kg/s that the running pump draws.
-    pub pump_mass_flow: D,
 }
 
 impl<D: Scalar> VacuumTank<D> {
-    /// The flow in kg/s that the pump (0 … 1) draws at a tank pressure (Pa).
-    #[must_use]
-    pub fn drawn_mass_flow(&self, pump: D, pressure: D) -> D {
+    /// What the pump (0 … 1) does at a tank pressure (Pa).
+    pub fn pump(&self, pump: D, pressure: D) -> PumpLocals<D> {
         let share = (pressure - ULTIMATE_VACUUM) / (PUMP_FADES_BELOW - ULTIMATE_VACUUM);
-        self.pump_mass_flow * pump * share.at_least(0.0).at_most(1.0)
+        let drawn_mass_flow = self.pump.mass_flow * pump * share.at_least(0.0).at_most(1.0);
+        PumpLocals { drawn_mass_flow }
     }
 
     /// Rate of change of the pressure in Pa/s; `mass_flow` in kg/s goes in on balance, at a temperature
     /// in K.
-    #[must_use]
     pub fn pressure_rate(&self, temperature: D, mass_flow: D) -> D {
-        if self.frozen { 0.0.into() } else { self.volume.pressure_rate(temperature, mass_flow) }
+        if self.parameters.frozen { 0.0.into() } else { self.volume.pressure_rate(temperature, mass_flow) }
     }
 }

@@ -51,7 +51,7 @@ pub struct Rules<const N: usize> {
 
 /// Why the states at the end of an interval are not known.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Failure {
+pub struct IntegrationFailure {
     /// The time in s until which they are.
     pub time: f64,
     /// The name of the state whose error is too large.
@@ -64,7 +64,6 @@ pub struct Budget(Cell<f64>);
 
 impl Budget {
     /// A budget of so many trials.
-    #[must_use]
     pub fn new(trials: f64) -> Self {
         Self(Cell::new(trials))
     }
@@ -98,7 +97,7 @@ impl Interval<'_> {
 
 /// What is remembered of a system from one interval to the next. It only saves work.
 #[derive(Clone, Copy, Debug)]
-pub struct Memory<const STATES: usize, const INPUTS: usize> {
+pub struct StepMemory<const STATES: usize, const INPUTS: usize> {
     /// The length of the next step in s.
     pub step: f64,
     /// What the steps are solved with.
@@ -109,7 +108,7 @@ pub struct Memory<const STATES: usize, const INPUTS: usize> {
     inputs: [f64; INPUTS],
 }
 
-impl<const STATES: usize, const INPUTS: usize> Persistent for Memory<STATES, INPUTS> {
+impl<const STATES: usize, const INPUTS: usize> Persistent for StepMemory<STATES, INPUTS> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         let Self { step, linearization, slopes, inputs } = self;
         step.persist(archive)?;
@@ -119,9 +118,8 @@ impl<const STATES: usize, const INPUTS: usize> Persistent for Memory<STATES, INP
     }
 }
 
-impl<const STATES: usize, const INPUTS: usize> Memory<STATES, INPUTS> {
+impl<const STATES: usize, const INPUTS: usize> StepMemory<STATES, INPUTS> {
     /// Nothing remembered but the length of the first step in s.
-    #[must_use]
     pub fn new(first_step: f64) -> Self {
         Self {
             step: first_step,
@@ -132,7 +130,6 @@ impl<const STATES: usize, const INPUTS: usize> Memory<STATES, INPUTS> {
     }
 
     /// The derivatives where the last interval ended, if they are those with these inputs.
-    #[must_use]
     pub fn slopes(&self, inputs: &[f64; INPUTS]) -> Option<[f64; STATES]> {
         let is_same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
         self.inputs.iter().zip(inputs).all(is_same).then_some(self.slopes)
@@ -181,7 +178,6 @@ pub struct Course<'a, const N: usize> {
 
 impl<'a, const N: usize> Course<'a, N> {
     /// A course from states with their derivatives.
-    #[must_use]
     pub fn new(
         interval: Interval<'a>,
         first_step: f64,
@@ -200,7 +196,6 @@ impl<'a, const N: usize> Course<'a, N> {
     }
 
     /// The length of the next step in s, and the time at which it ends.
-    #[must_use]
     pub fn next(&self) -> (f64, f64) {
         let left = self.interval.to - self.time;
         let length = self.steps.within(left);
@@ -208,7 +203,6 @@ impl<'a, const N: usize> Course<'a, N> {
     }
 
     /// Where the next step begins.
-    #[must_use]
     pub fn begin<'b>(&'b self, drift: &'b [f64; N]) -> Begin<'b, N> {
         Begin { time: self.time, states: &self.states, slopes: &self.slopes, drift }
     }
@@ -230,10 +224,12 @@ impl<'a, const N: usize> Course<'a, N> {
 
     /// Takes a step, or has it tried again with another length. Without a trial its linear equations had no
     /// solution.
-    ///
-    /// # Errors
-    /// When no more steps are tried.
-    pub fn settle(&mut self, trial: Option<Trial<N>>, length: f64, end: f64) -> Result<bool, Failure> {
+    pub fn settle(
+        &mut self,
+        trial: Option<Trial<N>>,
+        length: f64,
+        end: f64,
+    ) -> Result<bool, IntegrationFailure> {
         let (states, mut errors) =
             trial.map_or((self.states, [f64::INFINITY; N]), |trial| (trial.states, trial.error));
         for ((error, state), least) in errors.iter_mut().zip(&states).zip(&self.rules.least) {
@@ -245,7 +241,7 @@ impl<'a, const N: usize> Course<'a, N> {
         let taken = self.steps.judge(length, error);
         if self.interval.is_given_up(&self.steps, taken) {
             let state = self.rules.names[largest_error(&states, &errors, &self.weights)];
-            return Err(Failure { time: self.time, state });
+            return Err(IntegrationFailure { time: self.time, state });
         }
         if let Some(trial) = trial
             && taken

@@ -12,7 +12,6 @@ pub struct Cubic {
 
 impl Cubic {
     /// The cubic over `duration` from a time, through values and slopes at begin and end.
-    #[must_use]
     pub fn new(begin: f64, duration: f64, values: [f64; 2], slopes: [f64; 2]) -> Self {
         let rise = values[1] - values[0];
         let [first, second] = slopes.map(|slope| slope * duration);
@@ -21,13 +20,11 @@ impl Cubic {
     }
 
     /// The time at which it ends.
-    #[must_use]
     pub fn end(&self) -> f64 {
         self.begin + self.duration
     }
 
     /// Its value at a time.
-    #[must_use]
     pub fn at(&self, time: f64) -> f64 {
         let [c0, c1, c2, c3] = self.coefficients;
         let share = (time - self.begin) / self.duration;

@@ -1,16 +1,16 @@
 //! Numerical methods, generic over the number of unknowns and free of allocation: the integrators of the
 //! plant's communication steps and the solver of its steady state. They know nothing of engines.
 //!
-//! The integrators of [`rosenbrock`] are single steps; [`step_size`] judges a step's error and says how long the
-//! next one should be; [`course`] makes a way through an interval of them, [`multirate`] of a system in two parts.
+//! The integrators of `rosenbrock` are single steps; `step_size` judges a step's error and says how long the
+//! next one should be; `course` goes through an interval in such steps, `multirate` does so for a system in two parts.
 
-pub mod course;
-pub mod cubic;
+pub(crate) mod course;
+mod cubic;
 pub mod linear;
-pub mod multirate;
-pub mod rosenbrock;
-pub mod steady_state;
-pub mod step_size;
+pub(crate) mod multirate;
+pub(crate) mod rosenbrock;
+pub(crate) mod steady_state;
+mod step_size;
 
 /// Where a step of an integrator leads.
 #[derive(Clone, Copy, Debug)]

@@ -7,7 +7,7 @@
 use fmu_export::Error;
 use fmu_export::persistence::{Archive, Persistent};
 
-use super::course::{Course, Failure, Interval, Memory, Rules, TIME_DIFFERENCE};
+use super::course::{Course, IntegrationFailure, Interval, Rules, StepMemory, TIME_DIFFERENCE};
 use super::cubic::Cubic;
 use super::rosenbrock::step;
 
@@ -62,16 +62,15 @@ pub trait Slow<const STATES: usize, const INPUTS: usize>: Copy {
 #[derive(Clone, Copy, Debug)]
 pub struct SlowMemory<const STATES: usize, const INPUTS: usize> {
     /// What is remembered of any system.
-    pub memory: Memory<STATES, INPUTS>,
+    pub memory: StepMemory<STATES, INPUTS>,
     /// See [`Slow::by_effect`]; belongs to the linearization.
     by_effect: [f64; STATES],
 }
 
 impl<const STATES: usize, const INPUTS: usize> SlowMemory<STATES, INPUTS> {
     /// Nothing remembered but the length of the first step in s.
-    #[must_use]
     pub fn new(first_step: f64) -> Self {
-        Self { memory: Memory::new(first_step), by_effect: [0.0; STATES] }
+        Self { memory: StepMemory::new(first_step), by_effect: [0.0; STATES] }
     }
 }
 
@@ -84,19 +83,18 @@ impl<const STATES: usize, const INPUTS: usize> Persistent for SlowMemory<STATES,
 }
 
 /// A part with what is remembered of it, and its states at the begin of the interval, which become those at its end.
-pub type Going<'a, Memory, const STATES: usize> = (&'a mut Memory, &'a mut [f64; STATES]);
+pub type Going<'a, Remembered, const STATES: usize> = (&'a mut Remembered, &'a mut [f64; STATES]);
 
 /// Advances both parts of a system over an interval. Returns what they do at its end.
-///
-/// # Errors
-/// Where a step does not meet the tolerance however short it is, or too many are needed; the states are then those
-/// at the begin.
 pub fn advance<P, const FAST: usize, const FAST_INPUTS: usize, const SLOW: usize, const SLOW_INPUTS: usize>(
     system: P,
-    (fast_memory, fast_states): Going<'_, Memory<FAST, FAST_INPUTS>, FAST>,
+    (fast_memory, fast_states): Going<'_, StepMemory<FAST, FAST_INPUTS>, FAST>,
     (slow_memory, slow_states): Going<'_, SlowMemory<SLOW, SLOW_INPUTS>, SLOW>,
     interval: Interval<'_>,
-) -> Result<(<P as Fast<FAST, FAST_INPUTS>>::Evaluation, <P as Slow<SLOW, SLOW_INPUTS>>::Evaluation), Failure>
+) -> Result<
+    (<P as Fast<FAST, FAST_INPUTS>>::Evaluation, <P as Slow<SLOW, SLOW_INPUTS>>::Evaluation),
+    IntegrationFailure,
+>
 where
     P: Fast<FAST, FAST_INPUTS> + Slow<SLOW, SLOW_INPUTS>,
 {
@@ -113,7 +111,7 @@ where
 /// The fast part.
 struct Ahead<'a, P: Fast<STATES, INPUTS>, const STATES: usize, const INPUTS: usize> {
     system: P,
-    memory: &'a mut Memory<STATES, INPUTS>,
+    memory: &'a mut StepMemory<STATES, INPUTS>,
     course: Course<'a, STATES>,
     /// What it does at the end of the interval, once a step was tried that leads there.
     at_end: Option<P::Evaluation>,
@@ -125,7 +123,7 @@ struct Ahead<'a, P: Fast<STATES, INPUTS>, const STATES: usize, const INPUTS: usi
 impl<'a, P: Fast<STATES, INPUTS>, const STATES: usize, const INPUTS: usize> Ahead<'a, P, STATES, INPUTS> {
     fn new(
         system: P,
-        memory: &'a mut Memory<STATES, INPUTS>,
+        memory: &'a mut StepMemory<STATES, INPUTS>,
         states: [f64; STATES],
         interval: Interval<'a>,
     ) -> Self {
@@ -140,7 +138,7 @@ impl<'a, P: Fast<STATES, INPUTS>, const STATES: usize, const INPUTS: usize> Ahea
 
     /// Goes on at least to a time, or as far as drivers are remembered.
     #[inline(never)]
-    fn go_to(&mut self, time: f64) -> Result<(), Failure> {
+    fn go_to(&mut self, time: f64) -> Result<(), IntegrationFailure> {
         while self.course.time < time && self.count < MOST_AHEAD {
             self.step()?;
         }
@@ -148,7 +146,7 @@ impl<'a, P: Fast<STATES, INPUTS>, const STATES: usize, const INPUTS: usize> Ahea
     }
 
     /// Tries a step.
-    fn step(&mut self) -> Result<(), Failure> {
+    fn step(&mut self) -> Result<(), IntegrationFailure> {
         let (system, course, linearization) = (self.system, &mut self.course, &mut self.memory.linearization);
         let derivatives = |time: f64, x: &[f64; STATES]| P::derivatives(&system.evaluate(time, x));
         let (begin, driver, speed) = (course.time, P::driver(&course.states), P::driver(&course.slopes));
@@ -236,7 +234,7 @@ impl<'a, P: Slow<STATES, INPUTS>, const STATES: usize, const INPUTS: usize> Behi
     fn step<Q: Fast<FAST, FAST_INPUTS>, const FAST: usize, const FAST_INPUTS: usize>(
         &mut self,
         ahead: &mut Ahead<'_, Q, FAST, FAST_INPUTS>,
-    ) -> Result<(), Failure> {
+    ) -> Result<(), IntegrationFailure> {
         let (system, begin) = (self.system, self.course.time);
         if self.memory.memory.linearization.is_used_up() {
             self.linearize(ahead.driver(begin));

@@ -24,7 +24,7 @@ const POLISHING_ITERATIONS: usize = 4;
 
 /// Why there is no steady state to return.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Failure {
+pub enum NoSteadyState {
     /// The Jacobian is singular: any steady state is one of infinitely many.
     NotIsolated,
     /// The iteration does not come to rest.
@@ -35,15 +35,12 @@ pub enum Failure {
 ///
 /// `derivatives` is f, `derivatives_along` its derivative with respect to the unknown at a position; `guess` is
 /// where the search begins, `scales` the magnitude of each unknown.
-///
-/// # Errors
-/// When the system has no isolated steady state or none was found.
 pub fn find<const N: usize>(
     derivatives: impl Fn(&[f64; N]) -> [f64; N],
     derivatives_along: impl Fn(&[f64; N], usize) -> [f64; N],
     guess: [f64; N],
     scales: &[f64; N],
-) -> Result<[f64; N], Failure> {
+) -> Result<[f64; N], NoSteadyState> {
     let scaled = |y: &[f64; N]| -> [f64; N] {
         let slopes = derivatives(&std::array::from_fn(|i| y[i] * scales[i]));
         std::array::from_fn(|i| slopes[i] / scales[i])
@@ -69,8 +66,8 @@ pub fn find<const N: usize>(
         let damping = if newton { 0.0 } else { 1.0 / step };
         let change = match linear::solve(damped(&y, damping), slopes) {
             Some(change) => change,
-            None if newton => return Err(Failure::NotIsolated),
-            None => return Err(Failure::NotConverged),
+            None if newton => return Err(NoSteadyState::NotIsolated),
+            None => return Err(NoSteadyState::NotConverged),
         };
         let settled = magnitude(&change) < CONVERGED;
         if newton && settled {
@@ -92,7 +89,7 @@ pub fn find<const N: usize>(
             step *= 0.2;
         }
     }
-    Err(Failure::NotConverged)
+    Err(NoSteadyState::NotConverged)
 }
 
 /// Takes a few more Newton steps and returns the unknowns with the smallest residual: at this precision
@@ -101,7 +98,7 @@ fn polish<const N: usize>(
     scaled: &impl Fn(&[f64; N]) -> [f64; N],
     damped: &impl Fn(&[f64; N], f64) -> [[f64; N]; N],
     mut y: [f64; N],
-) -> Result<[f64; N], Failure> {
+) -> Result<[f64; N], NoSteadyState> {
     let mut best = (f64::INFINITY, y);
     for _ in 0..POLISHING_ITERATIONS {
         let slopes = scaled(&y);
@@ -109,7 +106,7 @@ fn polish<const N: usize>(
         if residual < best.0 {
             best = (residual, y);
         }
-        let change = linear::solve(damped(&y, 0.0), slopes).ok_or(Failure::NotIsolated)?;
+        let change = linear::solve(damped(&y, 0.0), slopes).ok_or(NoSteadyState::NotIsolated)?;
         y = std::array::from_fn(|i| y[i] + change[i]);
     }
     Ok(best.1)
@@ -155,12 +152,12 @@ mod tests {
             [0.5, 0.5],
             &[1.0, 1.0],
         );
-        assert_eq!(found, Err(Failure::NotIsolated));
+        assert_eq!(found, Err(NoSteadyState::NotIsolated));
     }
 
     #[test]
     fn endless_growth_is_given_up() {
-        assert_eq!(find(|_| [1.0], |_, _| [0.0], [1.0], &[1.0]), Err(Failure::NotConverged));
-        assert_eq!(find(|x| [1.0 + x[0]], |_, _| [1.0], [1.0], &[1.0]), Err(Failure::NotConverged));
+        assert_eq!(find(|_| [1.0], |_, _| [0.0], [1.0], &[1.0]), Err(NoSteadyState::NotConverged));
+        assert_eq!(find(|x| [1.0 + x[0]], |_, _| [1.0], [1.0], &[1.0]), Err(NoSteadyState::NotConverged));
     }
 }

@@ -26,14 +26,12 @@ pub struct StepSize {
 
 impl StepSize {
     /// A control that begins with steps of a length, and does not go beyond another.
-    #[must_use]
     pub fn new(first: f64, longest: f64) -> Self {
         Self { next: first, longest, rejected: false }
     }
 
     /// The length of the next step, when `left` is still to go: the longest that leads to the end in equal
     /// steps. What was computed for one length then serves again.
-    #[must_use]
     pub fn within(&self, left: f64) -> f64 {
         left / (left / (self.next * (1.0 + ROUNDING))).ceil().max(1.0)
     }
@@ -62,7 +60,6 @@ impl StepSize {
 
 /// The largest error of states relative to its tolerance, of which `weights` are the reciprocals; infinite
 /// where an error or a state is no number.
-#[must_use]
 pub fn relative_error<const N: usize>(states: &[f64; N], error: &[f64; N], weights: &[f64; N]) -> f64 {
     let mut largest = 0.0_f64;
     let mut sum = 0.0;
@@ -77,7 +74,6 @@ pub fn relative_error<const N: usize>(states: &[f64; N], error: &[f64; N], weigh
 
 /// The place of the largest error relative to its tolerance, or of the first state or error that is no
 /// number.
-#[must_use]
 pub fn largest_error<const N: usize>(states: &[f64; N], error: &[f64; N], weights: &[f64; N]) -> usize {
     let relative = |i: usize| {
         let relative = (error[i] * weights[i]).abs() + 0.0 * states[i];
@@ -118,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_an_infinite_error_and_found() {
+    fn not_a_number_is_an_infinite_error() {
         let (one, nan) = ([1.0, 1.0], [1.0, f64::NAN]);
         assert!((relative_error(&one, &[1.0, -3.0], &[2.0, 1.0]) - 3.0).abs() < f64::EPSILON);
         assert_eq!(largest_error(&one, &[1.0, -3.0], &[2.0, 1.0]), 1);

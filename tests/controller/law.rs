@@ -1,7 +1,7 @@
 //! The formulas, against numbers worked out by hand, and the modes without feedback.
 
 use boost_fmu::controller::actuator_inverse;
-use boost_fmu::controller::feedback::Tuning;
+use boost_fmu::controller::feedback::FeedbackSettings;
 use boost_fmu::controller::schedule::OperatingPoint;
 use boost_fmu::controller::variables::{ControlMode, FeedbackStructure, Inputs, Parameters};
 
@@ -45,7 +45,7 @@ fn tables_are_bilinear_between_points_and_clamped_outside() {
 #[test]
 fn lambda_tuning_is_equation_12() {
     let local = OperatingPoint::new(&Parameters::default().schedule, 125e3, 1500.0).local_model();
-    let tuning = Tuning::new(&local, 0.3);
+    let tuning = FeedbackSettings::new(&local, 0.3);
     assert_close(tuning.gain, -0.000_994_138_069_270_65);
     assert_close(tuning.integral_gain, -0.000_920_876_752_319_298_4);
     assert_close(tuning.integral_time, 1.079_556_05);
@@ -93,7 +93,7 @@ fn the_first_sample_of_the_reference_model_by_hand() {
 }
 
 #[test]
-fn the_reference_is_taken_up_to_the_limit() {
+fn the_reference_is_limited() {
     let limited = Inputs { boost_reference: 240e3, engine_speed: 2000.0, ..Inputs::default() };
     let beyond = Inputs { boost_reference: 900e3, ..limited };
     let outputs = [limited, beyond].map(|inputs| {
@@ -132,7 +132,7 @@ fn the_duty_is_compensated_for_the_supply_voltage() {
 
 /// Where full duty falls below the least one, it wins.
 #[test]
-fn full_duty_wins_over_the_least() {
+fn full_duty_overrides_the_lower_limit() {
     let inputs = Inputs { supply_voltage_measured: 6.0, ..Inputs::default() };
     let mut bench = Bench::new(&inputs, |parameters| {
         parameters.nominal_voltage = 48.0;

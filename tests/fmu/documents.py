@@ -40,7 +40,7 @@ def clone(exported: Path, folder: Path) -> Path:
 def run(line: str, folder: Path, **environment: str) -> str:
     """Runs a line with this Python's commands first; gives its output."""
     # The command itself, which the export built, as cargo finds no package in the folder.
-    line = line.replace("cargo run --release --", str(TARGET.resolve() / "release" / "boost-fmu"))
+    line = line.replace("cargo run --release --", str(TARGET.resolve() / "debug" / "boost-fmu"))
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     done = subprocess.run(
         shlex.split(line),

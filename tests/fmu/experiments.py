@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -31,12 +31,6 @@ def staircase(*points: tuple[float, float]) -> Signal:
     values = [value for _, value in points]
     # Communication points are computed as i * h: they may fall short of the time by rounding.
     return lambda time: values[max(int(np.searchsorted(times, time + 1e-9, "right")) - 1, 0)]
-
-
-def ramp(*points: tuple[float, float]) -> Signal:
-    """A signal with straight lines between points."""
-    times, values = zip(*points, strict=True)
-    return lambda time: float(np.interp(time, times, values))
 
 
 def couple(
@@ -147,12 +141,3 @@ def deviation(record: Record, reference: float, after: float) -> float:
     """The largest deviation of boost pressure (Pa) after a time."""
     time = record["time"]
     return float(np.max(np.abs(record["boost_pressure"][time > after] - reference)))
-
-
-Noise = Callable[[], float]
-
-
-def noise(seed: int, sigma: float) -> Noise:
-    """Normally distributed measurement noise."""
-    generator = np.random.default_rng(seed)
-    return lambda: float(generator.normal(0.0, sigma))

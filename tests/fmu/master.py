@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from fmpy import calloc, extract, free, read_model_description
+from fmpy import calloc, extract, free, platform, read_model_description, sharedLibraryExtension
 from fmpy.fmi2 import (
     FMU2Slave,
     fmi2CallbackAllocateMemoryTYPE,
@@ -57,6 +57,8 @@ class Fmu:
         self.path = path
         self.description = read_model_description(path)
         self.folder = extract(path, folder)
+        identifier = self.description.coSimulation.modelIdentifier
+        self.library = Path(self.folder) / "binaries" / platform / (identifier + sharedLibraryExtension)
         self.variables: dict[str, ScalarVariable] = {
             variable.name: variable for variable in self.description.modelVariables
         }
@@ -218,7 +220,6 @@ class Master:
     """Steps instances in their order; each one first takes what the others put out last.
 
     `inputs` are signals over time, held during a step, for each instance that has an input of the name.
-    `distort` changes what is measured: by name, what is added to an output on its way to an input.
     `clock` tells the communication points by their numbers, as a master does that counts otherwise.
     """
 
@@ -229,7 +230,6 @@ class Master:
         *,
         start_time: float = 0.0,
         inputs: Mapping[str, Signal] | None = None,
-        distort: Mapping[str, Callable[[], float]] | None = None,
         at_once: bool = False,
         clock: Callable[[int], float] | None = None,
         also: Mapping[Instance, list[str]] | None = None,
@@ -246,13 +246,6 @@ class Master:
             for name, signal in (inputs or {}).items()
             for instance in instances
             if name in instance.fmu.named("input")
-        ]
-        self.distort = [
-            (wires.target, wires.names.index(name), error)
-            for name, error in (distort or {}).items()
-            for all_wires in self.wires.values()
-            for wires in all_wires
-            if name in wires.names
         ]
         self.names: list[str] = []
         self.recorded: list[Reals] = []
@@ -292,11 +285,6 @@ class Master:
     def _take(self, instance: Instance) -> None:
         for wire in self.wires[instance]:
             wire.transfer()
-        for target, index, error in self.distort:
-            if target.instance is instance:
-                values = target.values.copy()
-                values[index] += error()
-                target.set(values)
 
     def run(self, stop_time: float) -> Record:
         """Steps to a time and gives the record from where it was, inclusive."""

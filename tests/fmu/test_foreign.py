@@ -104,7 +104,7 @@ def control_surrogate(ours: Instance, surrogate: Instance, at_once: bool = False
 
 
 class Loops:
-    """What runs with FMUs of PythonFMU, in a process of its own."""
+    """What runs with FMUs of PythonFMU, in a separate process."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

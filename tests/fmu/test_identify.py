@@ -410,13 +410,13 @@ def test_a_pump_that_never_rests_hides_the_leakage(identify: Identify, benches: 
     assert all("in which the pump is off" in reason for reason in told.values())
 
 
-def test_a_pump_that_never_runs_is_not_told(identify: Identify, benches: dict[str, Table]) -> None:
+def test_a_pump_that_never_runs_is_not_identified(identify: Identify, benches: dict[str, Table]) -> None:
     table = benches["defaults"].measured(1)
     rests = Table(table.names, table.rows[table["vacuum_pump"] < 0.5])
     left_out(identify(rests), {"pump.mass_flow"}, "no phase at rest in which the pump runs")
 
 
-def test_a_port_that_never_opens_is_not_told(identify: Identify, benches: dict[str, Table]) -> None:
+def test_a_port_that_never_opens_is_not_identified(identify: Identify, benches: dict[str, Table]) -> None:
     """Large steps, of which those that let air in do not begin at rest: these phases' ends are missing."""
     table = benches["defaults"].measured(1).between(297, 347)
     since = (table["time"] - 297) % 2.5
@@ -453,7 +453,7 @@ def test_names_and_units_are_free(identify: Identify, benches: dict[str, Table],
         assert found[name][1] == pytest.approx(error, rel=0.01), name
 
 
-def test_what_is_known_otherwise_is_taken(
+def test_known_values_are_used(
     identify: Identify, benches: dict[str, Table], defaults: dict, tmp_path: Path
 ) -> None:
     """A membrane of another area: forces are in its proportion for the same pressures."""

@@ -12,7 +12,6 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from c_interface import library_path
 from master import Fmu
 
 CYCLES = 2000
@@ -42,7 +41,7 @@ def arguments(fmu: Fmu, other: Fmu) -> list[str]:
 
     gives = references(fmu.named("output"), other.named("input"))
     takes = references(other.named("output"), fmu.named("input"))
-    return [str(library_path(fmu)), fmu.description.guid, gives, takes]
+    return [str(fmu.library), fmu.description.guid, gives, takes]
 
 
 @pytest.fixture
@@ -145,7 +144,7 @@ def test_library_that_stays_is_seen(host: Path, fmus: dict[str, Fmu], tmp_path: 
     """The host does find out when dlclose leaves a library in the process, as a thread's destructors do."""
     fmu = fmus["BoostController"]
     copy = tmp_path / "BoostController.so"
-    shutil.copy(library_path(fmu), copy)
+    shutil.copy(fmu.library, copy)
     _, *rest = arguments(fmu, fmus["BoostPlant"])
     command = [str(host), "cycle", "4", "1", "0", "0", str(copy), *rest]
     preloaded = {**os.environ, "LD_PRELOAD": str(copy)}

@@ -1,4 +1,4 @@
-"""The template of a controller, examples/minimal-controller, exported from a workspace of its own."""
+"""The template of a controller, examples/minimal-controller, exported from its own workspace."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ def run(root: Path) -> Run:
     return lambda folder: subprocess.run([master, folder], capture_output=True, text=True, check=False)
 
 
-def test_every_number_is_fmpys(run: Run, exported: Path, plant: Make, controller: Make) -> None:
+def test_every_number_equals_that_of_fmpy(run: Run, exported: Path, plant: Make, controller: Make) -> None:
     """Fig. 13: all outputs of both at each communication point, compared as 64-bit patterns."""
     done = run(exported)
     assert (done.returncode, done.stderr) == (0, "")
@@ -54,7 +54,7 @@ def test_missing_fmu_is_named(run: Run, tmp_path: Path) -> None:
     assert done.stderr.startswith(f"error: cannot import {tmp_path / 'BoostController.fmu'}: ")
 
 
-def test_refusal_is_told_with_what_the_fmu_says(run: Run, exported: Path, tmp_path: Path) -> None:
+def test_a_refusal_is_reported_with_the_fmus_message(run: Run, exported: Path, tmp_path: Path) -> None:
     """Through the C callback, whose arguments are variadic, to the master's standard error."""
 
     for name in NAMES:

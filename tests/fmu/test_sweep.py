@@ -185,7 +185,7 @@ LONG = SCENARIO.replace("stop_time = 4.0", "stop_time = 60.0")
 """Runs that are long enough to be killed in."""
 
 
-def test_a_study_that_was_killed_goes_on(lab: Run, exported: Path, tmp_path: Path) -> None:
+def test_a_killed_study_is_resumed(lab: Run, exported: Path, tmp_path: Path) -> None:
     """It has then what it would have had, no run ran twice, and a line that was cut short does not count."""
     study = write_study(tmp_path, GRID + MEASURES, LONG)
     whole = lab("sweep", study, "--fmus", exported, "--out", tmp_path / "whole")

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from broken import copy_with
-from conftest import ROOT, SUMMARY, Make, RecordProperty, Run
+from conftest import ROOT, Make, Run
 from experiments import BOOST_STEPS, BOOST_STEPS_END, ON_TOLERANCE, Steps, couple, staircase
 from fmpy.ssp.ssd import ns, read_ssv, validate_tree
 from lxml import etree
@@ -48,9 +48,7 @@ def tuned(lab: Run, exported: Path, tmp_path_factory: pytest.TempPathFactory) ->
     return tune(lab, out, exported / "BoostPlant.fmu", "--controller", exported / "BoostController.fmu")
 
 
-def test_maps_are_those_of_the_controller(
-    tuned: Path, controller_fmu: Fmu, record_property: RecordProperty
-) -> None:
+def test_maps_are_those_of_the_controller(tuned: Path, controller_fmu: Fmu) -> None:
     """The procedure gives the maps that it gave once before, by another implementation of plant and fit.
 
     They may differ by what the identification of a map is worth: 0.3 % duty, 2 % of gain and time constant,
@@ -93,8 +91,7 @@ def test_maps_are_those_of_the_controller(
                 counts[name] += 1
     assert bases == expected_bases
     assert list(bases.values()).count("identified") == counts["feedforward"]
-    record_property(
-        SUMMARY,
+    print(
         "tuning finds the controller's maps: feedforward of {feedforward} points".format(**counts)
         + " within {feedforward:.1e} %, ".format(**worst)
         + f"gain of {counts['gain']} within {100 * worst['gain']:.1e} %, "
@@ -124,7 +121,7 @@ def test_parameter_set_is_valid(tuned: Path, controller_fmu: Fmu) -> None:
 def test_loop_is_tuned_to_another_plant(
     name: str, lab: Run, exported: Path, tmp_path: Path, plant: Make, controller: Make
 ) -> None:
-    """The steps of fig. 13 on a plant that the controller is tuned to anew.
+    """The steps of fig. 13 on a plant that the controller is tuned to again.
 
     The paper has at most 5 kPa up and 1 kPa down; the reference solution on plants that the controller is not
     tuned to at most 0.9 kPa, and 2 Pa in the end.
@@ -157,7 +154,7 @@ def test_loop_is_tuned_to_another_plant(
         assert max(ahead.up) > 1000 > max(retuned.up)
 
 
-def test_interrupted_tuning_goes_on(
+def test_an_interrupted_tuning_is_resumed(
     laboratory: Path, lab: Run, exported: Path, tuned: Path, tmp_path: Path
 ) -> None:
     """Killed on the way and begun again: the same bytes, and nothing that was finished is done again."""
@@ -214,8 +211,8 @@ def test_lambda_needs_no_new_experiments(lab: Run, exported: Path, tuned: Path, 
         assert feedback["derivative_time"] == pytest.approx(expected)
 
 
-def test_plant_that_saves_no_state(lab: Run, exported: Path, tuned: Path, tmp_path: Path) -> None:
-    """It is simulated anew for each step, with the same numbers; and the reader is told."""
+def test_a_plant_that_cannot_save_its_state(lab: Run, exported: Path, tuned: Path, tmp_path: Path) -> None:
+    """It is simulated again for each step, with the same numbers; and the reader is told."""
     plant = copy_with(
         exported / "BoostPlant.fmu",
         tmp_path / "plant.fmu",

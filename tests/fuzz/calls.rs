@@ -6,7 +6,7 @@ use proptest::option;
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
 
-/// The types that have functions of their own.
+/// The types that have their own functions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Type {
     Real,
@@ -70,7 +70,7 @@ pub enum Call {
     GetState(usize),
     SetState(usize),
     FreeState(usize),
-    /// Serializes a state and makes it anew from its bytes, in another place.
+    /// Serializes a state and makes another from its bytes, in another place.
     CopyState {
         from: usize,
         to: usize,
@@ -80,7 +80,7 @@ pub enum Call {
 /// How many places there are for states.
 pub const PLACES: usize = 3;
 
-/// Numbers that an importer should not come with.
+/// Numbers that an importer should not pass.
 fn odd_number() -> impl Strategy<Value = f64> {
     let odd = [
         f64::NAN,

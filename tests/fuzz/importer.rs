@@ -38,7 +38,7 @@ impl Whereabouts {
 
 /// An instance, and states that were saved of it.
 pub struct Importer<M: Model> {
-    component: Component,
+    pub component: Component,
     at: Whereabouts,
     /// States, each with where the instance will be when it is set.
     places: [(FmuState, Whereabouts); PLACES],

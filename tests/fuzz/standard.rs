@@ -4,7 +4,10 @@ use std::sync::LazyLock;
 
 /// The table of the functions that are allowed in each state (FMI 2.0.5, section 4.2.4).
 static TABLE: LazyLock<Vec<Vec<&str>>> = LazyLock::new(|| {
-    include_str!("../data/calling_sequence.csv").lines().map(|line| line.split(',').collect()).collect()
+    include_str!("../../crates/fmu-export/tests/calling_sequence.csv")
+        .lines()
+        .map(|line| line.split(',').collect())
+        .collect()
 });
 
 /// The states of a slave that never runs a step in the background and never discards one.

@@ -57,7 +57,7 @@ def read(exported: Path, name: str, platform: str) -> bytes:
 
 
 @BOTH
-def test_every_platform_is_there_and_told(exported: Path, name: str) -> None:
+def test_every_platform_is_there_and_listed(exported: Path, name: str) -> None:
     with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
         entries = archive.namelist()
         text = archive.read("documentation/platforms.txt").decode()
@@ -136,7 +136,7 @@ def test_macos(exported: Path, name: str, platform: str, processors: list[str]) 
 
 def check_signature(file: bytes, library: lief.MachO.Binary) -> None:
     """The hash of each page of the file is what the signature has (Apple's cs_blobs.h; big-endian). A library
-    that is changed after it was linked, as by taking symbols out, must be signed anew."""
+    that is changed after it was linked, as by taking symbols out, must be signed again."""
     signature = bytes(library.code_signature.content)
     magic, _, count = struct.unpack_from(">3I", signature)
     assert magic == 0xFADE0CC0

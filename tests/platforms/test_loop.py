@@ -27,7 +27,7 @@ def run(host: Callable[[str], list[str]], fmus: dict[str, Fmu]) -> Callable[[str
 
 def test_linux64(run: Callable[[str], np.ndarray], fmus: dict[str, Fmu]) -> None:
     """It is the experiment: boost pressure ends at its last reference, within the 2 Pa of
-    tests/fmu/quick/test_boost_steps.py and the tolerance there."""
+    tests/closed_loop.rs and the margin there."""
     names = [name for fmu in NAMES for name in fmus[fmu].named("output")]
     boost = run("linux64")[:, names.index("boost_pressure")]
     assert abs(boost[-1] - BOOST_STEPS[-1][1]) <= 2 + ON_TOLERANCE

@@ -25,7 +25,7 @@ def write(path: Path, files: dict[str, bytes]) -> Path:
 def test_fmus_of_single_platforms_merge_into_the_same_bytes(
     exported: Path, tmp_path: Path, name: str
 ) -> None:
-    """As if each had been built on a machine of its own, and for macOS on one of each processor."""
+    """As if each had been built on a separate machine, and for macOS on one of each processor."""
     with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
         files = {entry: archive.read(entry) for entry in archive.namelist()}
     common = {entry: content for entry, content in files.items() if not entry.startswith("binaries/")}

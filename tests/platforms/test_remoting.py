@@ -29,7 +29,7 @@ def run(fmus: dict[str, Fmu]) -> Record:
 
 
 def run_apart(fmus: dict[str, Fmu]) -> Record:
-    """The same in a process of its own: FMPy's client serves one instance in a process."""
+    """The same in a separate process: FMPy's client serves one instance in a process."""
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(max_workers=1, mp_context=context) as executor:
         return executor.submit(run, fmus).result(timeout=300)

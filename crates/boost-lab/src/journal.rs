@@ -1,4 +1,4 @@
-//! What a long task has finished, line by line: an interrupted task goes on from it.
+//! What a long task has finished, line by line: an interrupted task resumes from it.
 //!
 //! The first line holds the task's settings, each other one something that is finished, as JSON. A line that was
 //! cut short by the interruption does not count.
@@ -19,9 +19,6 @@ use sha2::{Digest, Sha256};
 pub type Settings = BTreeMap<String, String>;
 
 /// The SHA-256 of a file that results depend on.
-///
-/// # Errors
-/// When it cannot be read.
 pub fn digest(path: &Path) -> Result<String> {
     Ok(Sha256::digest(reading::bytes(path)?)
         .iter()
@@ -40,10 +37,7 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens a journal, or begins it where there is none; gives what was finished, too.
-    ///
-    /// # Errors
-    /// When it is of other settings, which the message names; when a line, which the message names, is damaged; when another process works on it, or it cannot be read or written.
+    /// Opens or creates a journal. Returns what was finished, too.
     pub fn open<Finished: DeserializeOwned>(
         path: &Path,
         settings: &Settings,
@@ -64,7 +58,7 @@ impl Journal {
         if !file.metadata()?.is_file() {
             bail!("it is not a file");
         }
-        // A line for each of a million runs is more than a text for people has.
+        // A line for each of a million runs exceeds the limit for texts.
         let mut text = up_to(LARGEST_CONTENT, &file)?;
         // What was cut short may end within a character.
         let whole = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end + 1);
@@ -90,10 +84,6 @@ impl Journal {
         Ok((journal, finished))
     }
 
-    /// Writes what is finished.
-    ///
-    /// # Errors
-    /// When the file cannot be written.
     pub fn write(&self, finished: &impl Serialize) -> Result<()> {
         let text = serde_json::to_string(finished)? + "\n";
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
@@ -117,15 +107,15 @@ fn check(old: &Settings, new: &Settings) -> Result<()> {
     if differing.is_empty() {
         return Ok(());
     }
-    let told = differing.iter().take(MOST_NAMED).map(|name| {
+    let lines = differing.iter().take(MOST_NAMED).map(|name| {
         let [was, is] = [old, new].map(|settings| settings.get(*name).map_or("not there", |value| value));
         let [was, is] = around_difference(was, is);
         format!("\n  {name} was {was}, is {is}")
     });
-    let told: String = told.collect();
+    let lines: String = lines.collect();
     let more = differing.len().saturating_sub(MOST_NAMED);
     let more = if more > 0 { format!("\n  and {more} more") } else { String::new() };
-    bail!("it is of other settings; choose another folder, or remove it:{told}{more}")
+    bail!("it is of other settings; choose another folder, or remove it:{lines}{more}")
 }
 
 /// Two long texts, cut down to what is around their first difference.

@@ -13,10 +13,6 @@ use crate::importer::Fmu;
 use crate::scenario::Scenario;
 
 /// Imports an FMU, by a map where there is one.
-///
-/// # Errors
-/// When it cannot be imported, or cannot take the map's place: the message says for each variable of the interface
-/// what was found.
 pub fn open(file: &Path, map: Option<&NameMap>) -> Result<Arc<Fmu>> {
     let fmu = Fmu::open(file)?;
     let Some(map) = map else { return Ok(fmu) };
@@ -29,15 +25,12 @@ pub fn open(file: &Path, map: Option<&NameMap>) -> Result<Arc<Fmu>> {
 }
 
 /// Gives each map to the FMUs of a scenario that it is for.
-///
-/// # Errors
-/// When a map cannot be read, or is for none of them; the message names file and FMUs.
 pub fn give(scenario: &mut Scenario, maps: &[PathBuf]) -> Result<()> {
     if maps.is_empty() {
         return Ok(());
     }
     let model = |file: &Path| Ok(FmuDescription::read(file)?.attribute("modelName").to_owned());
-    let models = scenario.fmus.iter().map(|member| member.place.locate(model(&member.file)));
+    let models = scenario.fmus.iter().map(|member| member.location.locate(model(&member.file)));
     let models: Vec<String> = models.collect::<Result<_>>()?;
     for path in maps {
         let map = NameMap::read(path)?;
@@ -59,9 +52,6 @@ pub fn give(scenario: &mut Scenario, maps: &[PathBuf]) -> Result<()> {
 }
 
 /// A map in a line: two that say the same have the same.
-///
-/// # Errors
-/// When a number is not finite.
 pub(crate) fn setting(map: &NameMap) -> Result<String> {
     serde_json::to_string(map).context("the map")
 }

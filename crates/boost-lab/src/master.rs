@@ -29,21 +29,16 @@ const INITIAL_EXCHANGES: usize = 2;
 pub struct LoadedFmus(BTreeMap<(PathBuf, Option<String>), Arc<Fmu>>);
 
 impl LoadedFmus {
-    /// Those that are loaded.
     pub fn iter(&self) -> impl Iterator<Item = &Fmu> {
         self.0.values().map(Arc::as_ref)
     }
 
-    /// The FMU of a member.
-    ///
-    /// # Errors
-    /// When it cannot be imported, or does not fit its map.
     pub fn get(&mut self, member: &Member) -> Result<Arc<Fmu>> {
         let key = (member.file.clone(), member.map.as_ref().map(mapping::setting).transpose()?);
         if let Some(fmu) = self.0.get(&key) {
             return Ok(Arc::clone(fmu));
         }
-        let fmu = member.place.locate(mapping::open(&member.file, member.map.as_ref()))?;
+        let fmu = member.location.locate(mapping::open(&member.file, member.map.as_ref()))?;
         self.0.insert(key, Arc::clone(&fmu));
         Ok(fmu)
     }
@@ -106,9 +101,7 @@ enum Source {
     Instance { member: usize, position: usize },
 }
 
-/// What a run gave.
 pub struct Run {
-    /// The recorded variables.
     pub record: Record,
     /// What the instances warned of, with their names.
     pub warnings: Vec<(String, Message)>,
@@ -116,13 +109,10 @@ pub struct Run {
 
 impl<'a> Master<'a> {
     /// Instantiates and couples the FMUs of a scenario.
-    ///
-    /// # Errors
-    /// When an FMU cannot be imported, or the scenario names what it has not.
     pub fn new(scenario: &'a Scenario, fmus: &mut LoadedFmus) -> Result<Self> {
         let loaded: Vec<_> = scenario.fmus.iter().map(|member| fmus.get(member)).collect::<Result<_>>()?;
         for input in &scenario.inputs {
-            input.place.locate(has_input(&loaded, &input.name))?;
+            input.location.locate(has_input(&loaded, &input.name))?;
             check_units(scenario, &loaded, input)?;
         }
         let mut members = vec![];
@@ -133,12 +123,12 @@ impl<'a> Master<'a> {
                 |name: &str| wires.iter().any(|wires| wires.inputs.names().iter().any(|input| input == name));
             let mut inputs: Vec<&Input> = vec![];
             for input in &member.inputs {
-                input.place.locate(has_input(&loaded[index..=index], &input.name))?;
+                input.location.locate(has_input(&loaded[index..=index], &input.name))?;
                 inputs.push(input);
             }
             for input in &scenario.inputs {
                 if wired(&input.name) {
-                    return Err(input.place.error(format!(
+                    return Err(input.location.error(format!(
                         "{} gets {} from another FMU; a signal among its own inputs would replace it",
                         member.name, input.name
                     )));
@@ -153,7 +143,7 @@ impl<'a> Master<'a> {
                 values: vec![f64::NAN; inputs.len()],
                 signals: inputs.iter().map(|input| input.signal.clone()).collect(),
             };
-            let instance = member.place.locate(fmu.instantiate(&member.name))?;
+            let instance = member.location.locate(fmu.instantiate(&member.name))?;
             members.push(Coupled { member, instance, driven, wires });
         }
         let noise = noise(scenario, &members)?;
@@ -161,13 +151,11 @@ impl<'a> Master<'a> {
         Ok(Self { scenario, members, noise, recorder, steps_done: 0 })
     }
 
-    /// The names of what is recorded.
     pub fn recorded(&self) -> impl Iterator<Item = &str> {
         self.recorder.record.columns().iter().map(|column| column.name.as_str())
     }
 
     /// The communication point that was reached (s).
-    #[must_use]
     pub fn time(&self) -> f64 {
         self.scenario.start_time + f64::from(self.steps_done) * self.scenario.step
     }
@@ -176,9 +164,6 @@ impl<'a> Master<'a> {
     ///
     /// Those that start with the experiment are initialized together; those that run in come after them, with
     /// what these put out.
-    ///
-    /// # Errors
-    /// What an FMU refuses.
     pub fn initialize(&mut self) -> Result<()> {
         let start_time = self.scenario.start_time;
         let (late, prompt): (Vec<_>, Vec<_>) =
@@ -211,9 +196,6 @@ impl<'a> Master<'a> {
     }
 
     /// Takes a communication step and records its end.
-    ///
-    /// # Errors
-    /// What an FMU refuses.
     pub fn step(&mut self) -> Result<()> {
         let (time, size) = (self.time(), self.scenario.step);
         for coupled in &mut self.members {
@@ -241,9 +223,6 @@ impl<'a> Master<'a> {
     }
 
     /// Runs a scenario from its start to its end; `progress` is called after each step.
-    ///
-    /// # Errors
-    /// What an FMU refuses.
     pub fn run(mut self, mut progress: impl FnMut(u32)) -> Result<Run> {
         self.initialize()?;
         for index in 0..self.scenario.steps {
@@ -295,10 +274,9 @@ fn has_input(fmus: &[Arc<Fmu>], name: &str) -> Result<()> {
     bail!("no FMU has an input {name}{}", like(name, names))
 }
 
-/// Sets values.
 fn assign(instance: &mut Instance, values: &[Assignment]) -> Result<()> {
     values.iter().try_for_each(|assignment| {
-        assignment.place.locate(instance.set_value(&assignment.name, &assignment.value))
+        assignment.location.locate(instance.set_value(&assignment.name, &assignment.value))
     })
 }
 
@@ -306,8 +284,8 @@ impl Coupled<'_> {
     /// Sets start values and enters the initialization. Signals have the values of the experiment's start.
     fn begin(&mut self, start_time: f64, experiment_start: f64, also: &[Assignment]) -> Result<()> {
         self.instance.set_up(start_time, None)?;
-        for (set, place) in &self.member.parameters {
-            place.locate(self.instance.set_parameters(set))?;
+        for (set, location) in &self.member.parameters {
+            location.locate(self.instance.set_parameters(set))?;
         }
         assign(&mut self.instance, &self.member.values)?;
         assign(&mut self.instance, also)?;
@@ -346,7 +324,7 @@ fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], target: usize) -> Result<Vec<Wi
         for &name in &names {
             if let Some(other) = wired.insert(name, source) {
                 let [one, two] = [other, source].map(|index| scenario.fmus[index].name.as_str());
-                return Err(member.place.error(format!("{one} and {two} both have an output {name}")));
+                return Err(member.location.error(format!("{one} and {two} both have an output {name}")));
             }
         }
         if !names.is_empty() {
@@ -381,7 +359,7 @@ fn conversion(name: &str, giver: (&Member, &Fmu), taker: (&Member, &Fmu)) -> Res
     };
     conversion.ok_or_else(|| {
         let message = format!("{name} is in {taken}, but {} has it in {given}", giver.0.name);
-        taker.0.place.error(message + ", which does not convert")
+        taker.0.location.error(message + ", which does not convert")
     })
 }
 
@@ -396,7 +374,7 @@ fn check_units(scenario: &Scenario, fmus: &[Arc<Fmu>], input: &Input) -> Result<
     for other in takers {
         if conversion(&input.name, first, other)? != Linear::IDENTITY {
             let unit = |fmu: &Fmu| fmu.variable(&input.name).map(|variable| variable.unit.clone());
-            return Err(input.place.error(format!(
+            return Err(input.location.error(format!(
                 "{} has {} in {}, {} in {}: give each a signal of its own, or a map",
                 first.0.name,
                 input.name,
@@ -428,7 +406,7 @@ fn noise(scenario: &Scenario, members: &[Coupled<'_>]) -> Result<Vec<NoiseOn>> {
             let names =
                 members.iter().flat_map(|coupled| &coupled.wires).flat_map(|wires| wires.inputs.names());
             let like = like(&noise.name, names.map(String::as_str));
-            return Err(noise.place.error(format!("no FMU gets {} from another{like}", noise.name)));
+            return Err(noise.location.error(format!("no FMU gets {} from another{like}", noise.name)));
         }
     }
     Ok(all)
@@ -454,7 +432,7 @@ impl Recorder {
         if let Some(record) = &scenario.record {
             for recorded in record {
                 let found = find(&recorded.name, scenario, fmus);
-                add(&recorded.name, recorded.place.locate(found)?);
+                add(&recorded.name, recorded.location.locate(found)?);
             }
         } else {
             for input in &scenario.inputs {

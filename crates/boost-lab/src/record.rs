@@ -11,14 +11,12 @@ pub struct Record {
     columns: Vec<Column>,
 }
 
-/// The record of one variable.
 #[derive(Clone, Debug)]
 pub struct Column {
     /// As in the header of the CSV file.
     pub name: String,
     /// Its unit, as its FMU declares it; empty where there is none.
     pub unit: String,
-    /// One value per communication point.
     pub values: Vec<f64>,
 }
 
@@ -39,30 +37,21 @@ impl Record {
     }
 
     /// The communication points (s).
-    #[must_use]
     pub fn time(&self) -> &[f64] {
         &self.time
     }
 
     /// The recorded variables, in the order of the columns.
-    #[must_use]
     pub fn columns(&self) -> &[Column] {
         &self.columns
     }
 
-    /// The values of a variable.
-    ///
-    /// # Errors
-    /// When it was not recorded.
     pub fn get(&self, name: &str) -> Result<&[f64]> {
         let column = self.columns.iter().find(|column| column.name == name);
         Ok(&column.with_context(|| format!("{name} is not recorded"))?.values)
     }
 
     /// Writes a CSV file: the time and the variables, in numbers that read back as the same doubles.
-    ///
-    /// # Errors
-    /// When the writer fails.
     pub fn write_csv(&self, writer: impl Write) -> io::Result<()> {
         let mut csv = csv::Writer::from_writer(writer);
         csv.write_record(["time"].into_iter().chain(self.columns.iter().map(|column| column.name.as_str())))?;

@@ -11,14 +11,14 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use cargo_metadata::{CrateType, Metadata, MetadataCommand, Package};
 use clap::Args;
-use fmu_package::terminal::print;
+use fmu_package::terminal::{complain, print};
 use fmu_package::{Fmu, Library, Platform, PlatformList, library, reading, writing};
 
 use super::compile::{Compiled, compile};
 use super::target::{Build, Target};
-use super::{licenses, of_platform};
+use super::{licenses, of_platform, validate};
 
-/// What is asked for on the command line.
+/// Compile the models of this workspace and write their .fmu files
 #[derive(Args, Debug)]
 #[group(skip)]
 pub struct Export {
@@ -28,6 +28,9 @@ pub struct Export {
     /// The packages whose models to export
     #[arg(long = "package", short, value_name = "PACKAGE")]
     packages: Vec<String>,
+    /// The Cargo.toml of the workspace [default: that of this folder or of the nearest one above]
+    #[arg(long, value_name = "FILE")]
+    manifest_path: Option<PathBuf>,
     /// The folder to write to [default: fmu in cargo's target folder]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -59,11 +62,13 @@ impl Export {
     /// When there is no workspace, no such model, or no such target, or when the tools for a target are missing.
     pub fn plan(self) -> Result<Plan> {
         let builds = builds(&self.targets)?;
-        let metadata = MetadataCommand::new()
-            // Nothing is asked of the dependencies: else cargo would fetch those of members that are not exported.
-            .no_deps()
-            .exec()
-            .context("cargo finds no package here; run this in its folder")?;
+        let mut command = MetadataCommand::new();
+        // Nothing is asked of the dependencies: else cargo would fetch those of members that are not exported.
+        command.no_deps();
+        if let Some(file) = self.manifest_path {
+            command.manifest_path(file);
+        }
+        let metadata = command.exec().context("cargo finds no package here; run this in its folder")?;
         let models = choose(&metadata, &self.models, &self.packages)?;
         let out = self.out.unwrap_or_else(|| metadata.target_directory.join("fmu").into());
         Ok(Plan { metadata, builds, binaries: self.binaries, models, out })
@@ -108,6 +113,11 @@ impl Plan {
 
         let mut built = vec![];
         for build in &self.builds {
+            complain(&format!(
+                "Compiling {} for {}; the first time this takes a minute or more",
+                self.models().collect::<Vec<_>>().join(", "),
+                build.name()
+            ));
             built.push((build.clone(), compile(&self.metadata, self.models.values(), build)?));
         }
         let descriptions = descriptions(self.models(), &built)?;
@@ -123,6 +133,7 @@ impl Plan {
                 files,
             };
             write(&fmu, &self.fmu(name))?;
+            validate::check(&self.fmu(name))?;
         }
         Ok(())
     }
@@ -291,7 +302,15 @@ fn documentation(
 /// Writes an FMU and says so.
 fn write(fmu: &Fmu<'_>, path: &Path) -> Result<()> {
     writing::write(path, |writer| fmu.write(writer))?;
+    say(path, guid(fmu.model_description).unwrap_or("no GUID"))
+}
+
+/// Says that a file is written: its path, size, and what else there is to say.
+///
+/// # Errors
+/// When the file is not there, or standard output cannot be written.
+pub fn say(path: &Path, rest: &str) -> Result<()> {
     let size = fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len();
-    let guid = guid(fmu.model_description).unwrap_or("no GUID");
-    Ok(print(&format!("{}  {} kB  {guid}\n", path.display(), size.div_ceil(1000)))?)
+    let line = format!("{}  {} kB  {rest}", path.display(), size.div_ceil(1000));
+    Ok(print(&format!("{}\n", line.trim_end()))?)
 }

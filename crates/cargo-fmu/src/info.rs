@@ -1,11 +1,25 @@
-//! `info`: what an FMU says of itself, FMI 1.0 to 3.0, as a table.
+//! `info`: what an FMU says of itself, FMI 1.0 to 3.0, as a table or as JSON.
 
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
 
-use anyhow::Result;
-use clap::Args;
+use anyhow::{Context, Result};
+use clap::{Args, ValueEnum};
 use fmu_package::terminal::{in_line, print};
-use fmu_package::{FmuDescription, FmuVariable};
+use fmu_package::{FmuDescription, FmuVariable, Library, Unit, archive};
+use serde::Serialize;
+
+/// How results are printed.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub enum Format {
+    /// For people
+    #[default]
+    Text,
+    /// For programs
+    Json,
+}
 
 /// Show what an FMU is and which variables it has
 #[derive(Args, Debug)]
@@ -13,6 +27,9 @@ pub struct Info {
     /// An FMU of any maker
     #[arg(value_name = "FILE.fmu")]
     file: PathBuf,
+    /// How to print it
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
 }
 
 impl Info {
@@ -21,7 +38,150 @@ impl Info {
     /// # Errors
     /// When the file cannot be read, or is no FMU.
     pub fn run(&self) -> Result<()> {
-        Ok(print(&table(&FmuDescription::read(&self.file)?))?)
+        let description = FmuDescription::read(&self.file)?;
+        Ok(print(&match self.format {
+            Format::Text => table(&description),
+            Format::Json => json(&self.file, &description)?,
+        })?)
+    }
+}
+
+/// An FMU as JSON; `docs/validation.md` describes the keys.
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+struct Json<'a> {
+    file: String,
+    fmi_version: Option<&'a str>,
+    model_name: Option<&'a str>,
+    guid: Option<&'a str>,
+    attributes: BTreeMap<&'a str, &'a str>,
+    interfaces: Vec<JsonInterface<'a>>,
+    default_experiment: BTreeMap<&'a str, &'a str>,
+    libraries: Vec<JsonLibrary>,
+    units: Vec<JsonUnit<'a>>,
+    enumerations: Vec<JsonEnumeration<'a>>,
+    variables: Vec<JsonVariable<'a>>,
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+struct JsonInterface<'a> {
+    name: &'a str,
+    attributes: BTreeMap<&'a str, &'a str>,
+}
+
+#[derive(Serialize)]
+struct JsonLibrary {
+    path: String,
+    platform: String,
+    kind: Option<String>,
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+struct JsonUnit<'a> {
+    name: &'a str,
+    display_units: Vec<&'a str>,
+}
+
+#[derive(Serialize)]
+struct JsonEnumeration<'a> {
+    name: &'a str,
+    items: BTreeMap<&'a str, i32>,
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+struct JsonVariable<'a> {
+    name: &'a str,
+    value_reference: Option<u32>,
+    r#type: &'a str,
+    declared_type: Option<&'a str>,
+    causality: Option<&'a str>,
+    variability: Option<&'a str>,
+    initial: Option<&'a str>,
+    unit: Option<&'a str>,
+    start: Option<&'a str>,
+    min: Option<&'a str>,
+    max: Option<&'a str>,
+    description: Option<&'a str>,
+}
+
+/// What is empty is not declared.
+fn declared(text: &str) -> Option<&str> {
+    (!text.is_empty()).then_some(text)
+}
+
+fn json(file: &Path, description: &FmuDescription) -> Result<String> {
+    fn by_name(attributes: &[(String, String)]) -> BTreeMap<&str, &str> {
+        attributes.iter().map(|(name, value)| (name.as_str(), value.as_str())).collect()
+    }
+    let attribute = |name| declared(description.attribute(name));
+    let json = Json {
+        file: file.display().to_string(),
+        fmi_version: attribute("fmiVersion"),
+        model_name: attribute("modelName"),
+        guid: attribute("guid").or_else(|| attribute("instantiationToken")),
+        attributes: by_name(&description.attributes),
+        interfaces: description
+            .interfaces
+            .iter()
+            .map(|(name, attributes)| JsonInterface { name, attributes: by_name(attributes) })
+            .collect(),
+        default_experiment: by_name(&description.default_experiment),
+        libraries: libraries(file)?,
+        units: description.units.iter().map(unit).collect(),
+        enumerations: description
+            .enumerations
+            .iter()
+            .map(|enumeration| JsonEnumeration {
+                name: &enumeration.name,
+                items: enumeration.items.iter().map(|(name, value)| (name.as_str(), *value)).collect(),
+            })
+            .collect(),
+        variables: description.variables.iter().map(variable).collect(),
+    };
+    Ok(serde_json::to_string_pretty(&json)? + "\n")
+}
+
+/// The libraries directly in the folders of platforms; those in folders below are for linking.
+fn libraries(file: &Path) -> Result<Vec<JsonLibrary>> {
+    let shown = file.display();
+    let opened = File::open(file).with_context(|| format!("cannot open {shown}"))?;
+    let mut archive = archive::open(BufReader::new(opened))?;
+    let mut left = fmu_package::reading::LARGEST_CONTENT;
+    let files =
+        archive::read_files(&mut archive, &mut left).with_context(|| format!("cannot read {shown}"))?;
+    let libraries = files.into_iter().filter_map(|(path, content)| {
+        let (platform, name) = path.strip_prefix("binaries/")?.split_once('/')?;
+        if name.contains('/') || ![".so", ".dll", ".dylib"].iter().any(|suffix| name.ends_with(suffix)) {
+            return None;
+        }
+        let kind = Library::read(&content).ok().map(|library| library.to_string());
+        Some(JsonLibrary { platform: platform.to_owned(), path: path.clone(), kind })
+    });
+    Ok(libraries.collect())
+}
+
+fn unit(unit: &Unit) -> JsonUnit<'_> {
+    let display_units = unit.display_units.iter().map(|shown| shown.name.as_str()).collect();
+    JsonUnit { name: &unit.name, display_units }
+}
+
+fn variable(variable: &FmuVariable) -> JsonVariable<'_> {
+    JsonVariable {
+        name: &variable.name,
+        value_reference: variable.value_reference.trim().parse().ok(),
+        r#type: &variable.data_type,
+        declared_type: declared(&variable.declared_type),
+        causality: declared(&variable.causality),
+        variability: declared(&variable.variability),
+        initial: declared(&variable.initial),
+        unit: declared(&variable.unit),
+        start: declared(&variable.start),
+        min: declared(&variable.min),
+        max: declared(&variable.max),
+        description: declared(&variable.description),
     }
 }
 

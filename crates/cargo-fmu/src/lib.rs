@@ -10,50 +10,135 @@ mod export;
 mod info;
 mod licenses;
 mod merge;
+mod new;
+mod parameter_binding;
 mod parameters;
 mod target;
+mod validate;
 
-use std::process::ExitCode;
+use std::env;
+use std::io;
+use std::path::PathBuf;
+use std::process::{self, ExitCode};
 
 use anyhow::{Context, Result};
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
+use clap_complete::Shell;
 use fmu_package::{Platform, temporary, terminal};
 
-pub use export::{Export, Plan};
+pub use export::{Export, Plan, say};
 pub use info::Info;
 pub use merge::Merge;
+pub use new::New;
 pub use parameters::Parameters;
+pub use validate::Validate;
 
 /// What the process ends with when it could not do what it was asked for; clap does so, too.
 const FAILED: u8 = 2;
 
-/// The arguments of `cargo fmu`, with the `fmu` that cargo passes on.
+/// What the process ends with, for the help.
+const EXIT_STATUSES: &str = "\
+Exit status:
+  0    it is done; `validate`: there are no errors
+  1    `validate`: there are errors
+  2    it could not be done, or the command line is wrong; standard error says why
+  130  it was interrupted
+
+Examples:
+  cargo fmu new lag                   # a package with a model
+  cargo fmu export                    # its FMU, in target/fmu
+  cargo fmu export --target win64     # the same for Windows
+  cargo fmu validate target/fmu/lag.fmu";
+
+/// Creates, exports, inspects, validates and merges Functional Mock-up Units (FMI).
 #[derive(Parser)]
-#[command(name = "cargo", bin_name = "cargo")]
-enum Cargo {
-    #[command(name = "fmu", version, about, arg_required_else_help = true, subcommand)]
-    Fmu(Command),
+#[command(name = "cargo-fmu", bin_name = "cargo fmu", version, arg_required_else_help = true, after_help = EXIT_STATUSES)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
 }
 
 #[derive(Subcommand)]
 enum Command {
+    #[command(after_help = "\
+Examples:
+  cargo fmu new lag
+  cargo fmu new pi-controller --template sampled --vcs none")]
+    New(New),
     /// Compile the models of this workspace and write their .fmu files
-    Export(Export),
+    #[command(after_help = "\
+Examples:
+  cargo fmu export                                      # all models, for this platform, into target/fmu
+  cargo fmu export -p lag --target linux64 --target win64
+  cargo fmu export --target linux64 --binary darwin64=liblag.dylib
+  cargo fmu export --parameters slow.ssv                # and lag.ssp, in which the set is bound")]
+    Export {
+        #[command(flatten)]
+        export: Export,
+        /// Parameter sets; each is bound to the FMU that has its parameters, in a package MODEL.ssp beside it
+        #[arg(long, value_name = "FILE.ssv")]
+        parameters: Vec<PathBuf>,
+    },
+    #[command(after_help = "\
+Example:
+  cargo fmu merge linux/lag.fmu windows/lag.fmu --out lag.fmu --ran win64='Windows 11, FMPy'")]
     Merge(Merge),
+    #[command(after_help = "\
+Example:
+  cargo fmu info target/fmu/lag.fmu")]
     Info(Info),
+    #[command(after_help = "\
+Examples:
+  cargo fmu validate target/fmu/lag.fmu
+  cargo fmu validate target/fmu/lag.fmu --format json
+  cargo fmu validate --rules                            # the table of all rules")]
+    Validate(Validate),
+    #[command(after_help = "\
+Example:
+  cargo fmu parameters target/fmu/lag.fmu --out slow.ssv")]
     Parameters(Parameters),
+    /// Print the completions for a shell
+    #[command(after_help = "\
+Example:
+  cargo fmu completions bash > ~/.local/share/bash-completion/completions/cargo-fmu")]
+    Completions {
+        /// The shell
+        shell: Shell,
+    },
+    /// Write the manual pages
+    #[command(after_help = "\
+Example:
+  cargo fmu man ~/.local/share/man/man1")]
+    Man {
+        /// The folder to write to
+        #[arg(value_name = "DIR")]
+        folder: PathBuf,
+    },
 }
 
 /// Runs `cargo fmu` with the process's arguments.
 #[must_use]
 pub fn main() -> ExitCode {
     exit_with(|| {
-        let Cargo::Fmu(command) = Cargo::parse();
-        match command {
-            Command::Export(export) => export.plan()?.run(&[], &[]),
+        // Cargo passes the word `fmu` on, as the first argument.
+        let arguments = env::args_os().enumerate();
+        let arguments = arguments.filter(|(index, word)| *index != 1 || word != "fmu").map(|(_, word)| word);
+        match Arguments::parse_from(arguments).command {
+            Command::New(new) => new.run(),
+            Command::Export { export, parameters } => parameter_binding::export(&export.plan()?, &parameters),
             Command::Merge(merge) => merge.run(),
             Command::Info(info) => info.run(),
+            Command::Validate(validate) => return validate.run(),
             Command::Parameters(parameters) => parameters.run(),
+            Command::Completions { shell } => {
+                let mut command = Arguments::command();
+                // Shells complete the program that cargo runs.
+                let name = command.get_name().to_owned();
+                clap_complete::generate(shell, &mut command, name, &mut io::stdout());
+                Ok(())
+            }
+            Command::Man { folder } => clap_mangen::generate_to(Arguments::command(), &folder)
+                .with_context(|| format!("cannot write to the folder {}", folder.display())),
         }
         .map(|()| true)
     })
@@ -71,6 +156,11 @@ pub fn exit_with(command: impl FnOnce() -> Result<bool>) -> ExitCode {
             FAILED.into()
         }
     }
+}
+
+/// The cargo that runs this command, or the one on the path.
+fn cargo() -> process::Command {
+    process::Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
 }
 
 /// Reads an argument for a platform: its folder, `=`, and the value.

@@ -13,6 +13,7 @@ use std::process::Command;
 use anyhow::{Context, Result, bail};
 use fmu_package::reading;
 
+use super::cargo;
 use super::compile::Compiled;
 use super::target::Build;
 
@@ -169,10 +170,6 @@ fn standard_library() -> Result<Option<(String, Vec<u8>)>> {
     let extension = if file.extension().is_some() { "html" } else { "txt" };
     let notices = reading::bytes(&file)?;
     Ok(Some((format!("rust-{version}.{extension}"), notices)))
-}
-
-fn cargo() -> Command {
-    Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
 }
 
 /// What a command prints.

@@ -12,6 +12,8 @@ use std::str::FromStr;
 use anyhow::{Context, Result, anyhow, bail};
 use fmu_package::Platform;
 
+use super::cargo;
+
 /// The profile of the libraries. A workspace whose manifest does not define it gets it as its release profile.
 const PROFILE: &str = "fmu-library";
 
@@ -127,7 +129,7 @@ impl Build {
             command.arg("zigbuild");
             command
         } else {
-            let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+            let mut command = cargo();
             command.arg("build");
             command
         };

@@ -3,12 +3,16 @@
 // The runtime's modules, of which each depends on those below it only:
 //
 //   c_api                                 the functions of FMI 2.0
-//   instance                              one instance of an FMU
+//   instance, simulation                  one instance of an FMU; a model without any FMU
 //   model                                 what a model implements and is given
 //   inputs, logger, calling_sequence
 //   serialized_state, saved_states
 //   persistence, panics
 //   error, description, c_types
+
+// The macros that this crate offers name it.
+#[cfg(all(test, feature = "derive"))]
+extern crate self as fmu_export;
 
 pub mod c_api;
 pub mod c_types;
@@ -23,14 +27,51 @@ mod panics;
 pub mod persistence;
 mod saved_states;
 mod serialized_state;
+mod simulation;
 mod typed;
 
 pub use error::Error;
+#[cfg(feature = "derive")]
+pub use fmu_export_derive::Persistent;
 pub use inputs::{InputSignal, Inputs, MAX_ORDER, RealInput};
 pub use model::{Context, Experiment, InputsOf, Model, Step, Variables};
+pub use persistence::Persistent;
+pub use simulation::Simulation;
 
-/// Includes the typed interface that `fmu_export_build::generate` made of a model's
-/// JSON, by the model's identifier.
+/// Makes the FMU of this crate, whose library bears the model identifier: the module `variables` of what
+/// `fmu_export_build::generate` made of the model's JSON, its items in scope, and the functions of FMI around a type
+/// that implements [`Model`]. `struct` before the type's name declares it, for a model without memory of its own.
+///
+/// ```ignore
+/// fmu_export::fmu!(struct Lag);
+///
+/// impl fmu_export::Model for Lag {
+///     type Variables = Variables;
+///     // ...
+/// }
+/// ```
+#[macro_export]
+macro_rules! fmu {
+    (struct $model:ident) => {
+        /// The model.
+        #[derive(Clone, Debug, Default)]
+        pub struct $model;
+        $crate::persistent!($model {});
+        $crate::fmu!($model);
+    };
+    ($model:ident) => {
+        /// The model's variables.
+        pub mod variables {
+            include!(concat!(env!("OUT_DIR"), "/", env!("CARGO_CRATE_NAME"), "/variables.rs"));
+        }
+        #[allow(unused_imports)]
+        use variables::*;
+        $crate::export_fmi2!($model);
+    };
+}
+
+/// Includes the typed interface that `fmu_export_build::generate` made of a model's JSON, by the model's identifier.
+/// For a model that is exported from another crate; [`fmu!`] does it for the crate of an FMU.
 #[macro_export]
 macro_rules! include_variables {
     ($model_identifier:literal) => {

@@ -79,8 +79,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
 /// A co-simulation model.
 ///
 /// `Clone` must copy the whole memory of the model: that is how an importer saves and restores it.
-/// [`Persistent`] must hand out the whole of it: that is how an importer carries it into another process.
-/// The macro [`persistent!`](crate::persistent) sees to that.
+/// [`Persistent`] must hand out the whole of it: that is how an importer carries it into another process. A struct
+/// derives both.
 pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     /// The model's variables, generated from its JSON.
     type Variables: Variables;
@@ -104,6 +104,9 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     /// asked for after another was set, so it must forget what an earlier call left behind; and importers
     /// set one parameter after the other, so it may meet parameters that contradict each other for now.
     ///
+    /// Where a model does not say otherwise, its states take their start values, and [`Model::refresh`] computes the
+    /// rest.
+    ///
     /// # Errors
     /// When there are no such values.
     fn initialize(
@@ -111,7 +114,12 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         variables: &mut Self::Variables,
         inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
-    ) -> Result<(), Error>;
+    ) -> Result<(), Error> {
+        let _ = context;
+        variables.states_from_start();
+        self.refresh(variables, inputs);
+        Ok(())
+    }
 
     /// Advances the model over one communication step and leaves the values at its end in `variables`.
     ///

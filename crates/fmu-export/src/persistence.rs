@@ -2,8 +2,8 @@
 //! so that a saved state outlives its process (FMI 2.0.5, section 2.1.8).
 //!
 //! One function serves both directions: [`Persistent::persist`] names each part of a value once, and the
-//! [`Archive`] either takes the part's bits or replaces them. [`persistent!`](crate::persistent) writes
-//! that function for a struct, and does not compile when a field is left out.
+//! [`Archive`] either takes the part's bits or replaces them. `#[derive(Persistent)]`, of the feature `derive`,
+//! writes that function for a struct.
 
 use crate::error::Error;
 
@@ -87,27 +87,20 @@ pub trait Persistent {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error>;
 }
 
-/// Makes a struct [`Persistent`](crate::persistence::Persistent), field by field. Fields that follow from
-/// the others or from the variables stand behind `derived`; `Model::restored` computes them anew. Every
-/// field has to be named.
-///
-/// ```
-/// #[derive(Default)]
-/// struct Memory { samples: u64, integral: f64, integral_by_sample: f64 }
-///
-/// fmu_export::persistent!(Memory { samples, integral; derived integral_by_sample });
-/// ```
+/// What `#[derive(Persistent)]` does, for generated code and this crate, which depends on no procedural macro. It does
+/// not compile when a field is left out.
+#[doc(hidden)]
 #[macro_export]
 macro_rules! persistent {
-    ($type:ty { $($field:ident),* $(,)? $(; derived $($derived:ident),+ $(,)?)? }) => {
-        impl $crate::persistence::Persistent for $type {
+    ($type:ty { $($field:ident),* $(,)? }) => {
+        impl $crate::Persistent for $type {
             #[allow(unused_variables)]
             fn persist(
                 &mut self,
                 archive: &mut $crate::persistence::Archive<'_>,
             ) -> ::core::result::Result<(), $crate::Error> {
-                let Self { $($field,)* $($($derived: _,)+)? } = self;
-                $($crate::persistence::Persistent::persist($field, archive)?;)*
+                let Self { $($field,)* } = self;
+                $($crate::Persistent::persist($field, archive)?;)*
                 ::core::result::Result::Ok(())
             }
         }
@@ -184,5 +177,40 @@ impl<T: Persistent> Persistent for [T] {
 impl<T: Persistent, const N: usize> Persistent for [T; N] {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         self.as_mut_slice().persist(archive)
+    }
+}
+
+#[cfg(all(test, feature = "derive"))]
+mod tests {
+    use super::*;
+
+    #[derive(Clone, Debug, Default, PartialEq, crate::Persistent)]
+    struct Memory<T> {
+        integral: T,
+        samples: Vec<u32>,
+        #[persistent(skip)]
+        sum: u32,
+    }
+
+    #[derive(Default, crate::Persistent)]
+    struct Pair(f64, #[persistent(skip)] f64);
+
+    #[test]
+    fn derived_structs_persist_all_fields_but_the_skipped() {
+        let mut written = Memory { integral: 0.5, samples: vec![3, 4], sum: 7 };
+        let mut archive = Archive::writing();
+        written.persist(&mut archive).unwrap();
+        Pair(2.0, 5.0).persist(&mut archive).unwrap();
+        let bytes = archive.into_bytes();
+        // The integral, the number of samples and each of them, and the pair's first.
+        assert_eq!(bytes.len(), 8 + 8 + 2 * 4 + 8);
+
+        let (mut read, mut pair) = (Memory::default(), Pair::default());
+        let mut archive = Archive::reading(&bytes);
+        read.persist(&mut archive).unwrap();
+        pair.persist(&mut archive).unwrap();
+        assert!(archive.is_exhausted());
+        assert_eq!(read, Memory { sum: 0, ..written });
+        assert_eq!((pair.0.to_bits(), pair.1.to_bits()), (2.0_f64.to_bits(), 0.0_f64.to_bits()));
     }
 }

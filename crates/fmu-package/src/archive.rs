@@ -136,7 +136,7 @@ impl Paths {
 }
 
 /// Whether a path stays in the folder that it is extracted to, on every system.
-fn is_inside(path: &str) -> bool {
+pub(crate) fn is_inside(path: &str) -> bool {
     // A folder's path ends with a slash.
     let path = path.strip_suffix('/').unwrap_or(path);
     // Windows leaves out the dots and blanks at the end of a name.

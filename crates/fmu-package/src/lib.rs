@@ -1,7 +1,7 @@
 //! The files that models and systems are exchanged in, for commands.
 //!
 //! Written: [`Fmu`], [`SystemPackage`], [`PlatformList`]. Read, of any maker: [`archive::open`],
-//! [`FmuDescription`] and [`Library`]. Both: [`ParameterSet`], which [fits](ParameterSet::fit) an FMU or does not,
+//! [`FmuDescription`] and [`Library`]; [`validation`] finds what is wrong in an FMU. Both: [`ParameterSet`], which [fits](ParameterSet::fit) an FMU or does not,
 //! and FMUs that are [`Merged`].
 //!
 //! How files are read and written, and what of them is printed, is the same for all commands: [`reading`], [`writing`],
@@ -22,6 +22,7 @@ mod system_structure;
 pub mod temporary;
 pub mod terminal;
 mod units;
+pub mod validation;
 pub mod writing;
 
 pub use fmu::Fmu;

@@ -2,13 +2,15 @@
 //!
 //! The file is not trusted: only its headers are read, and anything but a library is refused.
 
+use std::collections::BTreeSet;
 use std::fmt::{self, Display};
 use std::io;
 
 use fat_macho::FatWriter;
-use object::read::elf::{ElfFile, FileHeader};
+use object::read::NameOrOrdinal;
+use object::read::elf::{ElfFile, FileHeader, ProgramHeader};
 use object::read::macho::{FatArch, MachHeader, MachOFatFile32, MachOFatFile64, MachOFile};
-use object::{Endianness, File, FileKind, Object, ObjectKind, ObjectSegment, macho};
+use object::{Endianness, File, FileKind, Object, ObjectKind, ObjectSegment, elf, macho};
 
 use super::archive::broken;
 use super::platform::Platform;
@@ -146,6 +148,80 @@ impl Display for Library {
         let version = numbers.iter().map(u32::to_string).collect::<Vec<_>>().join(".");
         write!(formatter, ", {system} {version} or later")
     }
+}
+
+/// What a library for a single processor offers to who loads it, and asks for.
+#[derive(Clone, Debug, Default)]
+pub struct Linkage {
+    /// The symbols that it exports, without the underscore that macOS puts before each.
+    pub exports: BTreeSet<String>,
+    /// The symbols that it imports.
+    pub imports: BTreeSet<String>,
+    /// The libraries that it depends on.
+    pub libraries: BTreeSet<String>,
+    /// What hardened loaders refuse: relocations in the code, or an executable stack (ELF).
+    pub is_refused_for: Option<&'static str>,
+}
+
+impl Linkage {
+    /// Reads the tables of a library; of each, if it is a universal one.
+    ///
+    /// # Errors
+    /// When it is not a library, or a table is damaged.
+    pub fn read(bytes: &[u8]) -> io::Result<Vec<Self>> {
+        let slices = slices(bytes).map_err(unreadable)?;
+        slices.into_iter().map(|slice| Self::read_slice(slice).map_err(unreadable)).collect()
+    }
+
+    fn read_slice(bytes: &[u8]) -> object::Result<Self> {
+        let file = File::parse(bytes)?;
+        let mut linkage = Self::default();
+        let plain = |name: &[u8]| {
+            let name = String::from_utf8_lossy(name);
+            match &file {
+                File::MachO32(_) | File::MachO64(_) => name.strip_prefix('_').unwrap_or(&name).to_owned(),
+                _ => name.into_owned(),
+            }
+        };
+        for export in file.exports()? {
+            if let NameOrOrdinal::Name(name) = export?.name() {
+                linkage.exports.insert(plain(name));
+            }
+        }
+        for import in file.imports()? {
+            if let NameOrOrdinal::Name(name) = import?.name() {
+                linkage.imports.insert(plain(name));
+            }
+        }
+        for library in file.import_libraries()? {
+            linkage.libraries.insert(String::from_utf8_lossy(library?.name()).into_owned());
+        }
+        linkage.is_refused_for = match &file {
+            File::Elf32(file) => refused_for(file)?,
+            File::Elf64(file) => refused_for(file)?,
+            _ => None,
+        };
+        Ok(linkage)
+    }
+}
+
+fn refused_for<Elf>(file: &ElfFile<'_, Elf>) -> object::Result<Option<&'static str>>
+where
+    Elf: FileHeader<Endian = Endianness>,
+{
+    let endian = file.endian();
+    let table = file.elf_section_table().dynamic_table(endian, file.data())?;
+    let has_text_relocations = table.iter().any(|entry| {
+        entry.tag == elf::DT_TEXTREL || entry.tag == elf::DT_FLAGS && entry.val & elf::DF_TEXTREL.0 != 0
+    });
+    let has_executable_stack = file.elf_program_headers().iter().any(|header| {
+        header.p_type(endian) == elf::PT_GNU_STACK && header.p_flags(endian).contains(elf::PF_X)
+    });
+    Ok(match (has_text_relocations, has_executable_stack) {
+        (true, _) => Some("text relocations"),
+        (_, true) => Some("an executable stack"),
+        _ => None,
+    })
 }
 
 fn names(architectures: &[Architecture], between: &str) -> String {

@@ -16,11 +16,11 @@ use super::terminal::in_line;
 use super::units::{BaseUnit, DisplayUnit, Unit};
 
 /// How deep elements may lie in each other; schemas of FMI and SSP need a tenth.
-const DEEPEST: usize = 100;
+pub(crate) const DEEPEST: usize = 100;
 /// How many elements a document may have; a variable, of which the largest models have 200,000, takes three.
-const MOST_ELEMENTS: usize = 2_000_000;
+pub(crate) const MOST_ELEMENTS: usize = 2_000_000;
 /// How many attributes an element may have; schemas of FMI and SSP need a fifth.
-const MOST_ATTRIBUTES: usize = 100;
+pub(crate) const MOST_ATTRIBUTES: usize = 100;
 
 /// The attribute with the name of the FMU's library.
 const IDENTIFIER: &str = "modelIdentifier";

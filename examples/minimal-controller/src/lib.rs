@@ -2,12 +2,9 @@
 //! communication point, and the relay of the vacuum pump. A template for a controller of one's own.
 #![allow(non_snake_case, reason = "the library bears the model identifier")]
 
-use fmu_export::{Context, Error, InputsOf, Model, Step};
+use fmu_export::{Context, Error, InputsOf, Model, Persistent, Step};
 
-mod variables {
-    fmu_export::include_variables!("MinimalController");
-}
-use variables::Variables;
+fmu_export::fmu!(MinimalController);
 
 /// The duties between which the wastegate moves, in %.
 const DUTIES: [f64; 2] = [25.0, 75.0];
@@ -15,12 +12,10 @@ const DUTIES: [f64; 2] = [25.0, 75.0];
 const TANK_PRESSURES: [f64; 2] = [30_000.0, 35_000.0];
 
 /// What the controller remembers from step to step: the integral term in % of duty.
-#[derive(Clone, Default)]
+#[derive(Clone, Default, Persistent)]
 struct MinimalController {
     integral: f64,
 }
-
-fmu_export::persistent!(MinimalController { integral });
 
 impl Model for MinimalController {
     type Variables = Variables;
@@ -65,5 +60,3 @@ impl Model for MinimalController {
 fn compensated(duty: f64, inputs: &InputsOf<MinimalController>) -> f64 {
     (duty * 12.0 / inputs.supply_voltage_measured.max(6.0)).min(100.0)
 }
-
-fmu_export::export_fmi2!(MinimalController);

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
+use crate::identify::{Naming, ParameterEstimate, html, identify, json};
+use crate::importer::Fmu;
 use anyhow::Result;
-use boost_lab::identify::{Naming, ParameterEstimate, html, identify, json};
-use boost_lab::importer::Fmu;
 use clap::Args;
 use fmu_package::ParameterSet;
 use fmu_package::terminal::{complain, print};
@@ -40,7 +40,7 @@ pub struct Arguments {
 }
 
 fn columns_help() -> String {
-    format!("Another column for a quantity: {}", boost_lab::identify::quantities())
+    format!("Another column for a quantity: {}", crate::identify::quantities())
 }
 
 fn share(text: &str) -> Result<f64, String> {

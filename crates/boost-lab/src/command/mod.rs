@@ -10,9 +10,9 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use crate::mapping;
+use crate::scenario::Scenario;
 use anyhow::{Context, Result, bail};
-use boost_lab::mapping;
-use boost_lab::scenario::Scenario;
 use clap::{Args, Parser, Subcommand};
 use fmu_package::terminal::print;
 use fmu_package::writing;

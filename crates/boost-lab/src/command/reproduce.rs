@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use crate::reproduce::{FIGURES, Laboratory, html, json};
 use anyhow::{Result, bail};
-use boost_lab::reproduce::{FIGURES, Laboratory, html, json};
 use fmu_package::terminal::{number, print};
 
 /// Reproduces figures, all where none is named. Whether all statements hold.

@@ -3,11 +3,11 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use crate::master::{LoadedFmus, Master};
+use crate::plot::{Figure, Line, Panel, color};
+use crate::record::Record;
+use crate::scenario::Scenario;
 use anyhow::{Context, Result};
-use boost_lab::master::{LoadedFmus, Master};
-use boost_lab::plot::{Figure, Line, Panel, color};
-use boost_lab::record::Record;
-use boost_lab::scenario::Scenario;
 use fmu_package::terminal::{complain, print};
 use fmu_package::writing;
 use indicatif::{ProgressBar, ProgressStyle};

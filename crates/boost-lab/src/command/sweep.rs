@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use crate::sweep::Study;
+use crate::sweep::journal::StudyJournal;
+use crate::sweep::results::{self, Table};
 use anyhow::{Context, Result};
-use boost_lab::sweep::Study;
-use boost_lab::sweep::journal::StudyJournal;
-use boost_lab::sweep::results::{self, Table};
 use fmu_package::terminal::{complain, print};
 use fmu_package::writing;
 use indicatif::{ProgressBar, ProgressStyle};

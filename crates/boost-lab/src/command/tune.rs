@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
+use crate::importer::Fmu;
+use crate::journal::digest;
+use crate::mapping::{self, NameMap};
+use crate::tune::{CellOrigin, Procedure, Schedule, Task, TuningJournal, html, json};
 use anyhow::{Context, Result};
-use boost_lab::importer::Fmu;
-use boost_lab::journal::digest;
-use boost_lab::mapping::{self, NameMap};
-use boost_lab::tune::{CellOrigin, Procedure, Schedule, Task, TuningJournal, html, json};
 use clap::Args;
 use fmu_package::ParameterSet;
 use fmu_package::terminal::{complain, print};
@@ -40,7 +40,7 @@ pub struct Arguments {
     /// Other boost references of the grid's rows (Pa), ascending
     #[arg(long, value_name = "PA,...", value_delimiter = ',')]
     boost_references: Option<Vec<f64>>,
-    /// The time constant asked of the closed loop (s) [default: the controller's]
+    /// The desired time constant of the closed loop (s) [default: the controller's]
     #[arg(long, value_name = "SECONDS")]
     lambda: Option<f64>,
     /// The folder to write schedule.ssv, report.html and report.json to, and the journal that an interrupted

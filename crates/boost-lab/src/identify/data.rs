@@ -108,7 +108,6 @@ const QUANTITIES: [Quantity; 9] = [
 ];
 
 /// The names of the quantities, for the command's help.
-#[must_use]
 pub fn quantities() -> String {
     QUANTITIES.map(|quantity| quantity.name).join(", ")
 }
@@ -142,9 +141,6 @@ pub struct Data {
 
 impl Data {
     /// Reads a CSV file. A header may give a unit in brackets: `tank_pressure (kPa)`.
-    ///
-    /// # Errors
-    /// The message names line and column, and says what was expected.
     pub fn read(path: &Path, naming: &Naming) -> Result<Self> {
         Self::parse(&reading::text(path)?, naming).with_context(|| path.display().to_string())
     }
@@ -167,7 +163,7 @@ impl Data {
             let line = row.position().map_or(0, csv::Position::line);
             last_line = line;
             for ((values, column), quantity) in values.iter_mut().zip(&found).zip(&QUANTITIES) {
-                let Some(Column { index, factor, offset, is_relative }) = column else { continue };
+                let Some(DataColumn { index, factor, offset, is_relative }) = column else { continue };
                 let text = row.get(*index).unwrap_or_default();
                 let number = text.parse().ok().filter(|number: &f64| number.is_finite());
                 let number = number.with_context(|| {
@@ -221,7 +217,6 @@ impl Data {
     }
 }
 
-/// A column's name and unit.
 struct Heading {
     name: String,
     unit: Option<String>,
@@ -243,18 +238,18 @@ impl Heading {
 }
 
 /// Where a quantity's numbers stand, and how they convert.
-struct Column {
+struct DataColumn {
     index: usize,
     factor: f64,
     offset: f64,
     is_relative: bool,
 }
 
-fn column_name<'a>(found: &[Option<Column>], header: &'a [Heading]) -> &'a str {
+fn column_name<'a>(found: &[Option<DataColumn>], header: &'a [Heading]) -> &'a str {
     found[0].as_ref().map_or("", |column| &header[column.index].name)
 }
 
-fn find(quantity: &Quantity, header: &[Heading], naming: &Naming) -> Result<Option<Column>> {
+fn find(quantity: &Quantity, header: &[Heading], naming: &Naming) -> Result<Option<DataColumn>> {
     let named = naming.columns.iter().find(|(name, _)| name == quantity.name);
     let candidates = named.map_or_else(|| quantity.columns.to_vec(), |(_, column)| vec![column.as_str()]);
     let position = |name: &&str| header.iter().position(|heading| heading.name == *name);
@@ -288,7 +283,7 @@ fn find(quantity: &Quantity, header: &[Heading], naming: &Naming) -> Result<Opti
             unit.map_or("", |unit| unit)
         );
     };
-    Ok(Some(Column { index, factor, offset, is_relative: matches!(name, "1" | "%") }))
+    Ok(Some(DataColumn { index, factor, offset, is_relative: matches!(name, "1" | "%") }))
 }
 
 #[cfg(test)]

@@ -3,8 +3,8 @@
 //!
 //! Four fits follow each other: eq. (7) from the chamber's pressure at rest (`valve`), eq. (6) from the
 //! tank's pressure (`valve`), spring and friction from the positions at rest (`rod`), and the valve's
-//! areas, its delays, mass and damping from the transients after steps (`motion`). What the data do not tell
-//! is told by name, and stays as the plant has it.
+//! areas, its delays, mass and damping from the transients after steps (`motion`). Parameters that the data do not
+//! determine are listed by name and keep the plant's values.
 
 mod data;
 mod motion;
@@ -20,41 +20,39 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
+use boost_fmu::plant::system::System;
+use boost_fmu::plant::variables::Parameters;
 use fmu_package::terminal::number;
 use fmu_package::{Parameter, ParameterSet, Value};
 use serde::Serialize;
 
 use self::data::Data;
 pub use self::data::{Naming, quantities};
-use self::phases::Noise;
+use self::phases::MeasurementNoise;
 pub use self::report::{html, json};
 use crate::importer::Fmu;
 use crate::plot::Figure;
 
-/// A fit with larger residuals, in terms of the measurement's noise, is one to be looked at.
+/// Larger residuals, relative to the measurement's noise, lead to a note.
 const MOST_RESIDUAL: f64 = 1.5;
 
-/// A parameter of the plant that the data tell.
+/// A parameter of the plant that the data determine.
 #[derive(Clone, Debug, Serialize)]
 pub struct ParameterEstimate {
-    /// The plant's variable.
     pub name: String,
     /// The estimate, in `unit`.
     pub value: f64,
-    /// The value's standard error.
     pub standard_error: f64,
     /// The unit, the plant's.
     pub unit: String,
-    /// What the plant has without it.
+    /// The plant's value without the identification.
     pub plant_value: f64,
 }
 
-/// A parameter that the data do not tell.
+/// A parameter that the data do not determine.
 #[derive(Clone, Debug, Serialize)]
 pub struct Unidentified {
-    /// The plant's variable.
     pub name: String,
-    /// Why not.
     pub reason: String,
 }
 
@@ -63,34 +61,29 @@ impl Unidentified {
         Self { name: name.to_owned(), reason: reason.to_owned() }
     }
 
-    /// For a standard error that is too large a part of the parameter.
+    /// For a standard error that is too large relative to the parameter.
     fn uncertain(name: &str, relative_error: f64) -> Self {
         Self::new(name, &format!("its standard error would be {:.0} % of it", 100.0 * relative_error))
     }
 }
 
-/// A fit of some parameters.
 #[derive(Clone, Debug, Serialize)]
 pub struct Fit {
-    /// What it is of.
     pub title: String,
-    /// How it was made.
     pub method: String,
     /// How far measurements are from it.
     pub residuals: Vec<Residuals>,
     #[serde(skip)]
     drawing: Figure,
-    /// What was found.
     pub parameters: Vec<ParameterEstimate>,
 }
 
-/// A fit, with those of its parameters that it does not tell.
-type Outcome = Result<(Fit, Vec<Unidentified>)>;
+/// A fit, with those of its parameters that the data do not determine.
+type FitOutcome = Result<(Fit, Vec<Unidentified>)>;
 
 /// How far measurements are from a fit.
 #[derive(Clone, Debug, Serialize)]
 pub struct Residuals {
-    /// Of what.
     pub name: String,
     /// The unit of the three numbers.
     pub unit: String,
@@ -102,7 +95,7 @@ pub struct Residuals {
     pub noise: Option<f64>,
 }
 
-/// What is known of the plant before.
+/// What is known of the plant beforehand.
 #[derive(Clone, Debug, Serialize)]
 pub struct Known {
     gas_constant: f64,
@@ -120,13 +113,15 @@ pub struct Known {
     stop_damping_depth: f64,
     ambient_pressure: f64,
     ambient_temperature: f64,
-    /// What the plant has for the parameters that are sought, with their units.
+    /// The actuation with these parameters.
+    #[serde(skip)]
+    system: System,
+    /// The plant's values of the parameters that are identified, with their units.
     #[serde(skip)]
     sought: BTreeMap<&'static str, (f64, String)>,
 }
 
 impl Known {
-    /// Reads what a plant has with parameter sets.
     fn read(plant: &Arc<Fmu>, sets: &[ParameterSet]) -> Result<Self> {
         let mut instance = plant.instantiate("plant")?;
         instance.set_up(0.0, None)?;
@@ -147,7 +142,7 @@ impl Known {
             }
             sought.insert(*name, (value, plant.variable(name)?.unit.clone()));
         }
-        Ok(Self {
+        let mut known = Self {
             gas_constant: get("air.gas_constant")?,
             heat_capacity_ratio: get("air.heat_capacity_ratio")?,
             linear_pressure_ratio: get("valve.linear_pressure_ratio")?,
@@ -163,11 +158,14 @@ impl Known {
             stop_damping_depth: get("actuator.stop_damping_depth")?,
             ambient_pressure: get("ambient_pressure")?,
             ambient_temperature: get("ambient_temperature")?,
+            system: System::new(&Parameters::default()),
             sought,
-        })
+        };
+        known.system = System::new(&known.parameters());
+        Ok(known)
     }
 
-    /// What the plant has for a parameter that is sought.
+    /// The plant's value of a parameter that is identified.
     fn value(&self, name: &str) -> f64 {
         self.sought[name].0
     }
@@ -177,54 +175,44 @@ impl Known {
         ParameterEstimate { name: name.to_owned(), value, standard_error, unit, plant_value }
     }
 
-    /// Ψ of eq. (2) with the linear part near equal pressures, as the plant has it.
-    fn flow_function(&self, ratio: f64) -> f64 {
-        let gamma = self.heat_capacity_ratio;
-        let isentropic = |ratio: f64| {
-            let temperatures = ratio.powf((gamma - 1.0) / gamma);
-            ratio.powf(1.0 / gamma) * (2.0 * gamma / (gamma - 1.0) * (1.0 - temperatures)).sqrt()
-        };
-        let critical = (2.0 / (gamma + 1.0)).powf(gamma / (gamma - 1.0));
-        if ratio > self.linear_pressure_ratio {
-            isentropic(self.linear_pressure_ratio) * (1.0 - ratio) / (1.0 - self.linear_pressure_ratio)
-        } else {
-            isentropic(ratio.max(critical))
-        }
-    }
-
-    /// Eq. (1): the flow (kg/s) for each m² from a pressure (Pa) to another, at ambient temperature.
-    fn flow(&self, from: f64, to: f64) -> f64 {
-        let root = (self.gas_constant * self.ambient_temperature).sqrt();
-        if from >= to {
-            from / root * self.flow_function(to / from)
-        } else {
-            -to / root * self.flow_function(from / to)
-        }
+    /// The parameters of the plant's actuation. The friction is Dahl's with α = 1, and the exhaust does not push.
+    fn parameters(&self) -> Parameters {
+        let mut parameters = Parameters::default();
+        parameters.air.gas_constant = self.gas_constant;
+        parameters.air.heat_capacity_ratio = self.heat_capacity_ratio;
+        let valve = &mut parameters.valve;
+        valve.linear_pressure_ratio = self.linear_pressure_ratio;
+        valve.nominal_voltage = self.nominal_voltage;
+        valve.voltage_exponent = self.voltage_exponent;
+        let actuator = &mut parameters.actuator;
+        actuator.membrane_area = self.membrane_area;
+        actuator.chamber_volume = self.chamber_volume;
+        actuator.stroke = self.stroke;
+        actuator.stop_stiffness = self.stop_stiffness;
+        actuator.stop_damping = self.stop_damping;
+        actuator.stop_damping_depth = self.stop_damping_depth;
+        actuator.friction_exponent = 1.0;
+        actuator.exhaust_area = 0.0;
+        parameters
     }
 }
 
-/// The result of an identification.
 pub struct Identification {
-    /// The data's file.
     pub file: String,
     rows: usize,
     duration: f64,
     known: Known,
-    noise: Option<Noise>,
+    noise: Option<MeasurementNoise>,
     phases_at_rest: usize,
     /// The fits, in the order in which they were made.
     pub fits: Vec<Fit>,
-    /// What the data do not tell.
+    /// The parameters that the data do not determine.
     pub unidentified: Vec<Unidentified>,
     /// What a reader of the results must know.
     pub notes: Vec<String>,
 }
 
 /// Identifies the actuation of a plant from a CSV file. What is known before is the plant's with parameter sets.
-///
-/// # Errors
-/// When the file is not as it should be (the message names line and column) or tells no parameter at all, or
-/// the plant is no `BoostPlant`.
 pub fn identify(
     path: &Path,
     naming: &Naming,
@@ -245,7 +233,7 @@ pub fn identify(
         }
     }
     if data.pump.is_none() {
-        notes.push("The data do not say when the pump runs: taken as never.".to_owned());
+        notes.push("The data do not say when the pump runs: assumed to be always off.".to_owned());
     }
     if data.position_is_relative {
         for position in &mut data.position {
@@ -282,8 +270,8 @@ pub fn identify(
         let Residuals { name, tuning: Some(tuning), noise: Some(noise), .. } = residuals else { continue };
         if *tuning > MOST_RESIDUAL * noise {
             identification.notes.push(format!(
-                "{}: the residuals of the {name} are {:.1} times its noise at rest. The model is not what was measured, \
-                 or the fit began too far from it; the errors may be larger than they say.",
+                "{}: the residuals of the {name} are {:.1} times its noise at rest. The model does not describe \
+                 the measurement, or the fit started too far from it; the errors may be larger than stated.",
                 fit.title,
                 tuning / noise
             ));
@@ -306,7 +294,7 @@ pub fn identify(
 }
 
 impl Identification {
-    fn take(&mut self, names: &[&str], outcome: Outcome) {
+    fn take(&mut self, names: &[&str], outcome: FitOutcome) {
         match outcome {
             Ok((fit, unidentified)) => {
                 self.fits.push(fit);
@@ -325,13 +313,11 @@ impl Identification {
         found.map_or_else(|| self.known.value(name), |estimate| estimate.value)
     }
 
-    /// All that was found.
     pub fn parameters(&self) -> impl Iterator<Item = &ParameterEstimate> {
         self.fits.iter().flat_map(|fit| &fit.parameters)
     }
 
-    /// What was found, for the plant.
-    #[must_use]
+    /// The parameter set for the plant.
     pub fn parameter_set(&self, plant: &Fmu) -> ParameterSet {
         let parameter = |estimate: &ParameterEstimate| Parameter {
             name: estimate.name.clone(),

@@ -1,21 +1,23 @@
-//! What moves: the valve's areas, proportional band and time constant, and the rod's mass and damping, from the
+//! The dynamics: the valve's areas, proportional band and time constant, and the rod's mass and damping, from the
 //! transients after steps of the duty or the supply.
 //!
 //! The chamber's pressure and the rod's position are computed from eqs. (1) to (5) and (8) with the measured
-//! duty, supply and tank pressure, and compared with the measured ones. Spring and friction are free within what
-//! the rod at rest tells of them, so that their uncertainty is in the standard errors.
+//! duty, supply and tank pressure, and compared with the measured ones. Spring and friction are free within
+//! the uncertainty of their estimates at rest, which thereby enters the standard errors.
 
 use std::ops::Range;
 
 use anyhow::{Context, Result, bail};
+use boost_fmu::plant::system::System;
+use boost_fmu::plant::variables::{ActuationStates, ActuatorStates, Inputs};
 use nalgebra::{DMatrix, DVector};
 
 use super::data::Data;
-use super::phases::{Noise, Phase, Rest, is_after_gap, plunger_duty};
-use super::points::{Point, residual_panel, residuals, with_measured};
-use super::rod::{Prior, Rod, STOPS};
+use super::phases::{MeasurementNoise, Phase, Rest, is_after_gap, plunger_duty};
+use super::points::{ResidualPoint, residual_panel, residuals, with_measured};
+use super::rod::{Prior, STOPS};
 use super::statistics::{Reliable, Solution, nonlinear};
-use super::{Fit, Known, Outcome, Residuals, Unidentified};
+use super::{Fit, FitOutcome, Known, Residuals, Unidentified};
 use crate::plot::{Figure, Line, Panel, color};
 
 pub const NAMES: [&str; 6] = [
@@ -26,25 +28,24 @@ pub const NAMES: [&str; 6] = [
     "actuator.damping",
     "actuator.mass",
 ];
-/// So many of these are fitted before all: the areas, and then the valve.
+/// How many of these are fitted first: the areas, then the valve.
 const STAGES: [usize; 2] = [2, 4];
-/// How long a transient is looked at (s).
+/// How much of a transient is used (s).
 const DURATION: f64 = 0.6;
-/// The least change of the chamber's pressure (Pa) in a transient that tells something.
+/// The least change of the chamber's pressure (Pa) in a transient that is used.
 const LEAST_CHANGE: f64 = 3000.0;
 /// The longest step of the integration (s).
 const LONGEST_STEP: f64 = 0.6e-3;
-/// How long a step is at most over the fastest eigenvalue: the method of Runge and Kutta bears 2.7.
+/// The largest product of step and fastest eigenvalue: the method of Runge and Kutta is stable up to 2.7.
 const STABLE: f64 = 2.5;
-/// How often a step is halved at most: a fit that wants a rod of a few grams has gone astray.
+/// How often a step is halved at most: a fit that arrives at a rod of a few grams has failed.
 const MOST_HALVINGS: f64 = 3.0;
-/// No measurement is better than that, whatever it shows at rest: a converter's steps may hide the noise, and
-/// the model itself errs.
-const LEAST_NOISE: Noise = Noise { chamber: 10.0, position: 1e-6 };
+/// The noise that is assumed at least: a converter's steps may hide the noise, and the model has errors
+/// of its own.
+const LEAST_NOISE: MeasurementNoise = MeasurementNoise { chamber: 10.0, position: 1e-6 };
 /// The horizontal axis of the drawing.
 const TIME: &str = "time after the step (s)";
 
-/// What follows a step.
 struct Transient<'a> {
     before: &'a Rest,
     rows: Range<usize>,
@@ -52,89 +53,68 @@ struct Transient<'a> {
     validates: bool,
 }
 
-/// The parameters of a simulation.
+/// The plant's actuation with the parameters of a simulation.
 struct Model<'a> {
     known: &'a Known,
-    pressure: [f64; 4],
-    /// In the order of [`NAMES`].
-    values: [f64; 6],
-    rod: Rod,
+    system: System,
 }
 
-/// The plunger's duty (%), the chamber's pressure (Pa), position (m), speed (m/s) and friction (N).
-type State = [f64; 5];
-
 impl Model<'_> {
-    /// The rates of change for a commanded duty (%) and a tank pressure (Pa).
-    fn rates(&self, state: &State, commanded: f64, tank: f64) -> State {
-        let Self {
-            known, values: [tank_area, ambient_area, band, time_constant, damping, mass], rod, ..
-        } = self;
-        let [plunger, chamber, position, speed, friction] = *state;
-        let ambient = known.ambient_pressure;
-        let target =
-            self.pressure.iter().fold(0.0, |sum, coefficient| sum * plunger + coefficient).min(ambient);
-        let deviation = (chamber - target) / band;
-        let opening = deviation / (1.0 + deviation * deviation).sqrt();
-        let inflow = if opening >= 0.0 {
-            -tank_area * opening * known.flow(chamber, tank)
-        } else {
-            -ambient_area * opening * known.flow(ambient, chamber)
-        };
-        let volume = known.chamber_volume - known.membrane_area * position;
-        let pressure_rate = (known.gas_constant * known.ambient_temperature * inflow
-            + chamber * known.membrane_area * speed)
-            / volume;
-        let stop = |depth: f64| {
-            known.stop_stiffness * depth
-                + known.stop_damping * speed * (depth.abs() / known.stop_damping_depth).min(1.0)
-        };
-        let stop = if position < 0.0 {
-            stop(position)
-        } else if position > known.stroke {
-            stop(position - known.stroke)
-        } else {
-            0.0
-        };
-        let force = (ambient - chamber) * known.membrane_area - rod.spring(position) - stop - friction;
-        [
-            (commanded - plunger) / time_constant,
-            pressure_rate,
-            speed,
-            (force - damping * speed) / mass,
-            rod.rate * (rod.coulomb * speed - speed.abs() * friction),
-        ]
-    }
-
     /// The longest step (s) with which the rod stays stable in its stops. In halves, so that it rarely changes
     /// while a fit differentiates.
     fn longest_step(&self) -> f64 {
-        let [.., damping, mass] = self.values;
+        let rod = &self.system.actuator.parameters;
         // No eigenvalue of a damped spring is faster.
         let fastest =
-            ((damping + self.known.stop_damping) / mass).max((self.known.stop_stiffness / mass).sqrt());
+            ((rod.damping + rod.stop_damping) / rod.mass).max((rod.stop_stiffness / rod.mass).sqrt());
         LONGEST_STEP * (STABLE / (fastest * LONGEST_STEP)).log2().floor().clamp(-MOST_HALVINGS, 0.0).exp2()
     }
 
     /// Chamber pressure and position at the rows after a transient's first.
     fn simulate(&self, data: &Data, transient: &Transient<'_>) -> Vec<(f64, f64)> {
         let Rest { duty, chamber, position, .. } = *transient.before;
-        let Known { ambient_pressure, membrane_area, stroke, .. } = *self.known;
-        let force = (ambient_pressure - chamber) * membrane_area - self.rod.spring(position);
+        let Known {
+            ambient_pressure,
+            ambient_temperature,
+            membrane_area,
+            stroke,
+            stop_stiffness,
+            nominal_voltage,
+            ..
+        } = *self.known;
+        let actuator = &self.system.actuator;
+        let coulomb = actuator.parameters.coulomb_friction;
+        let force = (ambient_pressure - chamber) * membrane_area - actuator.spring_force(position);
         // What is left over from the balance is friction between the stops, and else the stop.
-        let friction = force.clamp(-self.rod.coulomb, self.rod.coulomb);
+        let friction = force.clamp(-coulomb, coulomb);
         let left = force - friction;
         let position = if position < STOPS * stroke && left < 0.0 {
-            left / self.known.stop_stiffness
+            left / stop_stiffness
         } else if position > (1.0 - STOPS) * stroke && left > 0.0 {
-            stroke + left / self.known.stop_stiffness
+            stroke + left / stop_stiffness
         } else {
             position
         };
-        // The mean: noise of the supply would shake the rod, and make its friction seem less than it is.
+        // The mean: noise of the supply would shake the rod, and make its friction appear too small.
         let commanded = plunger_duty(data, transient.rows.clone(), self.known);
         let longest = self.longest_step();
-        let mut state = [duty, chamber, position, 0.0, friction];
+        let inputs = Inputs {
+            hp_wastegate_pwm: commanded,
+            supply_voltage: nominal_voltage,
+            vacuum_pump: 0.0,
+            ambient_pressure,
+            ambient_temperature,
+            ..Inputs::default()
+        };
+        let rates = |states: &ActuationStates, tank: f64| {
+            let mut states = *states;
+            states.tank.pressure = tank;
+            self.system.actuation(&inputs, &states, 0.0).derivatives
+        };
+        let mut states = ActuationStates::NOMINAL;
+        states.valve.plunger_duty = duty;
+        states.actuator =
+            ActuatorStates { chamber_pressure: chamber, position, velocity: 0.0, friction_force: friction };
         let mut results = vec![];
         for row in transient.rows.clone().skip(1) {
             let interval = data.time[row] - data.time[row - 1];
@@ -144,21 +124,19 @@ impl Model<'_> {
             let mut done = 0.0;
             while done < steps {
                 let [begin, middle, end] = [0.0, 0.5, 1.0].map(|part| tank((done + part) / steps));
-                let moved = |rates: &State, part: f64| {
-                    let mut moved = state;
-                    moved.iter_mut().zip(rates).for_each(|(value, rate)| *value += part * step * rate);
-                    moved
+                let moved = |rates: &ActuationStates, part: f64| {
+                    states.combine(rates, &mut |state, rate| state + part * step * rate)
                 };
-                let k1 = self.rates(&state, commanded, begin);
-                let k2 = self.rates(&moved(&k1, 0.5), commanded, middle);
-                let k3 = self.rates(&moved(&k2, 0.5), commanded, middle);
-                let k4 = self.rates(&moved(&k3, 1.0), commanded, end);
-                for index in 0..state.len() {
-                    state[index] += step / 6.0 * (k1[index] + 2.0 * (k2[index] + k3[index]) + k4[index]);
+                let k1 = rates(&states, begin);
+                let k2 = rates(&moved(&k1, 0.5), middle);
+                let k3 = rates(&moved(&k2, 0.5), middle);
+                let k4 = rates(&moved(&k3, 1.0), end);
+                for (slopes, weight) in [(k1, 1.0), (k2, 2.0), (k3, 2.0), (k4, 1.0)] {
+                    states = states.combine(&slopes, &mut |state, slope| state + step / 6.0 * weight * slope);
                 }
                 done += 1.0;
             }
-            results.push((state[1], state[2]));
+            results.push((states.actuator.chamber_pressure, states.actuator.position));
         }
         results
     }
@@ -191,10 +169,10 @@ pub fn identify(
     phases: &[Phase],
     known: &Known,
     pressure: [f64; 4],
-    noise: Option<Noise>,
+    noise: Option<MeasurementNoise>,
     prior: &Prior,
     validates: impl Fn(usize) -> bool,
-) -> Outcome {
+) -> FitOutcome {
     const LEAST_TRANSIENTS: usize = 4;
     let noise = noise.context("nothing is at rest, where transients would begin")?;
     let transients = transients(data, phases, validates);
@@ -208,11 +186,11 @@ pub fn identify(
         );
     }
     let (free, mut unidentified) = seen(&tuning);
-    let noise = Noise {
+    let noise = MeasurementNoise {
         chamber: noise.chamber.max(LEAST_NOISE.chamber),
         position: noise.position.max(LEAST_NOISE.position),
     };
-    let problem = Problem { data, known, pressure, noise, prior, whitening: whitening(prior)?, tuning };
+    let problem = TransientFit { data, known, pressure, noise, prior, whitening: whitening(prior)?, tuning };
     // Of a logarithm the error itself is the relative one.
     let Reliable { free, solution, left_out } =
         Reliable::fit(free, |free| problem.fit(free), |solution, place, _| solution.standard_error(place))?;
@@ -222,7 +200,7 @@ pub fn identify(
         .iter()
         .enumerate()
         .map(|(position, &index)| {
-            let value = model.values[index];
+            let value = solution.parameters[position].exp();
             known.estimate(NAMES[index], value, value * solution.standard_error(position))
         })
         .collect();
@@ -250,17 +228,17 @@ pub fn identify(
 
 /// The transients that are fitted. Its parameters are the logarithms of those that are free, in the order of
 /// [`NAMES`], and after them the rod's, in the units of the fit that they come from.
-struct Problem<'a> {
+struct TransientFit<'a> {
     data: &'a Data,
     known: &'a Known,
     pressure: [f64; 4],
-    noise: Noise,
+    noise: MeasurementNoise,
     prior: &'a Prior,
     whitening: DMatrix<f64>,
     tuning: Vec<&'a Transient<'a>>,
 }
 
-impl<'a> Problem<'a> {
+impl<'a> TransientFit<'a> {
     fn model(&self, free: &[usize], values: &[f64]) -> Model<'a> {
         let mut own = NAMES.map(|name| self.known.value(name));
         for (&index, value) in free.iter().zip(values) {
@@ -270,7 +248,19 @@ impl<'a> Problem<'a> {
         for (&index, value) in self.prior.free.iter().zip(&values[free.len()..]) {
             rod[index] = *value;
         }
-        Model { known: self.known, pressure: self.pressure, values: own, rod: Prior::rod(&rod) }
+        let mut system = self.known.system;
+        system.actuator = Prior::rod(&rod, self.known).actuator;
+        let (valve, rod) = (&mut system.valve.parameters, &mut system.actuator.parameters);
+        valve.pressure_coefficient = self.pressure;
+        [
+            valve.tank_area,
+            valve.ambient_area,
+            valve.proportional_band,
+            valve.time_constant,
+            rod.damping,
+            rod.mass,
+        ] = own;
+        Model { known: self.known, system }
     }
 
     /// Residuals in terms of the noise; and how far the rod's parameters are from what they were at rest, in
@@ -344,7 +334,7 @@ fn results(
     data: &Data,
     transients: &[Transient<'_>],
     model: &Model<'_>,
-    noise: Noise,
+    noise: MeasurementNoise,
 ) -> (Figure, Vec<Residuals>) {
     let simulated: Vec<_> = transients.iter().map(|transient| model.simulate(data, transient)).collect();
     let points = |measured: fn(&Data, usize) -> f64, computed: fn(&(f64, f64)) -> f64| {
@@ -354,7 +344,12 @@ fn results(
             rows.map(|(row, result)| {
                 let measured = measured(data, row);
                 let residual = measured - computed(result);
-                Point { place: data.time[row] - begin, measured, residual, validates: transient.validates }
+                ResidualPoint {
+                    place: data.time[row] - begin,
+                    measured,
+                    residual,
+                    validates: transient.validates,
+                }
             })
             .collect::<Vec<_>>()
         };
@@ -371,7 +366,7 @@ fn results(
             chosen.filter(|index| change(index) > 0.0).max_by(|a, b| change(a).total_cmp(&change(b)))
         })
         .collect();
-    let panel = |all: &[Vec<Point>], factor: f64, label: &str| {
+    let panel = |all: &[Vec<ResidualPoint>], factor: f64, label: &str| {
         let mut panel = Panel::new(TIME, label).height(190.0);
         for (number, &index) in drawn.iter().enumerate() {
             let time: Vec<_> = all[index].iter().map(|point| point.place).collect();
@@ -379,7 +374,7 @@ fn results(
             let line = Line::new(&time, computed).color(color::BLACK).thin();
             panel = panel.line(if number == 0 { line.label("computed") } else { line });
         }
-        let scaled = |point: &Point| Point { measured: factor * point.measured, ..*point };
+        let scaled = |point: &ResidualPoint| ResidualPoint { measured: factor * point.measured, ..*point };
         let points: Vec<_> = drawn.iter().flat_map(|&index| all[index].iter().map(scaled)).collect();
         with_measured(panel, &points)
     };

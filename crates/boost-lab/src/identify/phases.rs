@@ -52,7 +52,7 @@ pub struct Rest {
 
 /// The standard deviations of measurements at rest.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Noise {
+pub struct MeasurementNoise {
     /// Of the chamber's pressure (Pa).
     #[serde(rename = "actuator_pressure")]
     pub chamber: f64,
@@ -62,10 +62,7 @@ pub struct Noise {
 
 /// The mean duty of some rows, as it would have the same effect at nominal voltage (%), paper section 5.
 pub fn plunger_duty(data: &Data, rows: Range<usize>, known: &Known) -> f64 {
-    let duties = rows.map(|row| {
-        (data.duty[row] * (data.voltage[row] / known.nominal_voltage).powf(known.voltage_exponent))
-            .clamp(0.0, 100.0)
-    });
+    let duties = rows.map(|row| known.system.valve.commanded_duty(data.duty[row], data.voltage[row]));
     mean(&duties.collect::<Vec<_>>())
 }
 
@@ -145,7 +142,7 @@ fn rest(data: &Data, known: &Known, rows: Range<usize>) -> Option<Rest> {
 }
 
 /// The scatter of measurements at rest; none where nothing is.
-pub fn noise(data: &Data, phases: &[Phase]) -> Option<Noise> {
+pub fn noise(data: &Data, phases: &[Phase]) -> Option<MeasurementNoise> {
     let rests =
         || phases.iter().filter_map(|phase| phase.rest.as_ref()).filter(|rest| !rest.is_limited_by_tank);
     let scatter = |values: &[f64], mean: fn(&Rest) -> f64| {
@@ -153,7 +150,7 @@ pub fn noise(data: &Data, phases: &[Phase]) -> Option<Noise> {
             rests().flat_map(|rest| values[rest.rows.clone()].iter().map(move |value| value - mean(rest))),
         )
     };
-    Some(Noise {
+    Some(MeasurementNoise {
         chamber: scatter(&data.chamber, |rest| rest.chamber)?,
         position: scatter(&data.position, |rest| rest.position)?,
     })

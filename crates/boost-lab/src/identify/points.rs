@@ -6,7 +6,7 @@ use crate::plot::{Figure, Line, Panel, color};
 
 /// A measurement with its residual from a fit.
 #[derive(Clone, Copy, Debug)]
-pub struct Point {
+pub struct ResidualPoint {
     /// Where it stands on the horizontal axis.
     pub place: f64,
     pub measured: f64,
@@ -17,7 +17,10 @@ pub struct Point {
 }
 
 /// Dots, in one colour what was fitted, and in another what was kept apart.
-fn dots(points: &[Point], value: fn(&Point) -> f64) -> impl Iterator<Item = (Line, &'static str)> {
+fn dots(
+    points: &[ResidualPoint],
+    value: fn(&ResidualPoint) -> f64,
+) -> impl Iterator<Item = (Line, &'static str)> {
     [(false, "tuning", color::BLUE), (true, "validation", color::VERMILION)].into_iter().filter_map(
         move |(validates, label, color)| {
             let chosen = points.iter().filter(|point| point.validates == validates);
@@ -28,7 +31,7 @@ fn dots(points: &[Point], value: fn(&Point) -> f64) -> impl Iterator<Item = (Lin
 }
 
 /// A curve over the range of some points.
-pub fn curve(points: &[Point], value: impl Fn(f64) -> f64) -> (Vec<f64>, Vec<f64>) {
+pub fn curve(points: &[ResidualPoint], value: impl Fn(f64) -> f64) -> (Vec<f64>, Vec<f64>) {
     let [from, to] = [f64::min, f64::max]
         .map(|choose| points.iter().map(|point| point.place).reduce(choose).unwrap_or(0.0));
     let places: Vec<_> = (0..=100).map(|index| from + (to - from) * f64::from(index) / 100.0).collect();
@@ -39,7 +42,7 @@ pub fn curve(points: &[Point], value: impl Fn(f64) -> f64) -> (Vec<f64>, Vec<f64
 /// Measurements over a curve, and below their residuals.
 pub fn drawing(
     [x_label, y_label, residual_label]: [&str; 3],
-    points: &[Point],
+    points: &[ResidualPoint],
     (x, y): (&[f64], &[f64]),
 ) -> Figure {
     let line = Line::new(x, y.iter().copied()).color(color::BLACK).thin().label("fit");
@@ -47,18 +50,16 @@ pub fn drawing(
     Figure::new().row([fit]).row([residual_panel(points, x_label, residual_label).height(90.0)]).shared_x()
 }
 
-/// A panel with measurements.
-pub fn with_measured(panel: Panel, points: &[Point]) -> Panel {
+pub fn with_measured(panel: Panel, points: &[ResidualPoint]) -> Panel {
     dots(points, |point| point.measured).fold(panel, |panel, (line, label)| panel.line(line.label(label)))
 }
 
-/// A panel with residuals.
-pub fn residual_panel(points: &[Point], x_label: &str, label: &str) -> Panel {
+pub fn residual_panel(points: &[ResidualPoint], x_label: &str, label: &str) -> Panel {
     dots(points, |point| point.residual).fold(Panel::new(x_label, label), |panel, (line, _)| panel.line(line))
 }
 
 /// The roots of the residuals' mean squares.
-pub fn residuals(name: &str, unit: &str, points: &[Point]) -> Residuals {
+pub fn residuals(name: &str, unit: &str, points: &[ResidualPoint]) -> Residuals {
     let [tuning, validation] = [false, true].map(|validates| {
         let chosen = points.iter().filter(|point| point.validates == validates);
         root_mean_square(chosen.map(|point| point.residual))

@@ -4,18 +4,18 @@
 use anyhow::Result;
 use serde::Serialize;
 
-use super::phases::Noise;
+use super::phases::MeasurementNoise;
 use super::{Fit, Identification, Known, ParameterEstimate, Unidentified};
 use crate::page::{estimate, number, page, quantity};
 use crate::plot::escaped;
 
 #[derive(Serialize)]
-struct JsonReport<'a> {
+struct IdentificationReport<'a> {
     data: &'a str,
     rows: usize,
     duration: f64,
     phases_at_rest: usize,
-    noise: Option<Noise>,
+    noise: Option<MeasurementNoise>,
     parameters: Vec<&'a ParameterEstimate>,
     unidentified: &'a [Unidentified],
     fits: &'a [Fit],
@@ -23,14 +23,10 @@ struct JsonReport<'a> {
     notes: &'a [String],
 }
 
-/// The text of report.json.
-///
-/// # Errors
-/// When a number is not finite.
 pub fn json(identification: &Identification) -> Result<String> {
     let Identification { file, rows, duration, known, noise, phases_at_rest, fits, unidentified, notes } =
         identification;
-    let report = JsonReport {
+    let report = IdentificationReport {
         data: file,
         rows: *rows,
         duration: *duration,
@@ -45,8 +41,6 @@ pub fn json(identification: &Identification) -> Result<String> {
     Ok(serde_json::to_string_pretty(&report)? + "\n")
 }
 
-/// The text of report.html.
-#[must_use]
 pub fn html(identification: &Identification) -> String {
     let Identification { file, rows, duration, noise, phases_at_rest, fits, unidentified, notes, .. } =
         identification;
@@ -96,7 +90,7 @@ fn section(fit: &Fit, index: usize) -> String {
             number(parameter.plant_value)
         );
     }
-    text += "</table>\n<table>\n<tr><th>Residuals, root of the mean square</th><th>Tuning</th><th>Validation</th><th>Noise at rest</th></tr>\n";
+    text += "</table>\n<table>\n<tr><th>Residuals, root of the mean square</th><th>Tuning</th><th>Validation</th><th>MeasurementNoise at rest</th></tr>\n";
     for residuals in &fit.residuals {
         let shown =
             |value: Option<f64>| value.map_or_else(String::new, |value| quantity(value, &residuals.unit));

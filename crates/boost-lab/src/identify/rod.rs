@@ -1,15 +1,17 @@
 //! The rod at rest: spring and friction from the balance of forces, eq. (4), over the positions that it came to.
 //!
-//! Friction is Dahl's, eq. (5) with α = 1: over the way x it approaches the Coulomb force of the direction,
-//! `F(x) = ±F_c + (F(0) ∓ F_c)·exp(−σ|x|/F_c)`. So what the positions tell depends on where the rod came from.
+//! Friction is Dahl's, eq. (5) with α = 1: over the distance x it approaches the Coulomb force of the direction,
+//! `F(x) = ±F_c + (F(0) ∓ F_c)·exp(−σ|x|/F_c)`. So the force at a position depends on where the rod came from.
 
 use anyhow::{Context, Result, bail};
+use boost_fmu::plant::STIFFEST_FRICTION;
+use boost_fmu::plant::actuator::Actuator;
 
 use super::data::Data;
-use super::phases::{Noise, Rest};
-use super::points::{Point, curve, drawing, residuals};
+use super::phases::{MeasurementNoise, Rest};
+use super::points::{ResidualPoint, curve, drawing, residuals};
 use super::statistics::{Reliable, Solution, nonlinear};
-use super::{Fit, Known, Outcome, ParameterEstimate, Residuals, Unidentified};
+use super::{Fit, FitOutcome, Known, ParameterEstimate, Residuals, Unidentified};
 use crate::plot::Figure;
 
 const COULOMB: &str = "actuator.coulomb_friction";
@@ -23,29 +25,17 @@ pub const NAMES: [&str; 5] = [
 
 /// The parts of the stroke at both ends in which a stop may hold the rod.
 pub const STOPS: f64 = 0.02;
-/// The stiffest friction that the plant takes, `σ/F_c` in 1/m: its integration would not follow a stiffer one.
-const STIFFEST: f64 = 2000.0;
 /// After so many lengths `F_c/σ` the friction has forgotten where it began.
 const FORGOTTEN: f64 = 5.0;
-/// In standard deviations of the position, what is a turn of the rod and no noise.
+/// In standard deviations of the position, what is a turn of the rod rather than noise.
 const TURN: f64 = 5.0;
 
-/// Spring and friction: values that later fits start from.
+/// An actuator with the spring and friction of a fit.
 #[derive(Clone, Copy, Debug)]
 pub struct Rod {
-    pub preload: f64,
-    pub stiffness: f64,
-    pub hardening: f64,
-    pub coulomb: f64,
+    pub actuator: Actuator,
     /// `σ/F_c` (1/m).
-    pub rate: f64,
-}
-
-impl Rod {
-    /// The spring's force (N).
-    pub fn spring(&self, position: f64) -> f64 {
-        self.preload + self.stiffness * position + self.hardening * position.powi(7)
-    }
+    rate: f64,
 }
 
 /// What the fits of this rod and of its motion share: estimates with their covariance, in the fit's own units.
@@ -57,14 +47,16 @@ pub struct Prior {
 
 impl Prior {
     /// The rod of parameters in the fit's own units.
-    pub fn rod(parameters: &[f64]) -> Rod {
-        Rod {
-            preload: parameters[0] * SCALES[0],
-            stiffness: parameters[1] * SCALES[1],
-            hardening: parameters[2] * SCALES[2],
-            coulomb: parameters[3].exp(),
-            rate: parameters[4].exp(),
-        }
+    pub fn rod(parameters: &[f64], known: &Known) -> Rod {
+        let mut actuator = known.system.actuator;
+        let rate = parameters[4].exp();
+        let rod = &mut actuator.parameters;
+        rod.spring_preload = parameters[0] * SCALES[0];
+        rod.spring_stiffness = parameters[1] * SCALES[1];
+        rod.spring_hardening = parameters[2] * SCALES[2];
+        rod.coulomb_friction = parameters[3].exp();
+        rod.friction_stiffness = rod.coulomb_friction * rate;
+        Rod { actuator, rate }
     }
 }
 
@@ -72,7 +64,7 @@ impl Prior {
 /// keep it above zero.
 const SCALES: [f64; 3] = [10.0, 1e3, 1e15];
 
-/// A stand of the rod, and the way to it from the one before: positions of turns, and its own last.
+/// The rod at rest, and its path from the position before: the positions of its turns, and its own last.
 struct Stand<'a> {
     rest: &'a Rest,
     way: Vec<f64>,
@@ -96,7 +88,7 @@ fn friction(stands: &[Stand<'_>], rate: f64) -> Vec<f64> {
         .collect()
 }
 
-fn stands<'a>(data: &Data, rests: &[&'a Rest], noise: Noise) -> Vec<Stand<'a>> {
+fn stands<'a>(data: &Data, rests: &[&'a Rest], noise: MeasurementNoise) -> Vec<Stand<'a>> {
     let mut stands: Vec<Stand<'a>> = vec![];
     for &rest in rests {
         let mut way = vec![];
@@ -121,8 +113,13 @@ fn stands<'a>(data: &Data, rests: &[&'a Rest], noise: Noise) -> Vec<Stand<'a>> {
     stands
 }
 
-/// Spring and friction, and what the fit of the motion needs of them.
-pub fn identify(data: &Data, rests: &[&Rest], known: &Known, noise: Option<Noise>) -> (Prior, Outcome) {
+/// Spring and friction, with what the fit of the motion needs of them.
+pub fn identify(
+    data: &Data,
+    rests: &[&Rest],
+    known: &Known,
+    noise: Option<MeasurementNoise>,
+) -> (Prior, FitOutcome) {
     let [preload, stiffness, hardening, coulomb, friction_stiffness] = NAMES.map(|name| known.value(name));
     let start = [
         preload / SCALES[0],
@@ -141,7 +138,7 @@ pub fn identify(data: &Data, rests: &[&Rest], known: &Known, noise: Option<Noise
 struct Balance<'a> {
     known: &'a Known,
     stands: &'a [Stand<'a>],
-    /// The stands that count: between the stops, their friction told by the way.
+    /// The stands that count: between the stops, with known friction.
     used: Vec<usize>,
 }
 
@@ -174,8 +171,10 @@ impl<'a> Balance<'a> {
     /// The forces of spring and friction at all stands (N).
     fn held(&self, rod: &Rod) -> Vec<f64> {
         let friction = friction(self.stands, rod.rate);
-        let held =
-            |(stand, friction): (&Stand<'_>, f64)| rod.spring(stand.rest.position) + rod.coulomb * friction;
+        let coulomb = rod.actuator.parameters.coulomb_friction;
+        let held = |(stand, friction): (&Stand<'_>, f64)| {
+            rod.actuator.spring_force(stand.rest.position) + coulomb * friction
+        };
         self.stands.iter().zip(friction).map(held).collect()
     }
 
@@ -193,7 +192,7 @@ impl<'a> Balance<'a> {
         let fit = |free: &[usize]| {
             let begin: Vec<_> = free.iter().map(|&index| start[index]).collect();
             nonlinear(&begin, &vec![1; tuning.len()], 0.0, |values| {
-                let held = self.held(&Prior::rod(&with(free, values)));
+                let held = self.held(&Prior::rod(&with(free, values), self.known));
                 tuning.iter().map(|&index| self.force(index) - held[index]).collect()
             })
         };
@@ -211,11 +210,11 @@ impl<'a> Balance<'a> {
         Ok((Prior { free, parameters, solution: Some(solution) }, unidentified))
     }
 
-    /// What can be told at all: friction where the rod came from either side.
+    /// The parameters that can be determined: friction only where the rod came from either side.
     fn free(&self, start: &[f64]) -> (Vec<usize>, Vec<Unidentified>) {
         const LEAST_EACH_WAY: usize = 3;
         let tuning = self.tuning();
-        let friction = friction(self.stands, Prior::rod(start).rate);
+        let friction = friction(self.stands, Prior::rod(start, self.known).rate);
         let opening = tuning.iter().filter(|&&index| friction[index] > 0.0).count();
         if opening.min(tuning.len() - opening) >= LEAST_EACH_WAY {
             return ((0..NAMES.len()).collect(), vec![]);
@@ -231,14 +230,14 @@ impl<'a> Balance<'a> {
     fn drawing(&self, rod: &Rod) -> (Figure, Residuals) {
         let friction = friction(self.stands, rod.rate);
         let held = self.held(rod);
-        let point = |&index: &usize| Point {
+        let point = |&index: &usize| ResidualPoint {
             place: 1e3 * self.stands[index].rest.position,
-            measured: self.force(index) - rod.coulomb * friction[index],
+            measured: self.force(index) - rod.actuator.parameters.coulomb_friction * friction[index],
             residual: self.force(index) - held[index],
             validates: self.stands[index].rest.validates,
         };
         let points: Vec<_> = self.used.iter().map(point).collect();
-        let (x, y) = curve(&points, |place| rod.spring(1e-3 * place));
+        let (x, y) = curve(&points, |place| rod.actuator.spring_force(1e-3 * place));
         let labels = ["position (mm)", "force without friction (N)", "residual (N)"];
         (drawing(labels, &points, (&x, &y)), residuals("force", "N", &points))
     }
@@ -248,13 +247,13 @@ fn fit(
     data: &Data,
     rests: &[&Rest],
     known: &Known,
-    noise: Option<Noise>,
+    noise: Option<MeasurementNoise>,
     start: &[f64],
 ) -> Result<(Fit, Vec<Unidentified>, Prior)> {
     const LEAST_POSITIONS: usize = 8;
     let noise = noise.context("the rod is nowhere at rest")?;
     let stands = stands(data, rests, noise);
-    let balance = Balance::new(known, &stands, Prior::rod(start).rate);
+    let balance = Balance::new(known, &stands, Prior::rod(start, known).rate);
     let count = balance.tuning().len();
     if count < LEAST_POSITIONS {
         bail!(
@@ -263,7 +262,7 @@ fn fit(
         );
     }
     let (prior, mut unidentified) = balance.solve(start)?;
-    let (drawing, residuals) = balance.drawing(&Prior::rod(&prior.parameters));
+    let (drawing, residuals) = balance.drawing(&Prior::rod(&prior.parameters, known));
     let parameters = estimates(&prior, known);
     unidentified.retain(|missing| parameters.iter().all(|estimate| estimate.name != missing.name));
     let fit = Fit {
@@ -283,7 +282,8 @@ fn fit(
 
 fn estimates(prior: &Prior, known: &Known) -> Vec<ParameterEstimate> {
     let Some(solution) = &prior.solution else { return vec![] };
-    let rod = Prior::rod(&prior.parameters);
+    let rod = Prior::rod(&prior.parameters, known);
+    let coulomb = rod.actuator.parameters.coulomb_friction;
     let mut estimates = vec![];
     // The variance of the logarithm of σ, which is F_c times its rate.
     let mut variance = 0.0;
@@ -295,14 +295,14 @@ fn estimates(prior: &Prior, known: &Known) -> Vec<ParameterEstimate> {
             continue;
         }
         if NAMES[index] == COULOMB {
-            estimates.push(known.estimate(COULOMB, rod.coulomb, rod.coulomb * error));
+            estimates.push(known.estimate(COULOMB, coulomb, coulomb * error));
         }
         let others = prior.free.iter().enumerate().filter(|&(_, &other)| other >= 3);
         variance += others.map(|(other, _)| solution.covariance[(position, other)]).sum::<f64>();
     }
     // It goes with F_c, since the plant refuses one that is too stiff for it.
     if prior.free.iter().any(|&index| index >= 3) {
-        let stiffness = rod.coulomb * rod.rate.min(STIFFEST);
+        let stiffness = coulomb * rod.rate.min(STIFFEST_FRICTION);
         estimates.push(known.estimate(NAMES[4], stiffness, stiffness * variance.max(0.0).sqrt()));
     }
     estimates

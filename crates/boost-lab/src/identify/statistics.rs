@@ -20,7 +20,7 @@ const DEPENDENT: f64 = 1e-9;
 /// zero whatever the errors were, and show nothing.
 const ALONE: f64 = 1.0 - 1e-6;
 
-/// A parameter whose standard error is a larger part of it than this is not told by the data.
+/// A parameter with a larger relative standard error is not determined by the data.
 const MOST_RELATIVE_ERROR: f64 = 0.5;
 
 /// How far a solution is sought, relative to the sum of squares and to the parameters: far below any standard
@@ -68,7 +68,7 @@ pub fn nonlinear(
     least_variance: f64,
     residuals: impl Fn(&[f64]) -> Vec<f64>,
 ) -> Result<Solution> {
-    let problem = Problem { parameters: DVector::from_row_slice(start), residuals };
+    let problem = LeastSquares { parameters: DVector::from_row_slice(start), residuals };
     let (problem, report) =
         LevenbergMarquardt::new().with_tol(TOLERANCE).with_patience(PATIENCE).minimize(problem);
     if !report.termination.was_successful() {
@@ -116,12 +116,12 @@ impl Reliable {
     }
 }
 
-struct Problem<F> {
+struct LeastSquares<F> {
     parameters: DVector<f64>,
     residuals: F,
 }
 
-impl<F: Fn(&[f64]) -> Vec<f64>> Problem<F> {
+impl<F: Fn(&[f64]) -> Vec<f64>> LeastSquares<F> {
     fn values(&self, parameters: &DVector<f64>) -> DVector<f64> {
         DVector::from_vec((self.residuals)(parameters.as_slice()))
     }
@@ -142,7 +142,7 @@ impl<F: Fn(&[f64]) -> Vec<f64>> Problem<F> {
     }
 }
 
-impl<F: Fn(&[f64]) -> Vec<f64>> LeastSquaresProblem<f64, Dyn, Dyn> for Problem<F> {
+impl<F: Fn(&[f64]) -> Vec<f64>> LeastSquaresProblem<f64, Dyn, Dyn> for LeastSquares<F> {
     type ResidualStorage = Owned<f64, Dyn>;
     type JacobianStorage = Owned<f64, Dyn, Dyn>;
     type ParameterStorage = Owned<f64, Dyn>;
@@ -182,7 +182,6 @@ fn inverse_root(jacobian: &DMatrix<f64>) -> Result<DMatrix<f64>> {
     Ok(unscaled * inverse)
 }
 
-/// See the head of the module.
 fn covariance(
     jacobian: &DMatrix<f64>,
     residuals: &DVector<f64>,
@@ -200,7 +199,7 @@ fn covariance(
         let gradient = phase.transpose() * residuals.rows(first, rows);
         // A fit follows the phases that tell much, so their residuals are less than the errors were.
         let SymmetricEigen { eigenvectors, eigenvalues } = (phase.transpose() * &phase).symmetric_eigen();
-        let grown = eigenvalues.map(|told| if told < ALONE { (1.0 - told).sqrt().recip() } else { 0.0 });
+        let grown = eigenvalues.map(|share| if share < ALONE { (1.0 - share).sqrt().recip() } else { 0.0 });
         let change = root * (&eigenvectors * grown.component_mul(&eigenvectors.tr_mul(&gradient)));
         by_phases += &change * change.transpose();
         first += rows;
@@ -212,7 +211,6 @@ fn covariance(
     &factors * independent * factors
 }
 
-/// The root of the mean square.
 pub fn root_mean_square(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let (count, sum) =
         values.into_iter().fold((0_u32, 0.0), |(count, sum), value| (count + 1, sum + value * value));

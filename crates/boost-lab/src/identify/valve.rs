@@ -5,9 +5,9 @@ use nalgebra::{DMatrix, DVector};
 
 use super::data::Data;
 use super::phases::{Phase, Rest};
-use super::points::{Point, curve, drawing, residuals};
+use super::points::{ResidualPoint, curve, drawing, residuals};
 use super::statistics::{Solution, linear, mean};
-use super::{Fit, Known, Outcome, Unidentified};
+use super::{Fit, FitOutcome, Known, Unidentified};
 
 /// The coefficients of eq. (7).
 pub const PRESSURE: [&str; 4] = [
@@ -35,7 +35,7 @@ fn different_duties(duties: impl Iterator<Item = f64>) -> usize {
 }
 
 /// Eq. (7) from the chamber's pressure at rest.
-pub fn pressure(rests: &[&Rest], known: &Known) -> Outcome {
+pub fn pressure(rests: &[&Rest], known: &Known) -> FitOutcome {
     const LEAST_DUTIES: usize = 6;
     let is_held =
         |rest: &&&Rest| !rest.is_limited_by_tank && rest.chamber < known.ambient_pressure - BELOW_AMBIENT;
@@ -57,7 +57,7 @@ pub fn pressure(rests: &[&Rest], known: &Known) -> Outcome {
 
     let points: Vec<_> = held
         .iter()
-        .map(|rest| Point {
+        .map(|rest| ResidualPoint {
             place: rest.duty,
             measured: 1e-3 * rest.chamber,
             residual: rest.chamber - value(rest.duty),
@@ -105,10 +105,12 @@ impl<'a> Decay<'a> {
     fn new(data: &Data, phase: &Phase, rest: &'a Rest, known: &Known) -> Self {
         // Eq. (3) for the tank.
         let per_mass = known.gas_constant * known.ambient_temperature / known.tank_volume;
+        let (orifice, temperature) = (&known.system.valve.orifice, known.ambient_temperature);
+        let ambient = (known.ambient_pressure, temperature);
+        let rate = |row: usize| per_mass * orifice.mass_flow(1.0, ambient, (data.tank[row], temperature));
         let rows = rest.rows.clone();
         let mut leaked = vec![0.0];
         for row in rows.clone().skip(1) {
-            let rate = |row: usize| per_mass * known.flow(known.ambient_pressure, data.tank[row]);
             let step = (data.time[row] - data.time[row - 1]) * f64::midpoint(rate(row - 1), rate(row));
             leaked.push(leaked[leaked.len() - 1] + step);
         }
@@ -136,18 +138,18 @@ impl<'a> Decay<'a> {
     }
 
     /// The residuals of a solution (Pa).
-    fn residuals(&self, area: f64, pump: f64) -> impl Iterator<Item = Point> {
+    fn residuals(&self, area: f64, pump: f64) -> impl Iterator<Item = ResidualPoint> {
         let pump = if self.pump_runs { pump } else { 0.0 };
         let pairs = self.pressure.iter().zip(&self.leaked).zip(&self.pumped);
         pairs.map(move |((&measured, leaked), &pumped)| {
             let residual = measured - area * leaked + pump * pumped;
-            Point { place: pumped, measured, residual, validates: self.rest.validates }
+            ResidualPoint { place: pumped, measured, residual, validates: self.rest.validates }
         })
     }
 }
 
 /// Eq. (6) and the pump's flow from the tank's pressure.
-pub fn leakage(data: &Data, phases: &[Phase], known: &Known) -> Outcome {
+pub fn leakage(data: &Data, phases: &[Phase], known: &Known) -> FitOutcome {
     const LEAST_DUTIES: usize = 4;
     let mut decays: Vec<_> = phases
         .iter()
@@ -185,7 +187,12 @@ pub fn leakage(data: &Data, phases: &[Phase], known: &Known) -> Outcome {
         .filter(|decay| !decay.pump_runs)
         .map(|decay| {
             let (place, measured) = (decay.rest.duty, 1e9 * decay.area(pump));
-            Point { place, measured, residual: measured - fitted(place), validates: decay.rest.validates }
+            ResidualPoint {
+                place,
+                measured,
+                residual: measured - fitted(place),
+                validates: decay.rest.validates,
+            }
         })
         .collect();
     let of_tank: Vec<_> = decays

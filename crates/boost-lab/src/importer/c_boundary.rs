@@ -55,28 +55,23 @@ unsafe extern "C" {
 /// Takes an instance's messages. Its first field is what logger.c knows of it.
 #[repr(C)]
 struct Receiver {
-    receive: unsafe extern "C" fn(*const Receiver, c_int, *const c_char, *const c_char),
+    receive: unsafe extern "C" fn(*const Receiver, c_int, *const c_char),
     messages: Mutex<VecDeque<Message>>,
 }
 
 /// Keeps a message.
 ///
 /// # Safety
-/// `receiver` is the one of a living instance; the texts are null or end with a zero byte.
-unsafe extern "C" fn receive(
-    receiver: *const Receiver,
-    status: c_int,
-    category: *const c_char,
-    text: *const c_char,
-) {
+/// `receiver` is the one of a living instance; the text is null or ends with a zero byte.
+unsafe extern "C" fn receive(receiver: *const Receiver, status: c_int, text: *const c_char) {
     // SAFETY: the callers' promise.
-    let (receiver, category, text) = unsafe { (&*receiver, text_at(category), text_at(text)) };
+    let (receiver, text) = unsafe { (&*receiver, text_at(text)) };
     // An FMU may log from threads of its own.
     let mut messages = receiver.messages.lock().unwrap_or_else(PoisonError::into_inner);
     if messages.len() == KEPT_MESSAGES {
         messages.pop_front();
     }
-    messages.push_back(Message { status: Status(status), category, text });
+    messages.push_back(Message { status: Status(status), text });
 }
 
 /// A copy of a C text; empty where there is none.
@@ -106,7 +101,6 @@ macro_rules! functions {
         }
 
         impl Functions {
-            /// Loads a library.
             pub fn load(path: &Path) -> Result<Self> {
                 // SAFETY: loading runs the library's initializers. That an FMU's code may run is what its
                 // user asks for by naming it.
@@ -142,7 +136,6 @@ functions! {
         get_real: "fmi2GetReal" (Component, *const ValueReference, usize, *mut f64) -> c_int;
         get_integer: "fmi2GetInteger" (Component, *const ValueReference, usize, *mut Integer) -> c_int;
         get_boolean: "fmi2GetBoolean" (Component, *const ValueReference, usize, *mut Boolean) -> c_int;
-        get_string: "fmi2GetString" (Component, *const ValueReference, usize, *mut *const c_char) -> c_int;
         set_real: "fmi2SetReal" (Component, *const ValueReference, usize, *const f64) -> c_int;
         set_integer: "fmi2SetInteger" (Component, *const ValueReference, usize, *const Integer) -> c_int;
         set_boolean: "fmi2SetBoolean" (Component, *const ValueReference, usize, *const Boolean) -> c_int;
@@ -156,6 +149,9 @@ functions! {
         get_real_status: "fmi2GetRealStatus" (Component, c_int, *mut f64) -> c_int;
     }
 }
+
+type Get<T> = unsafe extern "C" fn(Component, *const ValueReference, usize, *mut T) -> c_int;
+type Set<T> = unsafe extern "C" fn(Component, *const ValueReference, usize, *const T) -> c_int;
 
 /// `fmi2LastSuccessfulTime` of `fmi2StatusKind`.
 const LAST_SUCCESSFUL_TIME: c_int = 2;
@@ -175,10 +171,6 @@ pub struct Handle {
 }
 
 impl Handle {
-    /// Calls `fmi2Instantiate`.
-    ///
-    /// # Errors
-    /// What the FMU logged when it made no instance.
     pub fn new(functions: &Arc<Functions>, texts: [CString; 3]) -> std::result::Result<Self, Vec<Message>> {
         let receiver = Box::new(Receiver { receive, messages: Mutex::default() });
         let callbacks = Box::new(CallbackFunctions {
@@ -232,7 +224,6 @@ impl Handle {
         status
     }
 
-    /// Calls `fmi2SetupExperiment`.
     pub fn setup_experiment(&self, start_time: f64, stop_time: Option<f64>) -> Status {
         let (is_defined, stop_time) = stop_time.map_or((FALSE, 0.0), |time| (TRUE, time));
         // SAFETY: the component is alive.
@@ -241,13 +232,11 @@ impl Handle {
         })
     }
 
-    /// Calls `fmi2EnterInitializationMode`.
     pub fn enter_initialization_mode(&self) -> Status {
         // SAFETY: the component is alive.
         self.call(|component| unsafe { (self.functions.enter_initialization_mode)(component) })
     }
 
-    /// Calls `fmi2ExitInitializationMode`.
     pub fn exit_initialization_mode(&self) -> Status {
         // SAFETY: the component is alive.
         let status = self.call(|component| unsafe { (self.functions.exit_initialization_mode)(component) });
@@ -272,82 +261,46 @@ impl Handle {
         status.succeeded().then_some(time).filter(|time| time.is_finite())
     }
 
-    /// Calls `fmi2GetReal`.
+    /// Calls one of the instance's functions that get numbers.
+    fn get<T>(&self, function: Get<T>, references: &[ValueReference], values: &mut [T]) -> Status {
+        assert_eq!(references.len(), values.len(), "each value has its reference");
+        // SAFETY: the component is alive, both arrays have this length.
+        self.call(|component| unsafe {
+            function(component, references.as_ptr(), references.len(), values.as_mut_ptr())
+        })
+    }
+
+    /// Calls one of the instance's functions that set numbers.
+    fn set<T>(&self, function: Set<T>, references: &[ValueReference], values: &[T]) -> Status {
+        assert_eq!(references.len(), values.len(), "each value has its reference");
+        // SAFETY: the component is alive, both arrays have this length.
+        self.call(|component| unsafe {
+            function(component, references.as_ptr(), references.len(), values.as_ptr())
+        })
+    }
+
     pub fn get_real(&self, references: &[ValueReference], values: &mut [f64]) -> Status {
-        assert_eq!(references.len(), values.len(), "each value has its reference");
-        // SAFETY: the component is alive, both arrays have this length.
-        self.call(|component| unsafe {
-            (self.functions.get_real)(component, references.as_ptr(), references.len(), values.as_mut_ptr())
-        })
+        self.get(self.functions.get_real, references, values)
     }
 
-    /// Calls `fmi2GetInteger`.
     pub fn get_integer(&self, references: &[ValueReference], values: &mut [Integer]) -> Status {
-        assert_eq!(references.len(), values.len(), "each value has its reference");
-        // SAFETY: the component is alive, both arrays have this length.
-        self.call(|component| unsafe {
-            (self.functions.get_integer)(
-                component,
-                references.as_ptr(),
-                references.len(),
-                values.as_mut_ptr(),
-            )
-        })
+        self.get(self.functions.get_integer, references, values)
     }
 
-    /// Calls `fmi2GetBoolean`.
     pub fn get_boolean(&self, references: &[ValueReference], values: &mut [Boolean]) -> Status {
-        assert_eq!(references.len(), values.len(), "each value has its reference");
-        // SAFETY: the component is alive, both arrays have this length.
-        self.call(|component| unsafe {
-            (self.functions.get_boolean)(
-                component,
-                references.as_ptr(),
-                references.len(),
-                values.as_mut_ptr(),
-            )
-        })
+        self.get(self.functions.get_boolean, references, values)
     }
 
-    /// Calls `fmi2GetString` for one variable.
-    pub fn get_string(&self, reference: ValueReference, value: &mut String) -> Status {
-        let mut text = ptr::null();
-        // SAFETY: the component is alive, both arrays have one element.
-        let status = self.call(|component| unsafe {
-            (self.functions.get_string)(component, &raw const reference, 1, &raw mut text)
-        });
-        if status.succeeded() {
-            // SAFETY: the FMU's text is valid until the next call, and copied before.
-            *value = unsafe { text_at(text) };
-        }
-        status
-    }
-
-    /// Calls `fmi2SetReal`.
     pub fn set_real(&self, references: &[ValueReference], values: &[f64]) -> Status {
-        assert_eq!(references.len(), values.len(), "each value has its reference");
-        // SAFETY: the component is alive, both arrays have this length.
-        self.call(|component| unsafe {
-            (self.functions.set_real)(component, references.as_ptr(), references.len(), values.as_ptr())
-        })
+        self.set(self.functions.set_real, references, values)
     }
 
-    /// Calls `fmi2SetInteger`.
     pub fn set_integer(&self, references: &[ValueReference], values: &[Integer]) -> Status {
-        assert_eq!(references.len(), values.len(), "each value has its reference");
-        // SAFETY: the component is alive, both arrays have this length.
-        self.call(|component| unsafe {
-            (self.functions.set_integer)(component, references.as_ptr(), references.len(), values.as_ptr())
-        })
+        self.set(self.functions.set_integer, references, values)
     }
 
-    /// Calls `fmi2SetBoolean`.
     pub fn set_boolean(&self, references: &[ValueReference], values: &[Boolean]) -> Status {
-        assert_eq!(references.len(), values.len(), "each value has its reference");
-        // SAFETY: the component is alive, both arrays have this length.
-        self.call(|component| unsafe {
-            (self.functions.set_boolean)(component, references.as_ptr(), references.len(), values.as_ptr())
-        })
+        self.set(self.functions.set_boolean, references, values)
     }
 
     /// Calls `fmi2SetString` for one variable.
@@ -378,7 +331,6 @@ impl Handle {
         Some(status)
     }
 
-    /// Calls `fmi2FreeFMUstate`.
     pub fn free_state(&self, mut state: FmuState) {
         if let Some(free) = self.functions.free_state {
             // SAFETY: the component is alive, and the state is one that it gave and that is not freed.

@@ -8,7 +8,6 @@ use anyhow::{Context, Result};
 use fmu_package::archive;
 use fmu_package::temporary::Folder;
 
-/// Extracts an FMU.
 pub fn extract(path: &Path) -> Result<Folder> {
     let file = File::open(path).context("it cannot be opened")?;
     let mut archive = archive::open(BufReader::new(file))?;

@@ -7,14 +7,14 @@
 
 /* What the component environment points to; `Receiver` in c_boundary.rs. */
 struct receiver {
-    void (*receive)(const struct receiver *self, int status, const char *category, const char *text);
+    void (*receive)(const struct receiver *self, int status, const char *text);
 };
 
 void boost_lab_log(void *environment, const char *instance, int status, const char *category,
                    const char *format, ...)
 {
     const struct receiver *receiver = environment;
-    (void)instance;
+    (void)instance, (void)category;
     if (receiver == NULL || format == NULL)
         return;
 
@@ -25,12 +25,12 @@ void boost_lab_log(void *environment, const char *instance, int status, const ch
 
     char *text = length < 0 ? NULL : malloc((size_t)length + 1);
     if (text == NULL) {
-        receiver->receive(receiver, status, category, format);
+        receiver->receive(receiver, status, format);
         return;
     }
     va_start(arguments, format);
     vsnprintf(text, (size_t)length + 1, format, arguments);
     va_end(arguments);
-    receiver->receive(receiver, status, category, text);
+    receiver->receive(receiver, status, text);
     free(text);
 }

@@ -11,15 +11,11 @@ use fmu_package::terminal::number;
 pub struct Status(pub c_int);
 
 impl Status {
-    /// `fmi2Warning`.
     pub const WARNING: Self = Self(1);
-    /// `fmi2Discard`.
     pub const DISCARD: Self = Self(2);
-    /// `fmi2Fatal`.
     pub const FATAL: Self = Self(4);
 
     /// Whether the function did what it was called for.
-    #[must_use]
     pub fn succeeded(self) -> bool {
         // fmi2OK or fmi2Warning.
         matches!(self.0, 0 | 1)
@@ -39,10 +35,7 @@ impl fmt::Display for Status {
 /// What an instance logged.
 #[derive(Clone, Debug)]
 pub struct Message {
-    /// How bad it is.
     pub status: Status,
-    /// The FMU's own category.
-    pub category: String,
     /// The text, as the FMU formatted it.
     pub text: String,
 }
@@ -94,13 +87,12 @@ pub(super) fn with_names(message: Message, description: &FmuDescription) -> Mess
 /// A call that failed, and the FMU's messages.
 #[derive(Debug)]
 pub struct CallFailed {
-    /// The instance's name.
     pub instance: String,
     /// The C function of FMI.
     pub function: &'static str,
     /// The variables that it was called for, where there are few.
     pub variables: Vec<String>,
-    /// The time that the instance had reached (s); none before it was told one.
+    /// The time that the instance had reached (s); none before `fmi2SetupExperiment`.
     pub time: Option<f64>,
     /// What the function returned; none where it returned no instance.
     pub status: Option<Status>,

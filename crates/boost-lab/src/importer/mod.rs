@@ -5,14 +5,15 @@
 //! numbers of any type in one go and allocates nothing. The error of a call that fails is a [`CallFailed`]: the
 //! function, the time, and the FMU's messages.
 //!
-//! This is the only room that knows how FMUs are called. Why it calls them itself: of the crates that import
-//! FMI 2.0, `fmi` needs libclang to be built and crashes on messages without a category, and `fmi-rs` (0.3.4)
-//! crashes with FMUs that keep the pointer to the callbacks, as many do, and with a status that the standard
-//! does not know.
+//! Only this module calls FMUs. It does so itself because, of the crates that import FMI 2.0, `fmi` needs libclang
+//! to be built and crashes on messages without a category, and `fmi-rs` (0.3.4) crashes with FMUs that keep the
+//! pointer to the callbacks, as many do, and with a status that the standard does not define.
 
 mod c_boundary;
 mod folder;
 mod messages;
+#[cfg(test)]
+mod tests;
 
 use std::collections::BTreeMap;
 use std::ffi::CString;
@@ -45,9 +46,6 @@ pub struct Fmu {
 
 impl Fmu {
     /// Extracts an FMU, reads its description and loads its library.
-    ///
-    /// # Errors
-    /// The message names the file and says what is wrong with it.
     pub fn open(path: &Path) -> Result<Arc<Self>> {
         Self::open_anonymous(path).with_context(|| format!("cannot import {}", path.display())).map(Arc::new)
     }
@@ -85,7 +83,6 @@ impl Fmu {
     }
 
     /// The FMU as it is seen in other names and units: from here on nothing refers to its own.
-    #[must_use]
     pub fn translated(&self, translation: Translation) -> Arc<Self> {
         let mut conversions = translation.to_interface;
         conversions.retain(|_, conversion| *conversion != Linear::IDENTITY);
@@ -98,16 +95,10 @@ impl Fmu {
         })
     }
 
-    /// What the FMU says of itself.
-    #[must_use]
     pub fn description(&self) -> &FmuDescription {
         &self.description
     }
 
-    /// A variable.
-    ///
-    /// # Errors
-    /// When there is none of that name; the message names the likeliest.
     pub fn variable(&self, name: &str) -> Result<&FmuVariable> {
         self.description.variable(name).with_context(|| {
             let names = self.description.variables.iter().map(|variable| variable.name.as_str());
@@ -121,9 +112,6 @@ impl Fmu {
     }
 
     /// Resolves variables.
-    ///
-    /// # Errors
-    /// When there is none of a name, or it is a text.
     pub fn select<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Result<Selection> {
         let mut selection = Selection::default();
         for name in names {
@@ -147,10 +135,6 @@ impl Fmu {
         Ok(selection)
     }
 
-    /// Makes an instance.
-    ///
-    /// # Errors
-    /// When the FMU refuses; the message says why if the FMU does.
     pub fn instantiate(self: &Arc<Self>, name: &str) -> Result<Instance> {
         let resources = folder::uri(&self.folder.path().join("resources"));
         let texts = [name, self.description.attribute("guid"), &resources].map(CString::new);
@@ -238,13 +222,11 @@ impl<T: Copy + Default> Group<T> {
 
 impl Selection {
     /// The names of the selected variables, in their order.
-    #[must_use]
     pub fn names(&self) -> &[String] {
         &self.names
     }
 }
 
-/// An instance of an FMU.
 pub struct Instance {
     fmu: Arc<Fmu>,
     name: String,
@@ -267,22 +249,9 @@ impl Drop for SavedState {
 }
 
 impl Instance {
-    /// The FMU that it is of.
-    #[must_use]
-    pub fn fmu(&self) -> &Arc<Fmu> {
-        &self.fmu
-    }
-
     /// The name that messages use.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.name
-    }
-
-    /// The time that it has reached (s).
-    #[must_use]
-    pub fn time(&self) -> Option<f64> {
-        self.time
     }
 
     /// What it warned of since the last time.
@@ -320,9 +289,6 @@ impl Instance {
     }
 
     /// Tells the experiment's times (s); values may be set before.
-    ///
-    /// # Errors
-    /// When the FMU refuses.
     pub fn set_up(&mut self, start_time: f64, stop_time: Option<f64>) -> Result<()> {
         let status = self.handle.setup_experiment(start_time, stop_time);
         self.check("fmi2SetupExperiment", &[], status)?;
@@ -330,28 +296,18 @@ impl Instance {
         Ok(())
     }
 
-    /// Begins the initialization.
-    ///
-    /// # Errors
-    /// When the FMU refuses.
     pub fn enter_initialization(&mut self) -> Result<()> {
         let status = self.handle.enter_initialization_mode();
         self.check("fmi2EnterInitializationMode", &[], status)
     }
 
     /// Ends the initialization: from now on it steps.
-    ///
-    /// # Errors
-    /// When the FMU refuses.
     pub fn exit_initialization(&mut self) -> Result<()> {
         let status = self.handle.exit_initialization_mode();
         self.check("fmi2ExitInitializationMode", &[], status)
     }
 
     /// Steps from a time (s) by a size (s).
-    ///
-    /// # Errors
-    /// When the FMU refuses, or discards the step.
     pub fn step(&mut self, time: f64, size: f64) -> Result<()> {
         let status = self.handle.do_step(time, size);
         self.check("fmi2DoStep", &[], status)?;
@@ -359,10 +315,6 @@ impl Instance {
         Ok(())
     }
 
-    /// Gets the values of variables.
-    ///
-    /// # Errors
-    /// When the FMU refuses.
     pub fn get(&mut self, selection: &mut Selection, values: &mut [f64]) -> Result<()> {
         let Selection { names, reals, integers, booleans, conversions } = selection;
         if !reals.references.is_empty() {
@@ -387,9 +339,6 @@ impl Instance {
     }
 
     /// Sets variables. An Integer becomes the nearest whole number, a Boolean true from 0.5 on.
-    ///
-    /// # Errors
-    /// When the FMU refuses.
     pub fn set(&mut self, selection: &mut Selection, values: &[f64]) -> Result<()> {
         let Selection { names, reals, integers, booleans, conversions } = selection;
         if !reals.references.is_empty() {
@@ -416,9 +365,6 @@ impl Instance {
     }
 
     /// The number that a variable is now.
-    ///
-    /// # Errors
-    /// When there is no such variable, it is a text, or the FMU refuses.
     pub fn number(&mut self, name: &str) -> Result<f64> {
         let mut value = [0.0];
         let mut selection = self.fmu.select([name])?;
@@ -427,19 +373,12 @@ impl Instance {
     }
 
     /// Sets a variable to a value of its type, in its unit or one that converts to it.
-    ///
-    /// # Errors
-    /// When there is no such variable, the value is not for it, or the FMU refuses it.
     pub fn set_value(&mut self, name: &str, value: &Value) -> Result<()> {
         let fmu = Arc::clone(&self.fmu);
         let variable = fmu.variable(name)?;
         self.set_fitted(variable, &value.fit(variable, &[], &fmu.description)?)
     }
 
-    /// Sets the parameters of a set.
-    ///
-    /// # Errors
-    /// When one is not for the FMU, before any is set; when the FMU refuses one.
     pub fn set_parameters(&mut self, set: &ParameterSet) -> Result<()> {
         let fmu = Arc::clone(&self.fmu);
         let fitted =
@@ -479,23 +418,6 @@ impl Instance {
         self.check(function, std::slice::from_ref(name), status)
     }
 
-    /// The text that a variable is now.
-    ///
-    /// # Errors
-    /// When there is no such variable, or the FMU refuses.
-    pub fn text(&mut self, name: &str) -> Result<String> {
-        let fmu = Arc::clone(&self.fmu);
-        let reference = reference(fmu.variable(name)?)?;
-        let mut value = String::new();
-        let status = self.handle.get_string(reference, &mut value);
-        self.check("fmi2GetString", &[name.to_owned()], status)?;
-        Ok(value)
-    }
-
-    /// Saves the state.
-    ///
-    /// # Errors
-    /// When the FMU cannot do that, or fails to.
     pub fn save(&mut self) -> Result<SavedState> {
         let Some((status, state)) = self.handle.get_state() else {
             bail!("{}: the FMU cannot save its state", self.name);
@@ -505,9 +427,6 @@ impl Instance {
     }
 
     /// Goes back to a state that this instance saved.
-    ///
-    /// # Errors
-    /// When the state is another instance's, or the FMU fails.
     pub fn restore(&mut self, saved: &SavedState) -> Result<()> {
         if !Rc::ptr_eq(&self.handle, &saved.handle) {
             bail!("{}: the state is another instance's", self.name);

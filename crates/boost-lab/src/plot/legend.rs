@@ -14,14 +14,13 @@ const LETTER: f64 = 0.56;
 /// How near a line may come to the box.
 const CLEARANCE: f64 = 4.0;
 
-/// The legend of a panel.
 pub struct Legend<'a> {
     entries: Vec<(&'a Line, &'a str)>,
-    place: Place,
+    place: LegendPosition,
 }
 
 /// Relative to the frame's upper left corner.
-enum Place {
+enum LegendPosition {
     Inside(f64, f64),
     /// How many entries each row holds.
     Above(Vec<usize>),
@@ -52,8 +51,8 @@ impl<'a> Legend<'a> {
         let middle = f64::midpoint(near, far);
         let corners = [(far, high), (near, high), (far, low), (near, low), (middle, high), (middle, low)];
         let place = match corners.into_iter().find(is_free) {
-            Some((x, y)) => Place::Inside(x, y),
-            None => Place::Above(rows(&entries, frame.width)),
+            Some((x, y)) => LegendPosition::Inside(x, y),
+            None => LegendPosition::Above(rows(&entries, frame.width)),
         };
         Some(Self { entries, place })
     }
@@ -61,20 +60,20 @@ impl<'a> Legend<'a> {
     /// The height that it needs above the frame.
     pub fn height_above(&self) -> f64 {
         match &self.place {
-            Place::Inside(..) => 0.0,
-            Place::Above(rows) => ROW * rows.len() as f64,
+            LegendPosition::Inside(..) => 0.0,
+            LegendPosition::Above(rows) => ROW * rows.len() as f64,
         }
     }
 
     pub fn draw(&self, svg: &mut Svg, frame: &Frame) {
         match &self.place {
-            Place::Inside(x, y) => {
+            LegendPosition::Inside(x, y) => {
                 for (index, entry) in self.entries.iter().enumerate() {
                     let middle = frame.top + y + PADDING / 2.0 + ROW * (index as f64 + 0.5);
                     draw_entry(svg, entry, frame.left + x + PADDING, middle);
                 }
             }
-            Place::Above(rows) => {
+            LegendPosition::Above(rows) => {
                 let mut entries = self.entries.iter();
                 for (index, &count) in rows.iter().enumerate() {
                     let middle = frame.top - ROW * ((rows.len() - index) as f64 - 0.5) - 2.0;

@@ -13,7 +13,6 @@ use self::legend::Legend;
 pub use self::svg::escaped;
 use self::svg::{Anchor, Svg};
 
-/// The colours of the curves.
 pub mod color {
     /// For what is asked for, and for texts.
     pub const BLACK: &str = "#1a1a1a";
@@ -23,21 +22,15 @@ pub mod color {
     pub const BLUE: &str = "#0072b2";
     /// For what it is compared with.
     pub const VERMILION: &str = "#d55e00";
-    /// A third one.
     pub const GREEN: &str = "#009e73";
-    /// A fourth one.
     pub const PURPLE: &str = "#aa4499";
-    /// A fifth one.
     pub const SKY: &str = "#56b4e9";
-    /// A sixth one.
     pub const ORANGE: &str = "#e69f00";
-    /// The default order.
     pub const CYCLE: [&str; 7] = [BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE, BLACK];
 }
 
 /// The width of a figure, in CSS pixels.
 const WIDTH: f64 = 720.0;
-/// The size of texts.
 const FONT_SIZE: f64 = 12.0;
 /// The mean width of a character, in font sizes: that of digits in Helvetica and its like.
 const CHARACTER: f64 = 0.556;
@@ -101,7 +94,6 @@ impl Marks {
     }
 }
 
-/// A shaded range of an axis.
 #[derive(Clone, Debug)]
 struct Band {
     from: f64,
@@ -110,21 +102,16 @@ struct Band {
 }
 
 impl Figure {
-    /// An empty figure.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Adds a row of panels.
-    #[must_use]
     pub fn row(mut self, panels: impl IntoIterator<Item = Panel>) -> Self {
         self.rows.push(panels.into_iter().collect());
         self
     }
 
     /// Panels that stand above each other have one horizontal axis, at the lowest.
-    #[must_use]
     pub fn shared_x(mut self) -> Self {
         self.shares_x = true;
         self
@@ -133,7 +120,6 @@ impl Figure {
 
 impl Panel {
     /// A panel with its axes' labels, with their units.
-    #[must_use]
     pub fn new(x_label: &str, y_label: &str) -> Self {
         Self {
             title: None,
@@ -146,57 +132,45 @@ impl Panel {
         }
     }
 
-    /// A title above the frame.
-    #[must_use]
     pub fn title(mut self, title: &str) -> Self {
         self.title = Some(title.to_owned());
         self
     }
 
-    /// The frame's height.
-    #[must_use]
     pub fn height(mut self, height: f64) -> Self {
         self.height = height;
         self
     }
 
     /// The horizontal axis from a value to another.
-    #[must_use]
     pub fn x_range(mut self, from: f64, to: f64) -> Self {
         self.x.range = Some((from, to));
         self
     }
 
     /// The left axis from a value to another.
-    #[must_use]
     pub fn y_range(mut self, from: f64, to: f64) -> Self {
         self.left.range = Some((from, to));
         self
     }
 
-    /// An axis on the right.
-    #[must_use]
     pub fn right(mut self, label: &str, range: Option<(f64, f64)>) -> Self {
         self.right = Some(Axis { label: label.to_owned(), range });
         self
     }
 
-    /// Adds a line.
-    #[must_use]
     pub fn line(mut self, line: Line) -> Self {
         self.lines.push(line);
         self
     }
 
     /// Shades a range of the left axis.
-    #[must_use]
     pub fn band(mut self, from: f64, to: f64) -> Self {
         self.bands.push(Band { from, to, is_of_x: false });
         self
     }
 
     /// Shades a range of the horizontal axis.
-    #[must_use]
     pub fn x_band(mut self, from: f64, to: f64) -> Self {
         self.bands.push(Band { from, to, is_of_x: true });
         self
@@ -205,7 +179,6 @@ impl Panel {
 
 impl Line {
     /// A line through points, in blue.
-    #[must_use]
     pub fn new(x: &[f64], y: impl IntoIterator<Item = f64>) -> Self {
         Self {
             points: x.iter().copied().zip(y).collect(),
@@ -220,63 +193,44 @@ impl Line {
     }
 
     /// A text in the legend.
-    #[must_use]
     pub fn label(mut self, label: &str) -> Self {
         self.label = Some(label.to_owned());
         self
     }
 
-    /// One of [`color`].
-    #[must_use]
     pub fn color(mut self, color: &'static str) -> Self {
         self.color = color;
         self
     }
 
-    /// A thinner line.
-    #[must_use]
     pub fn thin(mut self) -> Self {
         self.width = 1.0;
         self
     }
 
-    /// A dashed line.
-    #[must_use]
     pub fn dashed(mut self) -> Self {
         self.dashes = Some("6 3");
         self
     }
 
-    /// A dotted line.
-    #[must_use]
-    pub fn dotted(mut self) -> Self {
-        self.dashes = Some("1.5 2.5");
-        self
-    }
-
     /// Each value holds until the next point.
-    #[must_use]
     pub fn held(mut self) -> Self {
         self.is_held = true;
         self
     }
 
-    /// Over the right axis.
-    #[must_use]
     pub fn right(mut self) -> Self {
         self.is_right = true;
         self
     }
 
     /// With a marker at each point.
-    #[must_use]
     pub fn markers(mut self) -> Self {
         self.marks = Marks::StrokeAndDots;
         self
     }
 
     /// Only a marker at each point.
-    #[must_use]
     pub fn dots(mut self) -> Self {
         self.marks = Marks::Dots;
         self
@@ -312,14 +266,11 @@ struct Margins {
 }
 
 impl Figure {
-    /// The SVG text.
-    #[must_use]
     pub fn svg(&self) -> String {
         self.svg_named("figure")
     }
 
     /// The SVG text, for a page with other ones, which have other names.
-    #[must_use]
     pub fn svg_named(&self, name: &str) -> String {
         let mut svg = Svg::new(name);
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
@@ -371,7 +322,6 @@ impl Figure {
         svg.finish(WIDTH, top + 4.0)
     }
 
-    /// The horizontal scales of all panels.
     fn x_scales(&self) -> Vec<Vec<Scale>> {
         let own: Vec<Vec<_>> =
             self.rows.iter().map(|row| row.iter().map(Panel::x_range_drawn).collect()).collect();
@@ -398,7 +348,6 @@ impl Panel {
         self.x.range.unwrap_or_else(|| extent(self.lines.iter(), |point| point.0))
     }
 
-    /// The left and the right scale.
     fn y_scales(&self) -> (Scale, Option<Scale>) {
         let ticks = if self.height < 110.0 { 4 } else { 6 };
         let scale = |axis: &Axis, is_right: bool| {

@@ -133,7 +133,6 @@ impl Svg {
 }
 
 /// A text as XML writes it.
-#[must_use]
 pub fn escaped(text: &str) -> String {
     // Control characters are not allowed in XML.
     printable(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")

@@ -12,7 +12,6 @@ use crate::scenario::Signal;
 const EDGES: [f64; 2] = [2.0, 6.0];
 /// The voltage that a duty is meant at (V).
 const NOMINAL: f64 = 12.0;
-/// The variable that is shown.
 const POSITION: &str = "hp_wastegate_position";
 
 pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {

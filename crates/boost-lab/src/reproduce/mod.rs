@@ -1,7 +1,7 @@
 //! The paper's figures from the FMUs: each is one or more scenarios, what is measured in them, and a drawing
 //! laid out as the paper's.
 //!
-//! A [`Claim`] is a statement of the paper with the number that the FMUs give, the range that bears the
+//! A [`Claim`] is a statement of the paper with the number that the FMUs give, the range that confirms the
 //! statement out, and whether the number is a prediction of the model or was put into it.
 
 mod figure_1;
@@ -30,13 +30,10 @@ use crate::scenario::Scenario;
 
 pub use self::report::{html, json};
 
-/// A figure of the paper.
 pub struct PaperFigure {
     /// The number of the figure in the paper.
     pub number: u32,
-    /// What it is about.
     pub title: &'static str,
-    /// Runs its experiments.
     reproduce: fn(&mut Laboratory) -> Result<Evidence>,
 }
 
@@ -72,7 +69,6 @@ pub struct Evidence {
     pub notes: Vec<String>,
 }
 
-/// A drawing of a report.
 pub enum Drawing {
     /// A plot of what was recorded.
     Plot(Figure),
@@ -121,7 +117,6 @@ pub enum Basis {
 
 impl Claim {
     /// Whether the number is in the range.
-    #[must_use]
     pub fn holds(&self) -> bool {
         // Not-a-number is in no range.
         self.value >= self.least.unwrap_or(f64::NEG_INFINITY)
@@ -139,11 +134,8 @@ impl Basis {
     }
 }
 
-/// A reproduced figure.
 pub struct Reproduced {
-    /// Which one.
     pub figure: &'static PaperFigure,
-    /// What was found.
     pub evidence: Evidence,
     /// The scenarios that ran: names and texts.
     pub scenarios: Vec<(&'static str, &'static str)>,
@@ -158,22 +150,16 @@ pub struct Laboratory {
 
 impl Laboratory {
     /// One with the FMUs of a folder, `BoostPlant.fmu` and `BoostController.fmu`.
-    #[must_use]
     pub fn new(folder: &Path) -> Self {
         Self { folder: folder.to_owned(), fmus: LoadedFmus::default(), scenarios: vec![] }
     }
 
-    /// Reproduces a figure.
-    ///
-    /// # Errors
-    /// When an FMU is missing or fails.
     pub fn reproduce(&mut self, figure: &'static PaperFigure) -> Result<Reproduced> {
         let evidence = (figure.reproduce)(self).with_context(|| format!("Fig. {}", figure.number))?;
         Ok(Reproduced { figure, evidence, scenarios: std::mem::take(&mut self.scenarios) })
     }
 
     /// The FMUs that were used, with their versions and GUIDs.
-    #[must_use]
     pub fn fmus(&self) -> Vec<String> {
         let describe = |fmu: &Fmu| {
             let attribute = |name| fmu.description().attribute(name);
@@ -190,7 +176,6 @@ impl Laboratory {
         Scenario::parse(name, text, Path::new(""), &self.folder)
     }
 
-    /// Runs a scenario.
     fn run(&mut self, scenario: &Scenario) -> Result<Record> {
         Ok(Master::new(scenario, &mut self.fmus)?.run(|_| ())?.record)
     }

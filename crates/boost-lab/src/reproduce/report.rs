@@ -14,7 +14,7 @@ pre { font-size: 0.8em; background: #f6f6f6; padding: 0.8em; overflow-x: auto; }
 ";
 
 #[derive(Serialize)]
-struct JsonReport<'a> {
+struct ReproductionReport<'a> {
     all_claims_hold: bool,
     figures: Vec<JsonFigure<'a>>,
 }
@@ -34,13 +34,9 @@ struct JsonClaim<'a> {
     claim: &'a Claim,
 }
 
-/// The text of report.json.
-///
-/// # Errors
-/// When a number is not finite.
 pub fn json(figures: &[Reproduced]) -> Result<String> {
     let claims = |claims: &'_ [Claim]| claims.iter().all(Claim::holds);
-    let report = JsonReport {
+    let report = ReproductionReport {
         all_claims_hold: figures.iter().all(|figure| claims(&figure.evidence.claims)),
         figures: figures
             .iter()
@@ -59,8 +55,6 @@ pub fn json(figures: &[Reproduced]) -> Result<String> {
     Ok(serde_json::to_string_pretty(&report)? + "\n")
 }
 
-/// The text of report.html.
-#[must_use]
 pub fn html(figures: &[Reproduced], fmus: &[String]) -> String {
     let claims = || figures.iter().flat_map(|figure| &figure.evidence.claims);
     let (all, holding) = (claims().count(), claims().filter(|claim| claim.holds()).count());
@@ -68,7 +62,7 @@ pub fn html(figures: &[Reproduced], fmus: &[String]) -> String {
         "<h1>Boost pressure control with system voltage disturbance rejection: the paper's figures from the FMUs</h1>\n\
          <p>The experiments of Criscuolo, Leufvén, Thomasson and Eriksson, \u{201c}Model-based boost pressure control \
          with system voltage disturbance rejection\u{201d} (IFAC 2011), run with {}. Under each drawing stand the \
-         paper's statements, the number that the FMUs give, and whether it bears the statement out.</p>\n\
+         paper's statements, the number that the FMUs give, and whether it confirms the statement.</p>\n\
          <p>The engine's and turbochargers' parameters are not published. Where they were chosen so that a figure is \
          met, the number is called a <em>calibration</em>; a <em>prediction</em> follows from parameters that were \
          chosen by something else; a <em>construction</em> follows from how the controller is built.</p>\n\

@@ -13,28 +13,24 @@ use toml::de::{DeTable, DeValue};
 
 /// Where something stands in a file.
 #[derive(Clone, Debug)]
-pub struct Place {
+pub struct Location {
     file: Arc<str>,
     line: usize,
     key: String,
 }
 
-impl Place {
-    /// An error with its place.
-    #[must_use]
+impl Location {
+    /// An error with its location.
     pub fn error(&self, message: impl Display) -> Error {
         anyhow!("{}, line {}, {}: {message}", self.file, self.line, self.key)
     }
 
-    /// Puts the place before whatever went wrong.
-    ///
-    /// # Errors
-    /// When something went wrong.
+    /// Puts the location before whatever went wrong.
     pub fn locate<T>(&self, result: Result<T>) -> Result<T> {
         result.map_err(|error| self.error(format!("{error:#}")))
     }
 
-    /// The place of what stands below it.
+    /// The location of what stands below it.
     fn child(&self, key: impl Display, line: usize) -> Self {
         Self { file: Arc::clone(&self.file), line, key: key.to_string() }
     }
@@ -59,19 +55,17 @@ impl<'a> Document<'a> {
         Ok(Self { text, file: file.into(), root, files: RefCell::default() })
     }
 
-    /// The files that it names.
     pub fn into_files(self) -> Vec<PathBuf> {
         self.files.into_inner()
     }
 
-    /// The file's table.
-    pub fn root(&self) -> Table<'_> {
-        let place = Place { file: Arc::clone(&self.file), line: 1, key: "the file".to_owned() };
-        Table {
+    pub fn root(&self) -> TomlTable<'_> {
+        let location = Location { file: Arc::clone(&self.file), line: 1, key: "the file".to_owned() };
+        TomlTable {
             document: self,
             table: self.root.get_ref(),
             path: String::new(),
-            place,
+            location,
             known: RefCell::default(),
         }
     }
@@ -82,18 +76,17 @@ fn line(text: &str, span: &Range<usize>) -> usize {
 }
 
 /// A table, and which keys were asked for.
-pub struct Table<'a> {
+pub struct TomlTable<'a> {
     document: &'a Document<'a>,
     table: &'a DeTable<'a>,
     path: String,
-    place: Place,
+    location: Location,
     known: RefCell<Vec<String>>,
 }
 
-impl<'a> Table<'a> {
-    /// Where it stands.
-    pub fn place(&self) -> &Place {
-        &self.place
+impl<'a> TomlTable<'a> {
+    pub fn location(&self) -> &Location {
+        &self.location
     }
 
     /// A value that may be left out.
@@ -103,9 +96,14 @@ impl<'a> Table<'a> {
         Some(self.node(key.get_ref(), value))
     }
 
+    /// Accepts a title, which is for readers of the file.
+    pub fn title(&self) -> Result<()> {
+        self.optional("title").map_or(Ok(()), |title| title.string("a text").map(|_| ()))
+    }
+
     /// A value that must be there.
     pub fn required(&self, key: &str, expected: &str) -> Result<Node<'a>> {
-        self.optional(key).ok_or_else(|| self.place.error(format!("{key} is missing: {expected}")))
+        self.optional(key).ok_or_else(|| self.location.error(format!("{key} is missing: {expected}")))
     }
 
     /// All values with their keys, in the order of the file.
@@ -124,7 +122,7 @@ impl<'a> Table<'a> {
             if !known.iter().any(|known| known == key) {
                 let node = self.node(key, value);
                 return Err(node
-                    .place
+                    .location
                     .error(format!("this key is not known{}", like(key, known.iter().map(String::as_str)))));
             }
         }
@@ -138,7 +136,7 @@ impl<'a> Table<'a> {
             format!("\"{key}\"")
         };
         let path = if self.path.is_empty() { key } else { format!("{}.{key}", self.path) };
-        Node::new(self.document, value, path, &self.place)
+        Node::new(self.document, value, path, &self.location)
     }
 }
 
@@ -147,7 +145,7 @@ pub struct Node<'a> {
     document: &'a Document<'a>,
     value: &'a DeValue<'a>,
     path: String,
-    place: Place,
+    location: Location,
 }
 
 impl<'a> Node<'a> {
@@ -155,18 +153,16 @@ impl<'a> Node<'a> {
         document: &'a Document<'a>,
         value: &'a Spanned<DeValue<'a>>,
         path: String,
-        parent: &Place,
+        parent: &Location,
     ) -> Self {
-        let place = parent.child(&path, line(document.text, &value.span()));
-        Self { document, value: value.get_ref(), path, place }
+        let location = parent.child(&path, line(document.text, &value.span()));
+        Self { document, value: value.get_ref(), path, location }
     }
 
-    /// Where it stands.
-    pub fn place(&self) -> &Place {
-        &self.place
+    pub fn location(&self) -> &Location {
+        &self.location
     }
 
-    /// The value as TOML has it.
     pub fn value(&self) -> &'a DeValue<'a> {
         self.value
     }
@@ -182,7 +178,7 @@ impl<'a> Node<'a> {
             DeValue::Array(list) => format!("a list of {}", list.len()),
             DeValue::Table(_) => "a table".to_owned(),
         };
-        self.place.error(format!("expected {expected}, found {found}"))
+        self.location.error(format!("expected {expected}, found {found}"))
     }
 
     /// A finite number.
@@ -202,7 +198,6 @@ impl<'a> Node<'a> {
         if number > 0.0 { Ok(number) } else { Err(self.unexpected(expected)) }
     }
 
-    /// A whole number.
     pub fn integer<T: std::str::FromStr>(&self, expected: &str) -> Result<T> {
         match self.value {
             DeValue::Integer(number) if number.radix() == 10 => number.as_str().parse().ok(),
@@ -224,22 +219,21 @@ impl<'a> Node<'a> {
     }
 
     /// The value, if it is a table.
-    pub fn table(&self, expected: &str) -> Result<Table<'a>> {
+    pub fn table(&self, expected: &str) -> Result<TomlTable<'a>> {
         let DeValue::Table(table) = self.value else { return Err(self.unexpected(expected)) };
-        Ok(Table {
+        Ok(TomlTable {
             document: self.document,
             table,
             path: self.path.clone(),
-            place: self.place.clone(),
+            location: self.location.clone(),
             known: RefCell::default(),
         })
     }
 
-    /// The values of a list.
     pub fn list(&self, expected: &str) -> Result<Vec<Node<'a>>> {
         let DeValue::Array(list) = self.value else { return Err(self.unexpected(expected)) };
         let node = |(index, value)| {
-            Node::new(self.document, value, format!("{}[{}]", self.path, index + 1), &self.place)
+            Node::new(self.document, value, format!("{}[{}]", self.path, index + 1), &self.location)
         };
         Ok(list.iter().enumerate().map(node).collect())
     }

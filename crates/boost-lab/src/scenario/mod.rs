@@ -12,15 +12,13 @@ use fmu_package::terminal::number;
 use fmu_package::{ParameterSet, Value, reading};
 use toml::de::DeValue;
 
-pub use self::document::Place;
-use self::document::{Document, Node, Table};
+pub use self::document::Location;
+use self::document::{Document, Node, TomlTable};
 pub use self::signal::Signal;
 
 /// An experiment with coupled FMUs.
 #[derive(Clone, Debug)]
 pub struct Scenario {
-    /// What it shows, in a line.
-    pub title: String,
     /// The communication step (s).
     pub step: f64,
     /// When it begins (s).
@@ -29,7 +27,6 @@ pub struct Scenario {
     pub stop_time: f64,
     /// How many communication steps there are from its beginning to its end.
     pub steps: u32,
-    /// In which order the FMUs step.
     pub stepping: Stepping,
     /// The FMUs, in the order of stepping.
     pub fmus: Vec<Member>,
@@ -52,19 +49,16 @@ pub enum Stepping {
     AtOnce,
 }
 
-/// An FMU of an experiment.
 #[derive(Clone, Debug)]
 pub struct Member {
     /// Its name in the experiment.
     pub name: String,
-    /// The path of the FMU.
     pub file: PathBuf,
     /// Which of its variables are those of the interface, where it has other names or units.
     pub map: Option<NameMap>,
-    /// Where it stands.
-    pub place: Place,
+    pub location: Location,
     /// Parameter sets that are set before initialization.
-    pub parameters: Vec<(ParameterSet, Place)>,
+    pub parameters: Vec<(ParameterSet, Location)>,
     /// Values that are set before initialization, after the sets.
     pub values: Vec<Assignment>,
     /// Whether it runs alone before the experiment, and how.
@@ -87,55 +81,41 @@ pub struct RunIn {
     pub after: Vec<Assignment>,
 }
 
-/// A value for a variable.
 #[derive(Clone, Debug)]
 pub struct Assignment {
-    /// The variable's name in the FMU.
     pub name: String,
     /// In the unit that the FMU declares.
     pub value: Value,
-    /// Where it stands.
-    pub place: Place,
+    pub location: Location,
 }
 
-/// What drives an input.
 #[derive(Clone, Debug)]
 pub struct Input {
-    /// The variable's name in the FMU.
     pub name: String,
-    /// Its value over time.
     pub signal: Signal,
-    /// Where it stands.
-    pub place: Place,
+    pub location: Location,
 }
 
 /// Normally distributed noise on what one FMU gives another.
 #[derive(Clone, Debug)]
 pub struct Noise {
-    /// The variable's name in the FMU.
     pub name: String,
     /// In the variable's unit.
     pub standard_deviation: f64,
     /// Of the generator: the same seed gives the same noise.
     pub seed: u64,
-    /// Where it stands.
-    pub place: Place,
+    pub location: Location,
 }
 
-/// A variable that is recorded.
 #[derive(Clone, Debug)]
 pub struct Recorded {
     /// Its name, with its FMU's name and a colon before it where there are several.
     pub name: String,
-    /// Where it stands.
-    pub place: Place,
+    pub location: Location,
 }
 
 impl Scenario {
     /// Reads a file. FMUs are looked for in `fmus`, or else beside the file, as everything else is.
-    ///
-    /// # Errors
-    /// When it is not as it should be; the message names file, line and key, and what was expected.
     pub fn read(path: &Path, fmus: Option<&Path>) -> Result<Self> {
         let text = reading::text(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -146,12 +126,10 @@ impl Scenario {
 
     /// Reads the text of a file, whose name is for messages. What it refers to is looked for in `folder`, FMUs
     /// in `fmus`.
-    ///
-    /// # Errors
-    /// As [`read`](Self::read).
     pub fn parse(file: &str, text: &str, folder: &Path, fmus: &Path) -> Result<Self> {
         let document = Document::parse(file, text)?;
         let root = document.root();
+        root.title()?;
         let start = root.optional("start_time");
         let start_time = start.map_or(Ok(0.0), |node| node.number("a time in s"))?;
         let stop = root.required("stop_time", "a time in s")?;
@@ -161,11 +139,10 @@ impl Scenario {
         }
         let step = root.required("step", "the communication step in s")?.positive("a time above 0 in s")?;
         let mut scenario = Self {
-            title: root.optional("title").map_or(Ok(""), |node| node.string("a text"))?.to_owned(),
             step,
             start_time,
             stop_time,
-            steps: stop.place().locate(count(stop_time - start_time, step))?,
+            steps: stop.location().locate(count(stop_time - start_time, step))?,
             stepping: root.optional("stepping").map_or(Ok(Stepping::InTurn), |node| {
                 const EXPECTED: &str = "\"in_turn\" or \"at_once\"";
                 match node.string(EXPECTED)? {
@@ -186,27 +163,20 @@ impl Scenario {
     }
 
     /// The signal that drives an input of every FMU that has it.
-    #[must_use]
     pub fn input(&self, name: &str) -> Option<&Signal> {
         self.inputs.iter().find(|input| input.name == name).map(|input| &input.signal)
     }
 
     /// Gives an FMU another value before initialization.
-    ///
-    /// # Errors
-    /// When the scenario has no FMU of this name.
     pub fn set_value(&mut self, fmu: &str, name: &str, value: Value) -> Result<()> {
         let member = self.member_mut(fmu)?;
         member.values.retain(|assignment| assignment.name != name);
-        let place = member.place.clone();
-        member.values.push(Assignment { name: name.to_owned(), value, place });
+        let location = member.location.clone();
+        member.values.push(Assignment { name: name.to_owned(), value, location });
         Ok(())
     }
 
     /// Gives an input of all FMUs that have it another signal.
-    ///
-    /// # Errors
-    /// When the scenario has no signal for it.
     pub fn set_input(&mut self, name: &str, signal: Signal) -> Result<()> {
         let input = self.inputs.iter_mut().find(|input| input.name == name);
         input.with_context(|| format!("the scenario has no signal for {name}"))?.signal = signal;
@@ -214,14 +184,11 @@ impl Scenario {
     }
 
     /// Gives an input of one FMU a signal of its own.
-    ///
-    /// # Errors
-    /// When the scenario has no FMU of this name.
     pub fn set_own_input(&mut self, fmu: &str, name: &str, signal: Signal) -> Result<()> {
         let member = self.member_mut(fmu)?;
         member.inputs.retain(|input| input.name != name);
-        let place = member.place.clone();
-        member.inputs.push(Input { name: name.to_owned(), signal, place });
+        let location = member.location.clone();
+        member.inputs.push(Input { name: name.to_owned(), signal, location });
         Ok(())
     }
 
@@ -245,14 +212,14 @@ fn count(duration: f64, step: f64) -> Result<u32> {
     Ok(count as u32)
 }
 
-fn read_members(root: &Table<'_>, step: f64, folder: &Path, fmus: &Path) -> Result<Vec<Member>> {
+fn read_members(root: &TomlTable<'_>, step: f64, folder: &Path, fmus: &Path) -> Result<Vec<Member>> {
     const EXPECTED: &str = "a table [[fmu]] for each FMU, in the order of stepping";
     let list = root.required("fmu", EXPECTED)?;
     let mut members: Vec<Member> = vec![];
     for node in list.list(EXPECTED)? {
         let member = read_member(&node, step, folder, fmus)?;
         if members.iter().any(|other| other.name == member.name) {
-            return Err(member.place.error(format!("another FMU has the name {}", member.name)));
+            return Err(member.location.error(format!("another FMU has the name {}", member.name)));
         }
         members.push(member);
     }
@@ -266,7 +233,7 @@ fn read_member(node: &Node<'_>, step: f64, folder: &Path, fmus: &Path) -> Result
         name: table.required("name", "the FMU's name in the scenario")?.string("a text")?.to_owned(),
         file: file.path("the FMU's path", fmus)?,
         map: table.optional("map").map(|node| read_map(&node, folder)).transpose()?,
-        place: file.place().clone(),
+        location: file.location().clone(),
         parameters: table.optional("parameters").map_or(Ok(vec![]), |node| {
             const EXPECTED: &str = "a list of paths of parameter sets (.ssv)";
             node.list(EXPECTED)?.iter().map(|node| read_parameters(node, folder, EXPECTED)).collect()
@@ -281,13 +248,13 @@ fn read_member(node: &Node<'_>, step: f64, folder: &Path, fmus: &Path) -> Result
 
 fn read_map(node: &Node<'_>, folder: &Path) -> Result<NameMap> {
     let path = node.path("the path of a map (.json)", folder)?;
-    node.place().locate(NameMap::read(&path))
+    node.location().locate(NameMap::read(&path))
 }
 
-fn read_parameters(node: &Node<'_>, folder: &Path, expected: &str) -> Result<(ParameterSet, Place)> {
+fn read_parameters(node: &Node<'_>, folder: &Path, expected: &str) -> Result<(ParameterSet, Location)> {
     let path = node.path(expected, folder)?;
     let set = ParameterSet::read(&path).map_err(anyhow::Error::from);
-    Ok((node.place().locate(set)?, node.place().clone()))
+    Ok((node.location().locate(set)?, node.location().clone()))
 }
 
 fn read_values(node: &Node<'_>) -> Result<Vec<Assignment>> {
@@ -295,7 +262,6 @@ fn read_values(node: &Node<'_>) -> Result<Vec<Assignment>> {
     table.entries().map(|(name, node)| read_value(name, &node)).collect()
 }
 
-/// A value for a variable.
 pub(crate) fn read_value(name: &str, node: &Node<'_>) -> Result<Assignment> {
     const EXPECTED: &str = "a number, true, false or a text";
     let value = match node.value() {
@@ -307,7 +273,7 @@ pub(crate) fn read_value(name: &str, node: &Node<'_>) -> Result<Assignment> {
         DeValue::String(text) => Value::String(text.as_ref().to_owned()),
         _ => return Err(node.unexpected(EXPECTED)),
     };
-    Ok(Assignment { name: name.to_owned(), value, place: node.place().clone() })
+    Ok(Assignment { name: name.to_owned(), value, location: node.location().clone() })
 }
 
 fn read_run_in(node: &Node<'_>, step: f64) -> Result<RunIn> {
@@ -316,7 +282,7 @@ fn read_run_in(node: &Node<'_>, step: f64) -> Result<RunIn> {
     let duration = duration_node.positive("a time above 0 in s")?;
     let run_in = RunIn {
         duration,
-        steps: duration_node.place().locate(count(duration, step))?,
+        steps: duration_node.location().locate(count(duration, step))?,
         during: table.optional("during").map_or(Ok(vec![]), |node| read_values(&node))?,
         after: table.optional("after").map_or(Ok(vec![]), |node| read_values(&node))?,
     };
@@ -328,7 +294,7 @@ fn read_inputs(node: &Node<'_>, folder: &Path) -> Result<Vec<Input>> {
     let table = node.table("a table of signals by the names of inputs")?;
     let read = |(name, node): (&str, Node<'_>)| {
         let signal = Signal::read(&node, folder)?;
-        Ok(Input { name: name.to_owned(), signal, place: node.place().clone() })
+        Ok(Input { name: name.to_owned(), signal, location: node.location().clone() })
     };
     table.entries().map(read).collect()
 }
@@ -343,7 +309,7 @@ fn read_noise(node: &Node<'_>) -> Result<Vec<Noise>> {
                 .required("standard_deviation", "a number above 0, in the variable's unit")?
                 .positive("a number above 0, in the variable's unit")?,
             seed: table.optional("seed").map_or(Ok(0), |node| node.integer("a whole number from 0 on"))?,
-            place: node.place().clone(),
+            location: node.location().clone(),
         };
         table.finish()?;
         Ok(noise)
@@ -355,7 +321,7 @@ fn read_record(node: &Node<'_>) -> Result<Vec<Recorded>> {
     const EXPECTED: &str = "a list of names of variables";
     let read = |node: &Node<'_>| {
         let name = node.string("the name of a variable")?.to_owned();
-        Ok(Recorded { name, place: node.place().clone() })
+        Ok(Recorded { name, location: node.location().clone() })
     };
     node.list(EXPECTED)?.iter().map(read).collect()
 }

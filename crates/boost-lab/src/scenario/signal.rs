@@ -8,15 +8,13 @@ use fmu_package::reading;
 use fmu_package::terminal::number as shown;
 use toml::de::DeValue;
 
-use super::document::{Node, Table};
+use super::document::{Node, TomlTable};
 
 /// What a time may fall short of an instant by (s): communication points are computed as multiples of the step.
 const ROUNDING: f64 = 1e-9;
 
-/// A signal over time.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Signal {
-    /// One value.
     Constant(f64),
     /// Each value from its time on; the first also before.
     Steps(Vec<(f64, f64)>),
@@ -37,7 +35,6 @@ pub enum Signal {
 
 impl Signal {
     /// The value at a time (s).
-    #[must_use]
     pub fn at(&self, time: f64) -> f64 {
         match self {
             Self::Constant(value) => *value,
@@ -61,7 +58,6 @@ impl Signal {
     }
 
     /// The instants at which it jumps or bends (s).
-    #[must_use]
     pub fn points(&self) -> &[(f64, f64)] {
         match self {
             Self::Steps(points) | Self::Lines(points) => points,
@@ -70,9 +66,6 @@ impl Signal {
     }
 
     /// Reads a signal; CSV files are looked for in `folder`.
-    ///
-    /// # Errors
-    /// When it is not a signal, or its file is not valid; the message names the place.
     pub(super) fn read(node: &Node<'_>, folder: &Path) -> Result<Self> {
         const EXPECTED: &str = "a number, or a table with one of steps, points, ramp, sine and csv";
         if matches!(node.value(), DeValue::Integer(_) | DeValue::Float(_)) {
@@ -124,7 +117,7 @@ fn read_ramp(node: &Node<'_>) -> Result<Signal> {
     let begin = number("begin", "the time at which the ramp begins (s)")?;
     let end = number("end", "the time at which the ramp ends (s)")?;
     if begin >= end {
-        return Err(table.place().error(format!(
+        return Err(table.location().error(format!(
             "expected an end after the begin, found {} s to {} s",
             shown(begin),
             shown(end)
@@ -149,7 +142,7 @@ fn read_sine(node: &Node<'_>) -> Result<Signal> {
     Ok(signal)
 }
 
-fn read_csv(table: &Table<'_>, file: &Node<'_>, folder: &Path) -> Result<Signal> {
+fn read_csv(table: &TomlTable<'_>, file: &Node<'_>, folder: &Path) -> Result<Signal> {
     let column = table.required("column", "the name of the column")?;
     let name = column.string("the name of the column")?;
     let hold = match table.optional("hold") {
@@ -159,9 +152,9 @@ fn read_csv(table: &Table<'_>, file: &Node<'_>, folder: &Path) -> Result<Signal>
         })?,
     };
     let path = file.path("the path of a CSV file", folder)?;
-    let text = file.place().locate(reading::text(&path).map_err(anyhow::Error::from))?;
+    let text = file.location().locate(reading::text(&path).map_err(anyhow::Error::from))?;
     let points = csv_column(&text, name).with_context(|| format!("cannot read {}", path.display()));
-    let points = file.place().locate(points)?;
+    let points = file.location().locate(points)?;
     Ok(if hold { Signal::Steps(points) } else { Signal::Lines(points) })
 }
 

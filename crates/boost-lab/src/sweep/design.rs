@@ -8,7 +8,7 @@ use rand_pcg::Pcg64;
 use toml::de::DeValue;
 
 use super::Parameter;
-use crate::scenario::document::{Node, Table};
+use crate::scenario::document::{Node, TomlTable};
 use crate::scenario::read_value;
 
 /// The most runs that a study can have: what a typing error must not exceed.
@@ -28,7 +28,7 @@ struct Range {
 }
 
 impl Range {
-    fn read(table: &Table<'_>) -> Result<Self> {
+    fn read(table: &TomlTable<'_>) -> Result<Self> {
         let from = table.required("from", "the least value")?.number("a number")?;
         let end = table.required("to", "the greatest value")?;
         let to = end.number("a number")?;
@@ -60,13 +60,13 @@ impl Range {
 
 impl Design {
     /// Reads the one of `grid`, `latin_hypercube` and `list` that a study has.
-    pub fn read(root: &Table<'_>) -> Result<Self> {
+    pub fn read(root: &TomlTable<'_>) -> Result<Self> {
         let designs = ["grid", "latin_hypercube", "list"].map(|key| root.optional(key));
         let (design, place) = match designs {
             [Some(grid), None, None] => (read_grid(&grid)?, grid),
             [None, Some(hypercube), None] => (read_latin_hypercube(&hypercube)?, hypercube),
             [None, None, Some(list)] => (read_list(&list)?, list),
-            _ => return Err(root.place().error("expected one of grid, latin_hypercube and list")),
+            _ => return Err(root.location().error("expected one of grid, latin_hypercube and list")),
         };
         if design.points.is_empty() || design.parameters.is_empty() {
             return Err(place.unexpected("at least one parameter and one run"));
@@ -76,7 +76,7 @@ impl Design {
 }
 
 fn parameter(name: &str, node: &Node<'_>) -> Result<Parameter> {
-    let parameter = Parameter { name: name.to_owned(), place: node.place().clone() };
+    let parameter = Parameter { name: name.to_owned(), location: node.location().clone() };
     parameter.parts()?;
     Ok(parameter)
 }
@@ -89,7 +89,7 @@ fn read_grid(node: &Node<'_>) -> Result<Design> {
         parameters.push(parameter(name, &node)?);
         let values = read_values(name, &node)?;
         if points.len().saturating_mul(values.len()) > MOST_RUNS {
-            return Err(node.place().error(format!("the grid has more than {MOST_RUNS} points")));
+            return Err(node.location().error(format!("the grid has more than {MOST_RUNS} points")));
         }
         let with = |point: &Vec<Option<Value>>, value: &Value| {
             point.iter().cloned().chain([Some(value.clone())]).collect()
@@ -149,7 +149,6 @@ fn read_latin_hypercube(node: &Node<'_>) -> Result<Design> {
     Ok(Design { parameters, points })
 }
 
-/// The points one by one.
 fn read_list(node: &Node<'_>) -> Result<Design> {
     const EXPECTED: &str =
         "a list of tables [[list]], one for each run, of values by the names of parameters";

@@ -5,18 +5,16 @@ use fmu_package::terminal::number;
 
 use crate::measure::{Following, between, greatest, least};
 use crate::record::Record;
-use crate::scenario::document::{Node, Table};
-use crate::scenario::{Place, Scenario, Signal};
+use crate::scenario::document::{Node, TomlTable};
+use crate::scenario::{Location, Scenario, Signal};
 
 /// A number that is taken from a run.
 #[derive(Clone, Debug)]
 pub struct Measure {
-    /// What the study calls it.
     pub name: String,
     /// The variable that it is of, as the scenario records it.
     pub variable: String,
-    /// Where it stands.
-    pub place: Place,
+    pub location: Location,
     kind: Kind,
 }
 
@@ -61,7 +59,6 @@ const QUALITIES: [(&str, Quality); 4] = [
 const EXPECTED: &str = "a table with the name of a variable under one of final, mean, minimum, maximum, \
                         overshoot_up, overshoot_down, rise_time and end_error";
 
-/// Reads the measures of a study.
 pub fn read(node: &Node<'_>, scenario: &Scenario) -> Result<Vec<Measure>> {
     let table = node.table("a table of measures by their names")?;
     let measures: Vec<_> =
@@ -86,11 +83,11 @@ fn read_one(name: &str, node: &Node<'_>, scenario: &Scenario) -> Result<Measure>
     let Ok([(variable, kind)]) = <[_; 1]>::try_from(found) else { return Err(node.unexpected(EXPECTED)) };
     let variable = variable.string("the name of a variable")?.to_owned();
     table.finish()?;
-    Ok(Measure { name: name.to_owned(), variable, place: node.place().clone(), kind })
+    Ok(Measure { name: name.to_owned(), variable, location: node.location().clone(), kind })
 }
 
 /// The time interval; by default the whole scenario.
-fn read_times(table: &Table<'_>, scenario: &Scenario) -> Result<(f64, f64)> {
+fn read_times(table: &TomlTable<'_>, scenario: &Scenario) -> Result<(f64, f64)> {
     let time = |key, default| {
         let Some(node) = table.optional(key) else { return Ok(default) };
         let time = node.number("a time in s")?;
@@ -109,13 +106,13 @@ fn read_times(table: &Table<'_>, scenario: &Scenario) -> Result<(f64, f64)> {
     let (from, to) = (time("from", scenario.start_time)?, time("to", scenario.stop_time)?);
     if from > to {
         let [from, to] = [from, to].map(number);
-        return Err(table.place().error(format!("expected from before to, found {from} s to {to} s")));
+        return Err(table.location().error(format!("expected from before to, found {from} s to {to} s")));
     }
     Ok((from, to))
 }
 
 /// An input of the scenario that is steps.
-fn read_reference(table: &Table<'_>, scenario: &Scenario) -> Result<String> {
+fn read_reference(table: &TomlTable<'_>, scenario: &Scenario) -> Result<String> {
     const EXPECTED: &str = "an input of the scenario that is steps";
     let node = table.required("reference", EXPECTED)?;
     let name = node.string(EXPECTED)?;

@@ -27,15 +27,12 @@ use crate::journal::digest;
 use crate::mapping;
 use crate::master::{LoadedFmus, Master};
 use crate::scenario::document::Document;
-use crate::scenario::{Assignment, Place, Recorded, Scenario};
+use crate::scenario::{Assignment, Location, Recorded, Scenario};
 
 /// The folder of the runs' records, in that of the results.
 const RECORDS: &str = "records";
 
-/// A parameter study.
 pub struct Study {
-    /// What it shows, in a line.
-    pub title: String,
     /// The scenario that runs, for the values that are not varied.
     pub scenario: Scenario,
     parameters: Vec<Parameter>,
@@ -44,20 +41,18 @@ pub struct Study {
     keeps_records: bool,
 }
 
-/// A parameter that is varied.
 #[derive(Clone, Debug)]
 pub struct Parameter {
     /// What the study calls it: the variable, with the FMU's name and a colon before it.
     pub name: String,
-    /// Where it stands.
-    pub place: Place,
+    pub location: Location,
 }
 
 impl Parameter {
     /// The FMU's name in the scenario and the variable's name.
     fn parts(&self) -> Result<(&str, &str)> {
         self.name.split_once(':').ok_or_else(|| {
-            self.place.error("expected the FMU's name in the scenario, a colon and the variable's name")
+            self.location.error("expected the FMU's name in the scenario, a colon and the variable's name")
         })
     }
 }
@@ -73,9 +68,6 @@ pub struct Loaded {
 impl Study {
     /// Reads a file, and the scenario that it names, which is looked for beside it. FMUs are looked for in
     /// `fmus`, or else beside the scenario.
-    ///
-    /// # Errors
-    /// When it is not as it should be; the message names file, line and key, and what was expected.
     pub fn read(path: &Path, fmus: Option<&Path>) -> Result<Self> {
         let text = reading::text(path)?;
         let document = Document::parse(&path.to_string_lossy(), &text)?;
@@ -86,6 +78,7 @@ impl Study {
         // The scenario's messages have places of their own.
         let mut scenario = Scenario::read(&file, fmus)?;
         scenario.files.push(path.to_owned());
+        root.title()?;
         let keeps_records = root.optional("records").map_or(Ok(false), |node| {
             node.value().as_bool().ok_or_else(|| node.unexpected("true where each run's record is kept"))
         })?;
@@ -94,7 +87,6 @@ impl Study {
         let measures = measures::read(&measures, &scenario)?;
         results::refuse_names(&parameters, &measures)?;
         let study = Self {
-            title: root.optional("title").map_or(Ok(""), |node| node.string("a text"))?.to_owned(),
             parameters,
             points,
             keeps_records,
@@ -109,23 +101,19 @@ impl Study {
     }
 
     /// What is written to a folder for results.
-    #[must_use]
     pub fn outputs(&self, folder: &Path) -> Vec<PathBuf> {
         let names = [journal::NAME, results::CSV, results::PARQUET].into_iter();
         names.chain(self.keeps_records.then_some(RECORDS)).map(|name| folder.join(name)).collect()
     }
 
     /// Loads the FMUs, and checks against them what the study names.
-    ///
-    /// # Errors
-    /// When an FMU cannot be imported, or the study names what there is not; the message names the place.
     pub fn load(self) -> Result<Loaded> {
         let mut fmus = LoadedFmus::default();
         let master = Master::new(&self.scenario, &mut fmus)?;
         for measure in &self.measures {
             if !master.recorded().any(|name| name == measure.variable) {
                 let message = format!("{} is not among what the scenario records", measure.variable);
-                return Err(measure.place.error(message));
+                return Err(measure.location.error(message));
             }
         }
         drop(master);
@@ -135,17 +123,17 @@ impl Study {
             let Some(member) = self.scenario.fmus.iter().find(|known| known.name == member) else {
                 let names: Vec<_> = self.scenario.fmus.iter().map(|member| member.name.as_str()).collect();
                 let message = format!("the scenario has no FMU {member}: there are {}", names.join(", "));
-                return Err(parameter.place.error(message));
+                return Err(parameter.location.error(message));
             };
             let fmu = fmus.get(member)?;
-            let variable = parameter.place.locate(fmu.variable(name))?;
+            let variable = parameter.location.locate(fmu.variable(name))?;
             if !variable.is_settable() {
                 let message = format!("{name} is calculated by the FMU and cannot be set");
-                return Err(parameter.place.error(message));
+                return Err(parameter.location.error(message));
             }
             for value in self.points.iter().filter_map(|point| point[index].as_ref()) {
                 let fitted = value.fit(variable, &[], fmu.description());
-                parameter.place.locate(fitted.map_err(anyhow::Error::from))?;
+                parameter.location.locate(fitted.map_err(anyhow::Error::from))?;
             }
             data_types.push(variable.data_type.clone());
         }
@@ -164,14 +152,13 @@ fn record_measured(scenario: &mut Scenario, measures: &[Measure], keeps_records:
     };
     for measure in measures {
         if !record.iter().any(|recorded| recorded.name == measure.variable) {
-            record.push(Recorded { name: measure.variable.clone(), place: measure.place.clone() });
+            record.push(Recorded { name: measure.variable.clone(), location: measure.location.clone() });
         }
     }
     scenario.record = Some(record);
 }
 
 /// A value as results and messages show it; a number reads back as the same double.
-#[must_use]
 pub fn written(value: &Value) -> String {
     match value {
         Value::Real(value, _) => format!("{value:?}"),
@@ -182,30 +169,22 @@ pub fn written(value: &Value) -> String {
 }
 
 impl Loaded {
-    /// The study.
-    #[must_use]
     pub fn study(&self) -> &Study {
         &self.study
     }
 
-    /// How many runs it has.
-    #[must_use]
     pub fn runs(&self) -> usize {
         self.study.points.len()
     }
 
     /// How many runs there can be at once: one, where an FMU can have only one instance in a process.
-    #[must_use]
     pub fn most_threads(&self) -> usize {
         if self.is_single { 1 } else { usize::MAX }
     }
 
     /// All that a run's result depends on, by names: two studies with the same settings have the same results.
-    ///
-    /// # Errors
-    /// When a file of an FMU cannot be read.
     pub fn settings(&self) -> Result<BTreeMap<String, String>> {
-        let Study { scenario, parameters, points, measures, keeps_records, title: _ } = &self.study;
+        let Study { scenario, parameters, points, measures, keeps_records } = &self.study;
         let mut settings = BTreeMap::new();
         let mut set = |name: String, value: String| settings.insert(name, value);
         set("records".into(), keeps_records.to_string());
@@ -265,9 +244,6 @@ impl Loaded {
     }
 
     /// Runs what the journal does not have yet, on so many threads; `progress` is called for each finished run.
-    ///
-    /// # Errors
-    /// When the journal or a record cannot be written. A run that fails is an outcome, no error.
     pub fn run(
         &self,
         journal: StudyJournal,
@@ -295,7 +271,6 @@ impl Loaded {
         Ok(journal.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner).into_outcomes())
     }
 
-    /// Runs one point.
     fn run_one(&self, run: usize, records: &Path) -> Result<Outcome> {
         let mut outcome = Outcome::new(run, self.study.measures.len());
         let simulated = self.point(run).and_then(|scenario| {
@@ -326,7 +301,6 @@ impl Loaded {
         Ok(outcome)
     }
 
-    /// The scenario of a run.
     fn point(&self, run: usize) -> Result<Scenario> {
         let mut scenario = self.study.scenario.clone();
         for (parameter, value) in self.study.parameters.iter().zip(&self.study.points[run]) {
@@ -335,8 +309,8 @@ impl Loaded {
                 let member = scenario.fmus.iter_mut().find(|known| known.name == member);
                 let member = member.with_context(|| format!("{} is of no FMU", parameter.name))?;
                 member.values.retain(|assignment| assignment.name != name);
-                let place = parameter.place.clone();
-                member.values.push(Assignment { name: name.to_owned(), value: value.clone(), place });
+                let location = parameter.location.clone();
+                member.values.push(Assignment { name: name.to_owned(), value: value.clone(), location });
             }
         }
         Ok(scenario)

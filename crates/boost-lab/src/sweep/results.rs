@@ -23,7 +23,6 @@ use super::{Loaded, Parameter, written};
 
 /// The table's files in the folder of a study's results.
 pub const CSV: &str = "results.csv";
-/// See above.
 pub const PARQUET: &str = "results.parquet";
 
 /// The columns that every study has.
@@ -37,7 +36,7 @@ pub(super) fn refuse_names(parameters: &[Parameter], measures: &[Measure]) -> Re
     let taken: Vec<_> = parameters.chain([RUN, ERROR, WARNINGS]).collect();
     // TOML itself refuses two measures of a name.
     match measures.iter().find(|measure| taken.contains(&measure.name.as_str())) {
-        Some(measure) => Err(measure.place.error(format!(
+        Some(measure) => Err(measure.location.error(format!(
             "the results have a column {} already; give the measure another name",
             measure.name
         ))),
@@ -45,10 +44,9 @@ pub(super) fn refuse_names(parameters: &[Parameter], measures: &[Measure]) -> Re
     }
 }
 
-/// A table of columns.
-pub struct Table(Vec<Column>);
+pub struct Table(Vec<ResultColumn>);
 
-struct Column {
+struct ResultColumn {
     name: String,
     cells: Cells,
 }
@@ -62,12 +60,11 @@ enum Cells {
 
 impl Table {
     /// The results of a study; `outcomes` are those of all runs, in their order.
-    #[must_use]
     pub fn new(loaded: &Loaded, outcomes: &[Outcome]) -> Self {
         let study = loaded.study();
         let whole = |value| i32::try_from(value).ok();
         let runs = outcomes.iter().map(|outcome| whole(outcome.run)).collect();
-        let mut columns = vec![Column { name: RUN.to_owned(), cells: Cells::Whole(runs) }];
+        let mut columns = vec![ResultColumn { name: RUN.to_owned(), cells: Cells::Whole(runs) }];
         for (index, (parameter, data_type)) in study.parameters.iter().zip(&loaded.data_types).enumerate() {
             let values = study.points.iter().map(|point| point[index].as_ref());
             let cells = match data_type.as_str() {
@@ -92,24 +89,21 @@ impl Table {
                 ),
                 _ => Cells::Text(values.map(|value| value.map(written)).collect()),
             };
-            columns.push(Column { name: parameter.name.clone(), cells });
+            columns.push(ResultColumn { name: parameter.name.clone(), cells });
         }
         for (index, measure) in study.measures.iter().enumerate() {
             let values = outcomes.iter().map(|outcome| outcome.measures[index]).collect();
-            columns.push(Column { name: measure.name.clone(), cells: Cells::Number(values) });
+            columns.push(ResultColumn { name: measure.name.clone(), cells: Cells::Number(values) });
         }
         let errors = outcomes.iter().map(|outcome| outcome.error.clone()).collect();
-        columns.push(Column { name: ERROR.to_owned(), cells: Cells::Text(errors) });
+        columns.push(ResultColumn { name: ERROR.to_owned(), cells: Cells::Text(errors) });
         let joined = |outcome: &Outcome| (!outcome.warnings.is_empty()).then(|| outcome.warnings.join("\n"));
         let warnings = outcomes.iter().map(joined).collect();
-        columns.push(Column { name: WARNINGS.to_owned(), cells: Cells::Text(warnings) });
+        columns.push(ResultColumn { name: WARNINGS.to_owned(), cells: Cells::Text(warnings) });
         Self(columns)
     }
 
     /// Writes CSV; numbers read back as the same doubles, what is missing is empty.
-    ///
-    /// # Errors
-    /// When the writer fails.
     pub fn write_csv(&self, writer: impl Write) -> io::Result<()> {
         let mut csv = csv::Writer::from_writer(writer);
         csv.write_record(self.0.iter().map(|column| column.name.as_str()))?;
@@ -120,9 +114,6 @@ impl Table {
     }
 
     /// Writes Parquet: doubles, 32-bit integers, Booleans and UTF-8 texts, all of which can be missing.
-    ///
-    /// # Errors
-    /// When the writer fails.
     pub fn write_parquet(&self, writer: impl Write + Send) -> io::Result<()> {
         self.write_all_parquet(writer).map_err(|error| io::Error::other(format!("{error:#}")))
     }

@@ -30,7 +30,6 @@ const DRAWN_EACH: usize = 8;
 pub struct Sweep {
     /// The column of the grid, from 0.
     pub column: usize,
-    /// The holds, in their order.
     pub holds: Vec<Hold>,
 }
 
@@ -92,9 +91,6 @@ pub struct Bench<'a> {
 
 impl<'a> Bench<'a> {
     /// Mounts a plant.
-    ///
-    /// # Errors
-    /// When it lacks a variable that the procedure cannot do without, or has it in another unit.
     pub fn new(
         plant: &'a Arc<Fmu>,
         parameters: &'a [ParameterSet],
@@ -165,9 +161,6 @@ impl<'a> Bench<'a> {
     }
 
     /// Sweeps the duty at the engine speed of a column.
-    ///
-    /// # Errors
-    /// What the plant refuses.
     pub fn sweep(&self, column: usize) -> Result<Sweep> {
         let mut run = None;
         let mut holds = vec![];
@@ -182,9 +175,6 @@ impl<'a> Bench<'a> {
     }
 
     /// Steps the duty up and down from a duty at which the plant settled.
-    ///
-    /// # Errors
-    /// What the plant refuses.
     pub fn step_both_ways(&self, row: usize, column: usize, duty: f64) -> Result<Point> {
         let step = self.procedure.duty_step;
         let mut run = self.start(column, duty)?;
@@ -217,7 +207,7 @@ impl<'a> Bench<'a> {
     }
 
     /// An instance at the engine speed of a column, initialized.
-    fn start(&self, column: usize, duty: f64) -> Result<Run> {
+    fn start(&self, column: usize, duty: f64) -> Result<SteppedInstance> {
         let mut instance = self.plant.instantiate("plant")?;
         instance.set_up(0.0, None)?;
         for set in self.parameters {
@@ -234,7 +224,7 @@ impl<'a> Bench<'a> {
         instance.set(&mut all, &values.iter().map(|(_, value)| *value).collect::<Vec<_>>())?;
         instance.enter_initialization()?;
         instance.exit_initialization()?;
-        Ok(Run {
+        Ok(SteppedInstance {
             instance,
             steps_done: 0,
             sample_time: self.schedule.sample_time,
@@ -245,7 +235,7 @@ impl<'a> Bench<'a> {
 }
 
 /// An instance that steps.
-struct Run {
+struct SteppedInstance {
     instance: Instance,
     steps_done: u32,
     sample_time: f64,
@@ -253,7 +243,7 @@ struct Run {
     boost: Selection,
 }
 
-impl Run {
+impl SteppedInstance {
     fn step(&mut self) -> Result<()> {
         self.instance.step(f64::from(self.steps_done) * self.sample_time, self.sample_time)?;
         self.steps_done += 1;

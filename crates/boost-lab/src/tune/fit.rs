@@ -20,7 +20,6 @@ const COARSEST: u32 = 30;
 /// A model of first order with delay, per unit of the step, and how well it fits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FirstOrder {
-    /// The static gain.
     pub gain: Estimate,
     /// The time constant (s).
     pub time_constant: Estimate,
@@ -32,7 +31,6 @@ pub struct FirstOrder {
     pub residual: f64,
 }
 
-/// A number and its standard error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The estimate, in the unit of the parameter.
@@ -45,7 +43,6 @@ impl FirstOrder {
     /// Fits a response that begins at the time 0 with the value 0 and is sampled after each interval (s).
     ///
     /// None where no model fits: the response does not change, or nothing that converges describes it.
-    #[must_use]
     pub fn fit(response: &[f64], interval: f64) -> Option<Self> {
         let last = *response.last()?;
         if response.len() < 10 || last == 0.0 || response.iter().any(|value| !value.is_finite()) {
@@ -57,7 +54,7 @@ impl FirstOrder {
 
         let mut spacing = LONGEST_DELAY * duration / f64::from(COARSEST);
         let mut best = best_of((0..=COARSEST).map(|index| f64::from(index) * spacing), |delay| {
-            Problem::solve(response, interval, delay, guess)
+            ResponseFit::solve(response, interval, delay, guess)
         })?;
         for _ in 1..GRIDS {
             let (middle, coarser) = (best.delay, spacing);
@@ -65,14 +62,13 @@ impl FirstOrder {
             let delays = (0..=2 * REFINEMENT).map(|index| middle - coarser + f64::from(index) * spacing);
             let start = best.parameters;
             best = best_of(delays.filter(|delay| *delay >= 0.0), |delay| {
-                Problem::solve(response, interval, delay, start)
+                ResponseFit::solve(response, interval, delay, start)
             })?;
         }
         best.model()
     }
 
     /// The model's response to a step of 1, at a time (s) after it.
-    #[must_use]
     pub fn at(&self, time: f64) -> f64 {
         let since = time - self.delay.value;
         if since <= 0.0 { 0.0 } else { -self.gain.value * (-since / self.time_constant.value).exp_m1() }
@@ -82,21 +78,21 @@ impl FirstOrder {
 /// The solution with the least sum of squares.
 fn best_of<'a>(
     delays: impl Iterator<Item = f64>,
-    solve: impl Fn(f64) -> Option<Problem<'a>>,
-) -> Option<Problem<'a>> {
+    solve: impl Fn(f64) -> Option<ResponseFit<'a>>,
+) -> Option<ResponseFit<'a>> {
     delays.filter_map(solve).min_by(|a, b| a.sum_of_squares().total_cmp(&b.sum_of_squares()))
 }
 
 /// Gain and time constant for a delay. The parameters are the gain and the logarithm of the time constant,
 /// which keeps it above zero.
-struct Problem<'a> {
+struct ResponseFit<'a> {
     response: &'a [f64],
     interval: f64,
     delay: f64,
     parameters: Vector2<f64>,
 }
 
-impl<'a> Problem<'a> {
+impl<'a> ResponseFit<'a> {
     fn solve(response: &'a [f64], interval: f64, delay: f64, guess: Vector2<f64>) -> Option<Self> {
         let problem = Self { response, interval, delay, parameters: guess };
         let (problem, report) = LevenbergMarquardt::new().minimize(problem);
@@ -144,7 +140,7 @@ impl<'a> Problem<'a> {
     }
 }
 
-impl LeastSquaresProblem<f64, Dyn, U2> for Problem<'_> {
+impl LeastSquaresProblem<f64, Dyn, U2> for ResponseFit<'_> {
     type ResidualStorage = Owned<f64, Dyn>;
     type JacobianStorage = Owned<f64, Dyn, U2>;
     type ParameterStorage = Owned<f64, U2>;

@@ -22,10 +22,7 @@ pub struct TuningJournal {
 }
 
 impl TuningJournal {
-    /// Opens a journal, or begins it where there is none.
-    ///
-    /// # Errors
-    /// As [`journal::Journal::open`].
+    /// Opens or creates a journal.
     pub fn open(path: &Path, settings: &Settings) -> Result<Self> {
         let (journal, finished) = journal::Journal::open(path, settings)?;
         Ok(Self { journal, finished })
@@ -46,35 +43,24 @@ impl TuningJournal {
     }
 
     /// The sweep at the engine speed of a column, if it was finished when the journal was opened.
-    #[must_use]
     pub fn sweep(&self, column: usize) -> Option<&Sweep> {
         self.sweeps().find(|sweep| sweep.column == column)
     }
 
     /// A point, if it was finished when the journal was opened.
-    #[must_use]
     pub fn point(&self, row: usize, column: usize) -> Option<&Point> {
         self.points().find(|point| (point.row, point.column) == (row, column))
     }
 
     /// How many sweeps and points were finished when the journal was opened.
-    #[must_use]
     pub fn finished(&self) -> (usize, usize) {
         (self.sweeps().count(), self.points().count())
     }
 
-    /// Writes a sweep that is finished.
-    ///
-    /// # Errors
-    /// When the file cannot be written.
     pub fn write_sweep(&self, sweep: &Sweep) -> Result<()> {
         self.journal.write(&Finished::Sweep(sweep.clone()))
     }
 
-    /// Writes a point that is finished.
-    ///
-    /// # Errors
-    /// When the file cannot be written.
     pub fn write_point(&self, point: &Point) -> Result<()> {
         self.journal.write(&Finished::Point(point.clone()))
     }

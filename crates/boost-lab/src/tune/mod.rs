@@ -17,6 +17,8 @@ mod schedule;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
+use boost_fmu::controller::feedback;
+use boost_fmu::controller::schedule::LocalModel;
 use fmu_package::{Parameter, ParameterSet, Value};
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
@@ -27,7 +29,7 @@ use crate::journal::Settings;
 use crate::mapping;
 
 use self::bench::Bench;
-pub use self::bench::{Hold, Point, Sweep};
+pub use self::bench::{Point, Sweep};
 pub use self::fit::{Estimate, FirstOrder};
 pub use self::journal::TuningJournal;
 pub use self::monotone::Monotone;
@@ -35,9 +37,7 @@ pub use self::procedure::Procedure;
 pub use self::report::{html, json};
 pub use self::schedule::{Schedule, ScheduleTable};
 
-/// What is tuned to what.
 pub struct Task {
-    /// The plant to be identified.
     pub plant: Arc<Fmu>,
     /// The map that the plant is seen by, if any.
     pub plant_map: Option<mapping::NameMap>,
@@ -45,7 +45,6 @@ pub struct Task {
     pub plant_parameters: Vec<ParameterSet>,
     /// The controller's grid.
     pub schedule: Schedule,
-    /// How the plant is identified.
     pub procedure: Procedure,
 }
 
@@ -105,21 +104,15 @@ pub struct Feedback {
 
 impl Feedback {
     /// Lambda tuning of a model with gain (Pa/%), time constant (s) and delay (s).
-    #[must_use]
     pub fn tuned(gain: f64, time_constant: f64, delay: f64, lambda: f64) -> Self {
-        Self {
-            gain: (delay / 2.0 + time_constant) / ((delay / 2.0 + lambda) * gain),
-            integral_time: time_constant + delay / 2.0,
-            derivative_time: time_constant * delay / (delay + 2.0 * time_constant),
-        }
+        let feedback::FeedbackSettings { gain, integral_time, derivative_time, .. } =
+            feedback::FeedbackSettings::new(&LocalModel { gain, time_constant, delay }, lambda);
+        Self { gain, integral_time, derivative_time }
     }
 }
 
-/// What was found.
 pub struct Tuning<'a> {
-    /// What was asked for.
     pub task: &'a Task,
-    /// A sweep for each column.
     pub sweeps: Vec<Sweep>,
     /// The points at which responses were taken.
     pub points: Vec<Point>,
@@ -127,13 +120,11 @@ pub struct Tuning<'a> {
     pub cells: Vec<Cell>,
     /// For each column, the largest duty of the sweep at which the wastegate is shut (%).
     pub lift_offs: Vec<f64>,
-    /// What a reader must know.
     pub notes: Vec<String>,
 }
 
 impl Task {
     /// The plant's parameters in words.
-    #[must_use]
     pub fn plant_parameters_written(&self) -> String {
         let written = |parameter: &Parameter| format!("{} = {}", parameter.name, parameter.value);
         let parameters: Vec<_> =
@@ -142,9 +133,6 @@ impl Task {
     }
 
     /// All that the experiments depend on; `digest` is that of the plant's file.
-    ///
-    /// # Errors
-    /// When a number of the map is not finite.
     pub fn settings(&self, digest: String) -> Result<Settings> {
         let schedule = &self.schedule;
         let mut settings: Settings = [
@@ -166,7 +154,6 @@ impl Task {
     }
 
     /// How many seconds of the plant's time a tuning takes at most.
-    #[must_use]
     pub fn duration(&self) -> f64 {
         let columns = self.schedule.engine_speeds.len() as f64;
         let points = columns * self.schedule.boost_references.len() as f64;
@@ -175,9 +162,6 @@ impl Task {
 
     /// Tunes. What the journal has is taken from there, what it has not is written there; `progress` is given
     /// how many seconds of [`duration`](Self::duration) are done with each sweep and point, by several threads.
-    ///
-    /// # Errors
-    /// When the plant lacks what is needed, fails, or cannot be tuned at all.
     pub fn run<'a>(
         &'a self,
         journal: &TuningJournal,
@@ -337,8 +321,6 @@ impl Task {
 }
 
 impl Cell {
-    /// A value of the cell.
-    #[must_use]
     pub fn value(&self, map: ScheduleTable) -> f64 {
         match map {
             ScheduleTable::Feedforward => self.feedforward,
@@ -349,7 +331,6 @@ impl Cell {
     }
 
     /// Whether a value of the cell was found there, and not filled in or raised.
-    #[must_use]
     pub fn is_found(&self, map: ScheduleTable) -> bool {
         match map {
             ScheduleTable::Feedforward => {
@@ -364,7 +345,6 @@ impl Cell {
 
 impl Tuning<'_> {
     /// The responses at a point of the grid.
-    #[must_use]
     pub fn point(&self, row: usize, column: usize) -> Option<&Point> {
         self.points.iter().find(|point| (point.row, point.column) == (row, column))
     }
@@ -374,13 +354,11 @@ impl Tuning<'_> {
     /// The controller's reference model takes every duty that the controller may command to act. Where it may
     /// command less than the lift-off, the model runs ahead of the plant near the highest pressure that can be
     /// reached, and the feedback overshoots.
-    #[must_use]
     pub fn least_duty(&self) -> f64 {
         self.lift_offs.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
     /// How a value came about, in words.
-    #[must_use]
     pub fn provenance(&self, cell: &Cell, map: ScheduleTable) -> String {
         let procedure = &self.task.procedure;
         if map == ScheduleTable::Feedforward {
@@ -424,8 +402,6 @@ impl Tuning<'_> {
         text
     }
 
-    /// The controller's parameters.
-    #[must_use]
     pub fn parameter_set(&self, name: &str) -> ParameterSet {
         let schedule = &self.task.schedule;
         let parameter = |name: String, description: String, value: f64, unit: &str| Parameter {
@@ -461,19 +437,5 @@ impl Tuning<'_> {
             parameters,
             units: schedule.description.units.clone(),
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Eq. (12) by hand: a gain of −4000 Pa/%, T = 1.2 s, L = 0.1 s, λ = 0.3 s.
-    #[test]
-    fn feedback_is_that_of_lambda_tuning() {
-        let feedback = Feedback::tuned(-4000.0, 1.2, 0.1, 0.3);
-        assert!((feedback.gain - -1.25 / 0.35 / 4000.0).abs() < 1e-15);
-        assert!((feedback.integral_time - 1.25).abs() < 1e-15);
-        assert!((feedback.derivative_time - 0.12 / 2.5).abs() < 1e-15);
     }
 }

@@ -10,7 +10,6 @@ pub struct Monotone {
 
 impl Monotone {
     /// Through points with ascending abscissae; none where there are fewer than two, or they do not ascend.
-    #[must_use]
     pub fn through(points: Vec<(f64, f64)>) -> Option<Self> {
         if points.len() < 2 || !points.windows(2).all(|pair| pair[0].0 < pair[1].0) {
             return None;
@@ -38,14 +37,11 @@ impl Monotone {
         Some(Self { points, slopes })
     }
 
-    /// The last abscissa.
-    #[must_use]
     pub fn last(&self) -> f64 {
         self.points[self.points.len() - 1].0
     }
 
     /// The value at an abscissa; none outside the points.
-    #[must_use]
     pub fn at(&self, x: f64) -> Option<f64> {
         let after = self.points.partition_point(|&(known, _)| known <= x);
         let index = after.min(self.points.len() - 1).checked_sub(1)?;

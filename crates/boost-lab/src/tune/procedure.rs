@@ -58,13 +58,11 @@ impl Default for Procedure {
 
 impl Procedure {
     /// How long a sweep takes of the plant's time (s).
-    #[must_use]
     pub fn sweep_duration(&self) -> f64 {
         self.sweep.iter().map(|(_, duration)| duration).sum()
     }
 
     /// How long a point of the grid takes of the plant's time (s).
-    #[must_use]
     pub fn point_duration(&self) -> f64 {
         self.settling_duration + 2.0 * self.response_duration
     }

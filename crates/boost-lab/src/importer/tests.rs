@@ -1,0 +1,241 @@
+//! The importer under an FMU that is written in C as others write them (`tests/careless/careless.c`).
+//!
+//! The FMU aborts the process when a state is left or a call comes after a fatal error, so that each test
+//! sees to it, too.
+
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+use std::thread;
+
+use anyhow::Result;
+use boost_interface::Translation;
+use fmu_package::{FmuDescription, Linear, Value};
+
+use self::careless::DESCRIPTION;
+use super::{CallFailed, Fmu, Instance, Status};
+
+#[path = "../../tests/careless/mod.rs"]
+mod careless;
+
+fn import(description: &str) -> Result<Arc<Fmu>> {
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("careless.fmu");
+    careless::write(&path, description, careless::library());
+    Fmu::open(&path)
+}
+
+fn opened() -> Arc<Fmu> {
+    import(DESCRIPTION).expect("the FMU is imported")
+}
+
+/// An instance that steps.
+fn started(fmu: &Arc<Fmu>) -> Result<Instance> {
+    let mut instance = fmu.instantiate("careless")?;
+    instance.set_up(0.0, None)?;
+    instance.enter_initialization()?;
+    instance.exit_initialization()?;
+    Ok(instance)
+}
+
+fn fail_with(name: &str) -> (Instance, CallFailed) {
+    let mut instance = started(&opened()).unwrap();
+    instance.step(0.0, 0.5).unwrap();
+    instance.set_value("fail", &Value::Enumeration(name.to_owned())).unwrap();
+    let error = instance.step(0.5, 0.5).unwrap_err().downcast().expect("a call failed");
+    (instance, error)
+}
+
+#[test]
+fn values_of_each_type_go_by_their_names() {
+    let fmu = opened();
+    let mut instance = started(&fmu).unwrap();
+    let mut selection = fmu.select(["flag", "input", "fail", "level"]).unwrap();
+    let mut values = [0.0; 4];
+    instance.set_value("flag", &Value::Boolean(true)).unwrap();
+    instance.set_value("input", &Value::Integer(3)).unwrap();
+    instance.set_value("level", &Value::Real(2.0, Some("kPa".to_owned()))).unwrap();
+    instance.set_value("note", &Value::String("Größe".to_owned())).unwrap();
+    instance.get(&mut selection, &mut values).unwrap();
+    assert_eq!(values.map(f64::to_bits), [1.0_f64, 3.0, 0.0, 2000.0].map(f64::to_bits));
+    instance.set(&mut selection, &[0.0, 5.0, 0.0, 7.0]).unwrap();
+    instance.get(&mut selection, &mut values).unwrap();
+    assert_eq!(values.map(f64::to_bits), [0.0_f64, 5.0, 0.0, 7.0].map(f64::to_bits));
+    assert!(instance.set_value("note", &Value::String("size".to_owned())).is_err());
+}
+
+#[test]
+fn a_translated_fmu_has_other_names_and_values() {
+    let own = opened();
+    let description = DESCRIPTION.replace("name=\"level\"", "name=\"pressure\"");
+    // pressure = 2 level + 1
+    let to_interface = [("pressure".to_owned(), Linear { factor: 2.0, offset: 1.0 })].into();
+    let description = FmuDescription::parse(&description).unwrap();
+    let seen = own.translated(Translation { description, to_interface });
+    let mut instance = started(&seen).unwrap();
+    let mut selections =
+        [own.select(["input", "level"]).unwrap(), seen.select(["input", "pressure"]).unwrap()];
+    let mut values = |instance: &mut Instance| {
+        selections.each_mut().map(|selection| {
+            let mut values = [0.0; 2];
+            instance.get(selection, &mut values).unwrap();
+            values.map(f64::to_bits)
+        })
+    };
+    let expected = |input: f64, level: f64, pressure: f64| {
+        [[input.to_bits(), level.to_bits()], [input.to_bits(), pressure.to_bits()]]
+    };
+    instance.set_value("pressure", &Value::Real(7.0, None)).unwrap();
+    assert_eq!(values(&mut instance), expected(1.0, 3.0, 7.0));
+    instance.set(&mut seen.select(["pressure", "input"]).unwrap(), &[9.0, 2.0]).unwrap();
+    assert_eq!(values(&mut instance), expected(2.0, 4.0, 9.0));
+    assert!(seen.variable("level").is_err());
+}
+
+#[test]
+fn values_that_do_not_fit_a_variable_are_refused_by_name() {
+    let fmu = opened();
+    let mut instance = started(&fmu).unwrap();
+    let mut refusal = |name: &str, value: Value| instance.set_value(name, &value).unwrap_err().to_string();
+    assert!(refusal("inpt", Value::Integer(1)).ends_with("has no variable inpt; the nearest is input"));
+    assert_eq!(
+        refusal("flag", Value::Integer(1)),
+        "the value 1 of flag cannot be taken: it is of the type Integer, not Boolean"
+    );
+    assert_eq!(
+        refusal("fail", Value::String("eror".to_owned())),
+        "the value eror of fail cannot be taken: it is not one of no, discard, error, no_status, fatal"
+    );
+    assert_eq!(
+        refusal("level", Value::Real(1.0, Some("furlong".to_owned()))),
+        "the value 1 furlong of level cannot be taken: the unit furlong is not defined"
+    );
+    let texts = fmu.select(["note"]).err().expect("a text is not a number").to_string();
+    assert_eq!(texts, "note is of the type String, which is not a number");
+}
+
+#[test]
+fn a_discarded_step_is_reported_with_its_time_and_messages() {
+    let (_, error) = fail_with("discard");
+    assert_eq!(error.status, Some(Status::DISCARD));
+    assert_eq!(
+        error.to_string(),
+        "careless: fmi2DoStep at 0.5 s gave fmi2Discard, having reached 0.75 s\n  stiff at 0.5 s: level 0.5, level"
+    );
+}
+
+#[test]
+fn an_error_is_reported_with_its_messages() {
+    let (_, error) = fail_with("error");
+    assert_eq!(error.to_string(), "careless: fmi2DoStep at 0.5 s gave fmi2Error\n  no way, # 7");
+}
+
+#[test]
+fn an_invalid_status_is_an_error() {
+    let (_, error) = fail_with("no_status");
+    let text = error.to_string();
+    assert!(
+        text.starts_with("careless: fmi2DoStep at 0.5 s gave 17, which is not a status of FMI"),
+        "{text}"
+    );
+}
+
+#[test]
+fn nothing_is_called_after_a_fatal_error() {
+    let (mut instance, error) = fail_with("fatal");
+    assert_eq!(error.status, Some(Status::FATAL));
+    assert!(instance.step(1.0, 0.5).is_err());
+    assert!(instance.number("level").is_err());
+}
+
+#[test]
+fn a_state_is_saved_restored_and_freed() {
+    let mut instance = started(&opened()).unwrap();
+    instance.step(0.0, 0.5).unwrap();
+    let saved = instance.save().unwrap();
+    let level = |instance: &mut Instance| instance.number("level").unwrap().to_bits();
+    for _ in 0..3 {
+        instance.step(0.5, 0.25).unwrap();
+        assert_eq!(level(&mut instance), 0.75_f64.to_bits());
+        instance.restore(&saved).unwrap();
+        assert_eq!(level(&mut instance), 0.5_f64.to_bits());
+        assert_eq!(instance.time, Some(0.5));
+    }
+    assert_eq!(instance.number("states").unwrap().to_bits(), 1.0_f64.to_bits());
+    drop(saved);
+    assert_eq!(instance.number("states").unwrap().to_bits(), 0.0_f64.to_bits());
+    // A state that outlives its instance frees it with itself.
+    let saved = instance.save().unwrap();
+    drop(instance);
+    drop(saved);
+}
+
+#[test]
+fn a_state_of_another_instance_is_refused() {
+    let fmu = opened();
+    let (mut one, mut two) = (started(&fmu).unwrap(), started(&fmu).unwrap());
+    let saved = one.save().unwrap();
+    assert_eq!(two.restore(&saved).unwrap_err().to_string(), "careless: the state is another instance's");
+}
+
+#[test]
+fn another_guid_is_refused_with_what_the_fmu_says() {
+    let fmu = import(&DESCRIPTION.replace("guid=\"careless\"", "guid=\"{another}\"")).unwrap();
+    let error = fmu.instantiate("probe").err().expect("it is refused").to_string();
+    assert_eq!(error, "probe: fmi2Instantiate made no instance\n  {another} is not 100% mine");
+}
+
+#[test]
+fn instances_in_many_threads_are_independent() {
+    let fmu = opened();
+    thread::scope(|scope| {
+        for thread in 0..16 {
+            let fmu = &fmu;
+            scope.spawn(move || {
+                let rate = f64::from(thread);
+                for _ in 0..20 {
+                    let mut instance = started(fmu).unwrap();
+                    instance.set_value("input", &Value::Real(rate, None)).unwrap();
+                    let saved = instance.save().unwrap();
+                    for step in 0..8 {
+                        instance.step(f64::from(step) * 0.125, 0.125).unwrap();
+                    }
+                    assert_eq!(instance.number("level").unwrap().to_bits(), rate.to_bits());
+                    instance.restore(&saved).unwrap();
+                    instance.set_value("fail", &Value::Enumeration("error".to_owned())).unwrap();
+                    let error = instance.step(0.0, 0.125).unwrap_err().to_string();
+                    assert!(error.ends_with("no way, # 7"), "{error}");
+                }
+            });
+        }
+    });
+}
+
+/// What cannot be imported, and what is said of it.
+fn refusal(imported: Result<Arc<Fmu>>) -> String {
+    format!("{:#}", imported.err().expect("it is refused"))
+}
+
+#[test]
+fn a_file_that_is_not_an_fmu_is_refused() {
+    let missing = Path::new("missing.fmu");
+    assert!(refusal(Fmu::open(missing)).starts_with("cannot import missing.fmu: it cannot be opened"));
+    let folder = tempfile::tempdir().unwrap();
+    let text = folder.path().join("text.fmu");
+    fs::write(&text, "no archive").unwrap();
+    assert!(refusal(Fmu::open(&text)).contains("it is not a ZIP archive"));
+    let cases = [
+        ("three", DESCRIPTION.replace("fmiVersion=\"2.0\"", "fmiVersion=\"3.0\""), "it is one of FMI 3.0"),
+        ("exchange", DESCRIPTION.replace("CoSimulation", "ModelExchange"), "it is not for co-simulation"),
+        (
+            "library",
+            DESCRIPTION.replace("modelIdentifier=\"careless\"", "modelIdentifier=\"other\""),
+            "it has no",
+        ),
+        ("xml", DESCRIPTION.replace("</ModelVariables>", ""), "its modelDescription.xml is broken"),
+    ];
+    for (name, description, expected) in cases {
+        let refusal = refusal(import(&description));
+        assert!(refusal.contains(expected), "{name}: {refusal}");
+    }
+}

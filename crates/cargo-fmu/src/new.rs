@@ -1,0 +1,176 @@
+//! `new`: a package that exports at once, as a template to be edited.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use clap::{Args, ValueEnum};
+use fmu_package::terminal::print;
+
+use super::cargo;
+
+/// Create a package with a model that exports at once
+#[derive(Args, Debug)]
+pub struct New {
+    /// The folder to create; its name is the package's
+    #[arg(value_name = "PATH")]
+    path: PathBuf,
+    /// The package's name [default: the folder's]
+    #[arg(long)]
+    name: Option<String>,
+    /// The kind of model
+    #[arg(long, value_enum, default_value_t = Template::Continuous)]
+    template: Template,
+    /// The version control system to set up, as `cargo new` has it
+    #[arg(long)]
+    vcs: Option<String>,
+}
+
+/// The kinds of model.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Template {
+    /// A lag, with a continuous state
+    Continuous,
+    /// A controller, which samples its inputs and remembers
+    Sampled,
+    /// Outputs that follow from the inputs alone
+    Algebraic,
+}
+
+/// The files of a template.
+struct Files {
+    declaration: &'static str,
+    source: &'static str,
+    /// Features of `fmu-export`.
+    features: &'static [&'static str],
+    /// The variables to plot.
+    plotted: &'static str,
+}
+
+impl Template {
+    fn files(self) -> Files {
+        match self {
+            Self::Continuous => Files {
+                declaration: include_str!("../templates/continuous/model.json"),
+                source: include_str!("../templates/continuous/lib.rs"),
+                features: &[],
+                plotted: "voltage,lagged_voltage",
+            },
+            Self::Sampled => Files {
+                declaration: include_str!("../templates/sampled/model.json"),
+                source: include_str!("../templates/sampled/lib.rs"),
+                features: &["derive"],
+                plotted: "command",
+            },
+            Self::Algebraic => Files {
+                declaration: include_str!("../templates/algebraic/model.json"),
+                source: include_str!("../templates/algebraic/lib.rs"),
+                features: &[],
+                plotted: "voltage,power",
+            },
+        }
+    }
+}
+
+impl New {
+    /// Has cargo create the package, so that names, editions and workspaces are as cargo has them, and fills it in.
+    ///
+    /// # Errors
+    /// When cargo refuses, or a file cannot be written.
+    pub fn run(&self) -> Result<()> {
+        let mut command = cargo();
+        command.args(["new", "--lib", "--quiet"]);
+        if let Some(name) = &self.name {
+            command.args(["--name", name]);
+        }
+        if let Some(vcs) = &self.vcs {
+            command.args(["--vcs", vcs]);
+        }
+        let status =
+            command.arg(&self.path).status().context("cannot run cargo; install Rust, or set CARGO")?;
+        if !status.success() {
+            bail!("cargo could not create the package; its message stands above");
+        }
+        let name = match &self.name {
+            Some(name) => name.as_str(),
+            None => self
+                .path
+                .file_name()
+                .and_then(|name| name.to_str())
+                .context("the folder's name is not text")?,
+        };
+        self.fill_in(name)?;
+        let path = self.path.display();
+        Ok(print(&format!(
+            "{path}  declare variables in model.json, compute them in src/lib.rs; `cargo fmu export` exports\n"
+        ))?)
+    }
+
+    fn fill_in(&self, name: &str) -> Result<()> {
+        let files = self.template.files();
+        let identifier = name.replace('-', "_");
+        let write = |file: &str, content: &str| {
+            let path = self.path.join(file);
+            fs::write(&path, content).with_context(|| format!("cannot write {}", path.display()))
+        };
+        let manifest_file = self.path.join("Cargo.toml");
+        let manifest = fs::read_to_string(&manifest_file)
+            .with_context(|| format!("cannot read {}", manifest_file.display()))?;
+        write("Cargo.toml", &manifest_of(&manifest, files.features))?;
+        write("build.rs", include_str!("../templates/build.rs"))?;
+        write("model.json", files.declaration)?;
+        write("model.schema.json", fmu_export_build::SCHEMA)?;
+        write("src/lib.rs", &files.source.replace("{Type}", &type_name(name)))?;
+        let readme = include_str!("../templates/README.md")
+            .replace("{name}", name)
+            .replace("{identifier}", &identifier)
+            .replace("{outputs}", files.plotted);
+        write("README.md", &readme)
+    }
+}
+
+/// The manifest that cargo wrote, with the library's type and the dependencies.
+fn manifest_of(manifest: &str, features: &[&str]) -> String {
+    let package = manifest.split("[dependencies]").next().unwrap_or_default().trim_end();
+    let features = if features.is_empty() { String::new() } else { format!(", features = {features:?}") };
+    let source = |name| match checkout() {
+        Some(crates) => format!("path = {:?}", crates.join(name).display().to_string()),
+        None => format!("version = {:?}", env!("CARGO_PKG_VERSION")),
+    };
+    let (runtime, build) = (source("fmu-export"), source("fmu-export-build"));
+    format!(
+        "{package}\n\n\
+         [lib]\n\
+         crate-type = [\"cdylib\"]\n\n\
+         [dependencies]\n\
+         fmu-export = {{ {runtime}{features} }}\n\n\
+         [build-dependencies]\n\
+         fmu-export-build = {{ {build} }}\n"
+    )
+}
+
+/// The folder of the exporter's crates, where this command was built from a checkout of its repository that is still
+/// there: packages then depend on these.
+fn checkout() -> Option<&'static Path> {
+    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).parent()?;
+    crates.join("fmu-export/Cargo.toml").is_file().then_some(crates)
+}
+
+/// The name of the model's type: the package's in upper camel case.
+fn type_name(package: &str) -> String {
+    let words = package.split(['-', '_']);
+    words
+        .map(|word| word.get(..1).unwrap_or_default().to_uppercase() + word.get(1..).unwrap_or_default())
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn types_are_named_after_packages() {
+        assert_eq!(type_name("lag"), "Lag");
+        assert_eq!(type_name("two_stage-lag"), "TwoStageLag");
+    }
+}

@@ -1,0 +1,150 @@
+//! `validate`: what is wrong in an FMU of any maker, by the published rules.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail};
+use clap::Args;
+use fmu_package::terminal::{complain, in_line, print};
+use fmu_package::validation::rules::{self, Severity};
+use fmu_package::validation::{self, Report};
+use serde::Serialize;
+
+use super::info::Format;
+
+/// Find what is wrong in an FMU
+///
+/// Checks an FMU of FMI 1.0, 2.0 or 3.0, of any maker, by the rules of the standard and its schemas, and by what
+/// importers are known to stumble over. The exit status is 0 when nothing is wrong or there are only warnings, 1 when
+/// there are errors, and 2 when the file cannot be read. The library is read, but never loaded.
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Examples:\n  cargo fmu validate Plant.fmu\n  cargo fmu validate Plant.fmu --format json\n  \
+    cargo fmu validate --rules"
+)]
+pub struct Validate {
+    /// An FMU of any maker
+    #[arg(value_name = "FILE.fmu", required_unless_present = "rules")]
+    file: Option<PathBuf>,
+    /// How to print what is found
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+    /// Print the table of all rules instead
+    #[arg(long, conflicts_with = "file")]
+    rules: bool,
+}
+
+/// The findings as JSON; `docs/validation.md` describes the keys.
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+struct Json<'a> {
+    file: String,
+    fmi_version: Option<&'a str>,
+    errors: usize,
+    warnings: usize,
+    omitted: usize,
+    findings: Vec<JsonFinding<'a>>,
+}
+
+#[derive(Serialize)]
+struct JsonFinding<'a> {
+    rule: &'a str,
+    severity: &'a str,
+    file: Option<&'a str>,
+    line: Option<usize>,
+    variable: Option<&'a str>,
+    message: &'a str,
+    remedy: &'a str,
+    source: &'a str,
+}
+
+impl Validate {
+    /// Prints what is wrong in an FMU. Whether it has no errors.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn run(&self) -> Result<bool> {
+        let Some(file) = &self.file else {
+            print(&table_of_rules())?;
+            return Ok(true);
+        };
+        let report = validation::validate(file)?;
+        print(&match self.format {
+            Format::Text => text(file, &report),
+            Format::Json => json(file, &report)?,
+        })?;
+        Ok(report.count(Severity::Error) == 0)
+    }
+}
+
+/// Refuses an FMU that was just written when there are errors in it, and prints the warnings.
+pub fn check(file: &Path) -> Result<()> {
+    let report = validation::validate(file)?;
+    if report.count(Severity::Error) > 0 {
+        bail!("the FMU breaks the standard's rules\n{}", text(file, &report));
+    }
+    if !report.findings.is_empty() {
+        complain(text(file, &report).trim_end());
+    }
+    Ok(())
+}
+
+fn text(file: &Path, report: &Report) -> String {
+    let mut text = String::new();
+    let mut remedied = BTreeSet::new();
+    for finding in &report.findings {
+        let place = &finding.place;
+        if let Some(file) = &place.file {
+            text += &in_line(file);
+            text += &place.line.map_or(String::new(), |line| format!(":{line}"));
+            text += ": ";
+        }
+        let variable = place.variable.as_ref().map_or(String::new(), |name| format!("{name}: "));
+        let message = in_line(&format!("{variable}{}", finding.message));
+        text += &format!("{}: {message} [{}]\n", finding.rule.severity.name(), finding.rule.id);
+        if remedied.insert(finding.rule.id) {
+            text += &format!("    {}\n", finding.rule.remedy);
+        }
+    }
+    if report.omitted > 0 {
+        text += &format!("and {} more\n", report.omitted);
+    }
+    let count = |severity| match report.count(severity) {
+        1 => format!("1 {}", severity.name()),
+        count => format!("{count} {}s", severity.name()),
+    };
+    let version =
+        report.fmi_version.as_ref().map_or(String::new(), |version| format!("FMI {}, ", in_line(version)));
+    let (errors, warnings) = (count(Severity::Error), count(Severity::Warning));
+    text + &format!("{}: {version}{errors}, {warnings}\n", file.display())
+}
+
+fn json(file: &Path, report: &Report) -> Result<String> {
+    let findings = report.findings.iter().map(|finding| JsonFinding {
+        rule: finding.rule.id,
+        severity: finding.rule.severity.name(),
+        file: finding.place.file.as_deref(),
+        line: finding.place.line,
+        variable: finding.place.variable.as_deref(),
+        message: &finding.message,
+        remedy: finding.rule.remedy,
+        source: finding.rule.source,
+    });
+    let json = Json {
+        file: file.display().to_string(),
+        fmi_version: report.fmi_version.as_deref(),
+        errors: report.count(Severity::Error),
+        warnings: report.count(Severity::Warning),
+        omitted: report.omitted,
+        findings: findings.collect(),
+    };
+    Ok(serde_json::to_string_pretty(&json)? + "\n")
+}
+
+/// The rules as a table in Markdown, which `docs/validation.md` contains.
+fn table_of_rules() -> String {
+    let rows = rules::ALL.iter().map(|rule| {
+        format!("| `{}` | {} | {} | {} |\n", rule.id, rule.severity.name(), rule.text, rule.source)
+    });
+    format!("| rule | severity | what it says | source |\n|---|---|---|---|\n{}", rows.collect::<String>())
+}

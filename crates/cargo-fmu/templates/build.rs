@@ -1,0 +1,3 @@
+fn main() {
+    fmu_export_build::generate("model.json");
+}

@@ -1,0 +1,50 @@
+//! FMUs and archives as the tests of commands need them.
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+pub fn scratch(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join(name)
+}
+
+/// A ZIP archive with one entry.
+pub fn archive(name: &str, entry: &str, content: &str) -> String {
+    archive_of(name, &[(entry, content.as_bytes())])
+}
+
+/// A ZIP archive.
+pub fn archive_of(name: &str, entries: &[(&str, &[u8])]) -> String {
+    let path = scratch(name);
+    let mut zip = zip::ZipWriter::new(fs::File::create(&path).unwrap());
+    for (entry, content) in entries {
+        zip.start_file(*entry, zip::write::SimpleFileOptions::default()).unwrap();
+        zip.write_all(content).unwrap();
+    }
+    zip.finish().unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+/// An FMU of the model `Other`.
+pub fn fmu_of(name: &str, entries: &[(&str, &[u8])]) -> String {
+    let description = description("");
+    archive_of(name, &[&[("modelDescription.xml", description.as_bytes())], entries].concat())
+}
+
+/// What an FMU's description holds around its variables.
+pub fn description(variables: &str) -> String {
+    format!(
+        r#"<fmiModelDescription fmiVersion="2.0" modelName="Other" guid="g">
+          <CoSimulation modelIdentifier="Other"/>
+          <ModelVariables>{variables}</ModelVariables>
+        </fmiModelDescription>"#
+    )
+}
+
+/// A folder of its own, empty.
+pub fn empty(name: &str) -> PathBuf {
+    let folder = scratch(name);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir(&folder).unwrap();
+    folder
+}

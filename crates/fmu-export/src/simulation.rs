@@ -1,0 +1,84 @@
+//! A model without any FMU around it, for tests and programs in Rust.
+
+use std::fmt;
+
+use crate::error::Error;
+use crate::inputs::InputSignal;
+use crate::model::{Context, Experiment, InputsOf, Model, Step, Variables};
+
+/// A model, its variables and what it says. In an FMU, values are checked before they reach the model; here they are
+/// taken as they are.
+///
+/// ```ignore
+/// let mut simulation = Simulation::<Lag>::default();
+/// simulation.variables.parameters.time_constant = 0.5;
+/// simulation.initialize()?;
+/// simulation.variables.inputs.voltage = 1.0;
+/// simulation.step(0.1)?;
+/// assert!(simulation.variables.outputs.voltage_lagged < 1.0);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Simulation<M: Model> {
+    /// The model.
+    pub model: M,
+    /// Its variables, at their start values until it is initialized.
+    pub variables: M::Variables,
+    /// What the importer would tell it.
+    pub experiment: Experiment,
+    /// The time in seconds.
+    pub time: f64,
+    /// What it has logged so far: category and message.
+    pub messages: Vec<(&'static str, String)>,
+}
+
+impl<M: Model> Default for Simulation<M> {
+    fn default() -> Self {
+        Self {
+            model: M::default(),
+            variables: M::Variables::default(),
+            experiment: Experiment::default(),
+            time: 0.0,
+            messages: vec![],
+        }
+    }
+}
+
+impl<M: Model> Simulation<M> {
+    /// Checks the parameters and computes the values at the experiment's start time.
+    ///
+    /// # Errors
+    /// Those of the model.
+    pub fn initialize(&mut self) -> Result<(), Error> {
+        M::check_parameters(&self.variables)?;
+        self.time = self.experiment.start_time;
+        let inputs = self.variables.inputs().clone();
+        let Self { model, variables, experiment, messages, .. } = self;
+        let mut log = log_to(messages);
+        model.initialize(variables, &inputs, &mut Context::new(*experiment, &mut log))
+    }
+
+    /// Advances by a communication step of a size in seconds, during which the inputs hold their values.
+    ///
+    /// # Errors
+    /// Those of the model.
+    pub fn step(&mut self, size: f64) -> Result<(), Error> {
+        self.step_with(size, &InputSignal::constant(self.variables.inputs().clone()))
+    }
+
+    /// Advances by a communication step of a size in seconds with inputs that may change during it.
+    ///
+    /// # Errors
+    /// Those of the model.
+    pub fn step_with(&mut self, size: f64, inputs: &InputSignal<InputsOf<M>>) -> Result<(), Error> {
+        let Self { model, variables, experiment, messages, time } = self;
+        let mut log = log_to(messages);
+        let step = Step { start: *time, size, inputs };
+        model.step(variables, &step, &mut Context::new(*experiment, &mut log))?;
+        *time += size;
+        Ok(())
+    }
+}
+
+fn log_to(messages: &mut Vec<(&'static str, String)>) -> impl FnMut(&'static str, fmt::Arguments<'_>) {
+    |category, message| messages.push((category, message.to_string()))
+}

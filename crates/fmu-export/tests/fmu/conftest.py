@@ -1,0 +1,98 @@
+"""The exported FMU of the test model, and instances of it that are freed after each test.
+
+`TEST_MODEL` is the FMU's path; `bash tests/run` exports it there.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from fmi2 import Fmu, Instance, Library, Status
+from life import Life, Record, differences
+
+ROOT = Path(__file__).resolve().parents[4]
+TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
+
+
+@pytest.fixture(scope="session")
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> Fmu:
+    """The test model, extracted."""
+    path = TARGET / "test-model" / "TestModel.fmu"
+    assert path.is_file(), f"{path} is missing: bash tests/run exports it"
+    return Fmu(path, tmp_path_factory.mktemp("fmu"))
+
+
+@pytest.fixture(scope="session")
+def library(fmu: Fmu) -> Library:
+    """Its library, loaded."""
+    return Library(fmu.library)
+
+
+@pytest.fixture
+def make(fmu: Fmu, library: Library, capfd: pytest.CaptureFixture[str]) -> Iterator[Callable[..., Instance]]:
+    """Makes instances and frees them in the end. Nothing is written to the host's streams: by default Rust
+    would write each panic to stderr."""
+    made: list[Instance] = []
+
+    def make(kind: type[Instance] = Instance, **arguments) -> Instance:
+        made.append(kind(fmu, library, **arguments))
+        return made[-1]
+
+    yield make
+    for instance in made:
+        instance.free()
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.fixture
+def live(make: Callable[..., Instance]) -> Callable[..., Life]:
+    """Brings an instance into a state."""
+    return lambda state="instantiated", **arguments: make(Life, **arguments).reach(state)
+
+
+@pytest.fixture(scope="session")
+def records() -> dict[tuple, Record]:
+    """How instances go on that got no call that was refused, by the state and the experiment."""
+    return {}
+
+
+@pytest.fixture
+def like_a_fresh_one(make: Callable[..., Instance], records: dict[tuple, Record]) -> Callable[[Life], None]:
+    """Checks that an instance lives, after fmi2Reset, as a fresh one: each value bit for bit, each status and
+    each message."""
+
+    def check(life: Life) -> None:
+        if () not in records:
+            records[()] = make(Life).live_anew()
+        assert life.call("fmi2Reset") == Status.OK
+        assert differences(life.live_anew(), records[()]) == []
+
+    return check
+
+
+@pytest.fixture
+def unharmed(
+    live: Callable[..., Life], like_a_fresh_one: Callable[[Life], None], records: dict[tuple, Record]
+) -> Callable[[Life], None]:
+    """Checks that an instance goes on as one that never got a refused call, bit for bit; and then that it
+    can be reset."""
+
+    def check(life: Life) -> None:
+        key = (life.state, life.is_set_up, life.start_time, life.stop_time)
+        if key not in records:
+            untouched = live(life.state, start_time=life.start_time, stop_time=life.stop_time)
+            if life.is_set_up and not untouched.is_set_up:
+                untouched.set_up()
+            records[key] = untouched.go_on()
+        assert differences(life.go_on(), records[key]) == []
+        like_a_fresh_one(life)
+
+    return check
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """What fails in a logger that is written in Python fails the test."""
+    config.addinivalue_line("filterwarnings", "error::pytest.PytestUnraisableExceptionWarning")

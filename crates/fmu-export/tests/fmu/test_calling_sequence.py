@@ -1,0 +1,330 @@
+"""The order of calls: which function may be called in which state (FMI 2.0.5, section 4.2.4).
+
+`calling_sequence.csv` is the table of that section, cell by cell. A number in a cell is a condition on the
+variable, by the notes below the table.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+from collections.abc import Callable
+from ctypes import byref, c_char, c_char_p, c_double, c_int, c_size_t, c_void_p
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fmi2 import ARRAYS, FUNCTIONS, STEP, Fmu, Instance, Status, c_type_of, integers, reals, strings
+from fmpy.model_description import ScalarVariable
+from life import COURSE, STATES, Life, differences
+
+with open(Path(__file__).parents[1] / "calling_sequence.csv", newline="") as file:
+    TABLE: dict[str, dict[str, str]] = {row.pop("function"): row for row in csv.DictReader(file)}
+"""By function and state: blank where the call is not allowed."""
+
+NO_INSTANCE = "start/end"
+NEVER = ["stepInProgress", "stepFailed", "stepCanceled", "fatal"]
+"""States that belong to steps in the background or discarded, and to errors that harm every instance."""
+
+RETURNS = {
+    "fmi2GetStatus": Status.DISCARD,
+    "fmi2GetIntegerStatus": Status.DISCARD,
+    "fmi2GetStringStatus": Status.DISCARD,
+}
+"""Section 4.2.3: fmi2Discard for what only a step in the background has, and for the type of which there is
+no status; the time of the last step and whether the slave ends the simulation are known."""
+
+INQUIRED = {"fmi2GetTypesPlatform": b"default", "fmi2GetVersion": b"2.0"}
+"""Section 2.1.4: what is known without an instance."""
+
+CHANGING = [
+    "fmi2SetupExperiment",
+    "fmi2EnterInitializationMode",
+    "fmi2ExitInitializationMode",
+    "fmi2Terminate",
+    "fmi2Reset",
+    "fmi2SetReal",
+    "fmi2SetInteger",
+    "fmi2SetBoolean",
+    "fmi2SetString",
+    "fmi2SetFMUstate",
+    "fmi2SetRealInputDerivatives",
+    "fmi2DoStep",
+]
+"""What an instance does not go on from as if nothing had been called."""
+
+DO_STEP_STATUS, PENDING_STATUS, LAST_SUCCESSFUL_TIME, TERMINATED = range(4)
+"""`fmi2StatusKind`."""
+
+
+def is_input(variable: ScalarVariable) -> bool:
+    """Whether a variable is an input; those have no `initial`, whatever a reader of the XML fills in."""
+    return variable.causality == "input"
+
+
+CONDITIONS: dict[str, Callable[[ScalarVariable], bool]] = {
+    "1": lambda v: v.variability != "constant" and v.initial in ("exact", "approx"),
+    "3": lambda v: is_input(v) or (v.variability != "constant" and v.initial == "exact"),
+    "6": lambda v: is_input(v) or (v.causality == "parameter" and v.variability == "tunable"),
+}
+"""The notes below the table on setting variables, by their numbers."""
+
+
+def settable(variable: ScalarVariable, state: str) -> bool:
+    """Whether the table lets a variable be set in a state, and beyond it what masters need: they set inputs
+    before initialization too (libcosim, PyFMI and cofmupy do), which note 1 does not list."""
+    condition = TABLE[f"fmi2Set{c_type_of(variable)}"][state]
+    if condition == "1" and is_input(variable):
+        return True
+    return bool(condition) and CONDITIONS[condition](variable)
+
+
+def another_value(variable: ScalarVariable) -> Any:
+    """A value within the range of a variable, which is not its start value."""
+    if variable.type == "Real":
+        return float(variable.start or 0.0) + 0.125
+    if variable.type == "Boolean":
+        return int(variable.start != "true")
+    if variable.type == "String":
+        return f"not {variable.start}".encode()
+    if variable.type == "Enumeration":
+        return 3 - int(variable.start or 1) if int(variable.start or 1) < 3 else 1
+    return int(variable.start or 0) + 1
+
+
+def arguments_of(life: Life, function: str) -> list[Any]:
+    """Good arguments for a function, other than what the instance was given before. What a function needs
+    to be called before is called."""
+    fmu = life.fmu
+    kind = function.removeprefix("fmi2Get").removeprefix("fmi2Set")
+    if kind in ARRAYS:
+        variables = [v for v in fmu.variables.values() if c_type_of(v) == kind]
+        if function.startswith("fmi2Get"):
+            return list(life.getting(*(v.name for v in variables))[1:])
+        # Where none may be set, the forbidden call has what may be set elsewhere.
+        state = life.state if TABLE[function][life.state] else "instantiated"
+        values = {v.name: another_value(v) for v in variables if settable(v, state)}
+        return list(life.settings(values)[1:])
+    if function == "fmi2EnterInitializationMode" and life.state == "instantiated":
+        life.set_up()
+    if function in ("fmi2SerializeFMUstate", "fmi2DeSerializeFMUstate"):
+        state = life.save()
+        data = life.serialize(state)
+        room = (c_char * len(data)).from_buffer_copy(data)
+        return [state, room, len(data)] if "fmi2Ser" in function else [room, len(data), byref(c_void_p())]
+    output = [fmu.references("output"), 1]
+    return {
+        "fmi2SetDebugLogging": lambda: [1, 1, strings(b"logStatusError")],
+        "fmi2SetupExperiment": lambda: [1, 1e-5, 5.0, 1, 6.0],
+        "fmi2DoStep": lambda: [life.time, 0.001, 1],
+        "fmi2GetFMUstate": lambda: [byref(c_void_p())],
+        "fmi2SetFMUstate": lambda: [life.save()],
+        "fmi2FreeFMUstate": lambda: [byref(life.save())],
+        "fmi2SerializedFMUstateSize": lambda: [life.save(), byref(c_size_t())],
+        "fmi2GetDirectionalDerivative": lambda: [*output, fmu.references("rate"), 1, reals(1.0), reals(0.0)],
+        "fmi2SetRealInputDerivatives": lambda: [fmu.references("rate"), 1, integers(1), reals(7.0)],
+        "fmi2GetRealOutputDerivatives": lambda: [*output, integers(1), reals(0.0)],
+        "fmi2GetStatus": lambda: [DO_STEP_STATUS, byref(c_int())],
+        "fmi2GetRealStatus": lambda: [LAST_SUCCESSFUL_TIME, byref(c_double())],
+        "fmi2GetIntegerStatus": lambda: [LAST_SUCCESSFUL_TIME, byref(c_int())],
+        "fmi2GetBooleanStatus": lambda: [TERMINATED, byref(c_int())],
+        "fmi2GetStringStatus": lambda: [PENDING_STATUS, byref(c_char_p())],
+    }.get(function, list)()
+
+
+def test_the_table_is_of_all_functions_and_states(fmu: Fmu) -> None:
+    assert list(TABLE) == list(FUNCTIONS)
+    for function, cells in TABLE.items():
+        assert list(cells) == [NO_INSTANCE, *STATES[:3], *NEVER[:3], *STATES[3:], "fatal"], function
+    used = {cell for cells in TABLE.values() for cell in cells.values()}
+    assert used == {"", "x", "2", "7", "8", *CONDITIONS}
+    # Steps in the background would bring the states of NEVER with them.
+    assert not fmu.description.coSimulation.canRunAsynchronuously
+
+
+def test_the_model_has_one_of_everything(fmu: Fmu) -> None:
+    """So that what is tested of all variables is tested of each kind."""
+    types = {"Real", "Integer", "Boolean", "String", "Enumeration"}
+    for causality in ("input", "output", "parameter"):
+        names = fmu.named(lambda v, causality=causality: v.causality == causality)
+        assert {fmu.variables[name].type for name in names} == types, causality
+    found = {(v.causality, v.variability) for v in fmu.variables.values()}
+    assert found == {
+        ("independent", "continuous"),
+        ("parameter", "fixed"),
+        ("parameter", "tunable"),
+        ("calculatedParameter", "fixed"),
+        *(((c, v)) for c in ("input", "output", "local") for v in ("discrete", "continuous")),
+    }
+    assert {v.initial for v in fmu.variables.values()} >= {"exact", "approx", "calculated"}
+    assert fmu.named(lambda v: v.name.startswith("settings.table[")) == [
+        f"settings.table[{i},{j}]" for i in (1, 2) for j in (1, 2)
+    ]
+    assert [u.variable.name for u in fmu.description.derivatives] == ["der(tank.level)", "der(motion.position)"]
+    simulation = fmu.description.coSimulation
+    assert simulation.canGetAndSetFMUstate and simulation.canSerializeFMUstate
+    assert simulation.canInterpolateInputs and simulation.providesDirectionalDerivative
+    assert simulation.maxOutputDerivativeOrder == 1
+
+
+def test_a_life_shows_whatever_an_instance_remembers(live: Callable[..., Life]) -> None:
+    """What is compared below differs when anything of the course was not set, or was lost."""
+    whole = live("stepComplete").go_on()
+    assert differences(live("stepComplete").go_on(), whole) == []
+    for part in ("parameters", "inputs", "pending", "slopes", "later"):
+        # Without motion.start the start value of motion.position is not used, as the test of that shows.
+        for forgotten in getattr(COURSE, part).keys() - {"motion.start"}:
+            values = {name: v for name, v in getattr(COURSE, part).items() if name != forgotten}
+            life = live("stepComplete", course=dataclasses.replace(COURSE, **{part: values}))
+            others = [d for d in differences(life.go_on(), whole) if not d.startswith(f"{forgotten}, ")]
+            assert others, f"{part}: {forgotten}"
+
+
+@pytest.mark.parametrize("function", TABLE)
+@pytest.mark.parametrize("state", STATES)
+def test_a_function_in_a_state(
+    live: Callable[..., Life], unharmed: Callable[[Life], None], state: str, function: str
+) -> None:
+    """With good arguments: works where it is allowed, otherwise an Error that names function and state and
+    changes nothing."""
+    life = live(state)
+    before = list(life.messages)
+    if function in INQUIRED:
+        assert TABLE[function][state] == "x"
+        assert getattr(life.library, function)() == INQUIRED[function]
+    elif function == "fmi2Instantiate":
+        # It takes no instance, so that what the table forbids cannot be called: it makes another one, which
+        # is in its own state (canBeInstantiatedOnlyOncePerProcess is false).
+        assert TABLE[function][state] == ""
+        assert live().component not in (None, life.component)
+    elif function == "fmi2FreeInstance":
+        assert TABLE[function][state] == "x"
+        life.free()
+        assert life.messages == before
+        return
+    elif not TABLE[function][state]:
+        life.refuses(function, *arguments_of(life, function), names=[state])
+    else:
+        assert life.call(function, *arguments_of(life, function)) == RETURNS.get(function, Status.OK)
+        assert life.messages == before
+        if function in CHANGING:
+            return
+    unharmed(life)
+
+
+@pytest.mark.parametrize("function", TABLE)
+def test_a_function_without_an_instance(live: Callable[..., Life], function: str) -> None:
+    """Before fmi2Instantiate and after fmi2FreeInstance there is no instance: NULL in its place is an Error,
+    of which no logger can be told; freeing it is ignored (section 2.1.5). A pointer that was freed is not
+    tried: its memory may be used for anything."""
+    life = live()
+    result, types = FUNCTIONS[function]
+    if TABLE[function][NO_INSTANCE]:
+        # Either of an FMU or of an instance that does not exist yet: `live` has made one.
+        assert function in INQUIRED or (function == "fmi2Instantiate" and life.component)
+        assert types == [] or function == "fmi2Instantiate"
+        return
+    status = getattr(life.library, function)(None, *arguments_of(life, function))
+    assert status == (None if result is None else Status.ERROR)
+    assert life.messages == []
+
+
+def test_initialization_needs_an_experiment(live: Callable[..., Life], unharmed) -> None:
+    """Section 2.1.6: fmi2SetupExperiment must be called before fmi2EnterInitializationMode."""
+    life = live()
+    life.refuses("fmi2EnterInitializationMode", names=["fmi2SetupExperiment"])
+    unharmed(life)
+
+
+def test_an_experiment_may_be_set_up_again(make: Callable[..., Instance]) -> None:
+    """Section 2.1.6: "at least once"; the last one holds."""
+    instance = make()
+    instance.set_up(5.0, 6.0)
+    instance.initialize(2.0)
+    assert instance.get("time") == 2.0
+    assert instance.step(2.0, 10.0) == Status.OK
+
+
+@pytest.mark.parametrize("state", STATES[:3])
+def test_which_variables_can_be_set(live: Callable[..., Life], unharmed, fmu: Fmu, state: str) -> None:
+    """Notes 1, 3 and 6, for every variable."""
+    refusing = live(state)
+    for variable in fmu.variables.values():
+        value = another_value(variable)
+        setting = refusing.settings({variable.name: value})
+        if not settable(variable, state):
+            refusing.refuses(*setting, names=[variable.name, state])
+            continue
+        life = live(state)
+        life.ok(*setting)
+        if state == "instantiated":
+            life.enter()
+        # Section 4.2.4 asks for a step between setting and getting in stepComplete. Otherwise masters cannot
+        # see what they set: it is tolerated.
+        if variable.name != "fault.place":
+            assert life.get(variable.name) == value, variable.name
+        life.free()
+    unharmed(refusing)
+
+
+@pytest.mark.parametrize(("start", "expected"), [("given", 0.75), ("at_rest", 0.0)])
+def test_start_values_of_states(make: Callable[..., Instance], start: str, expected: float) -> None:
+    """Note 1, `initial="approx"`: the start value is a guess, which the initialization may use. Unused, a
+    warning says so, once."""
+    instance = make().choose(motion__start=start)
+    assert instance.set({"motion.position": 0.75, "tank.level": 0.5}) == Status.OK
+    instance.enter()
+    warned = [] if start == "given" else ["the start value of motion.position is not used"]
+    for rate in (1.0, 2.0):
+        assert instance.set({"rate": rate}) == Status.OK
+        instance.call(*instance.getting("motion.position"))
+        assert instance.get("motion.position") == expected
+    assert instance.get("tank.level") == 0.5
+    assert [message.text for message in instance.messages] == warned
+
+
+@pytest.mark.parametrize("state", STATES[1:])
+def test_every_variable_can_be_got(live: Callable[..., Life], unharmed, fmu: Fmu, state: str) -> None:
+    """Note 2 allows outputs and InitialUnknowns in Initialization Mode; every variable can be got, because
+    masters such as libcosim read all of them there. In the state `error` (note 7) the values are for
+    debugging, but can be got."""
+    life = live(state)
+    before = list(life.messages)
+    for name in fmu.variables:
+        life.get(name)
+    assert life.get("time") == life.time
+    assert life.messages == before
+    unharmed(life)
+
+
+def test_the_status_of_the_last_step(live: Callable[..., Life]) -> None:
+    """Section 4.2.3: the time that was reached, and that the slave does not want to end the simulation."""
+    life = live("stepComplete")
+    time, terminated = c_double(), c_int(7)
+    for _ in range(2):
+        life.ok("fmi2GetRealStatus", LAST_SUCCESSFUL_TIME, byref(time))
+        assert time.value == life.time
+        life.ok("fmi2GetBooleanStatus", TERMINATED, byref(terminated))
+        assert terminated.value == 0
+        assert life.step_on() == Status.OK
+    # What stands where a status shall be written to may be any number: it is not read, nor written when discarded.
+    status = c_int(77)
+    assert life.call("fmi2GetStatus", DO_STEP_STATUS, byref(status)) == Status.DISCARD
+    assert status.value == 77
+
+
+def test_a_saved_state_leads_out_of_an_error(make: Callable[..., Instance]) -> None:
+    """Section 2.1.3: after an Error a state that was saved before it can be set, and the instance goes on
+    from there as one that never failed, bit for bit."""
+    untouched, failed = make().initialize(), make().initialize()
+    for instance in (untouched, failed):
+        assert instance.step(0.0, STEP) == Status.OK
+    saved = failed.save()
+    failed.choose(fault__place="step", fault__manner="error")
+    failed.refuses("fmi2DoStep", STEP, STEP, 1, names=["the model's own error"])
+    failed.refuses("fmi2DoStep", STEP, STEP, 1, names=["error"])
+    failed.ok("fmi2SetFMUstate", saved)
+    failed.ok("fmi2FreeFMUstate", byref(saved))
+    for instance in (untouched, failed):
+        assert instance.step(STEP, STEP) == Status.OK
+    assert failed.snapshot() == untouched.snapshot()

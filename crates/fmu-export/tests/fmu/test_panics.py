@@ -1,0 +1,311 @@
+"""What surrounds a model when the model fails: panics and values that are not finite, wherever they occur.
+
+Everything is called in this process, so a panic that unwinds into C, and with that ends the process, ends the
+test run.
+"""
+
+from __future__ import annotations
+
+import math
+import shutil
+import subprocess
+import sys
+from _ctypes import dlclose
+from collections.abc import Callable, Iterator
+from ctypes import byref, c_double, c_size_t, c_void_p
+from pathlib import Path
+
+import pytest
+from fmi2 import STEP, Fmu, Instance, Library, Status, buffer, integers, reals
+
+Make = Callable[..., Instance]
+
+TEXTS = {
+    "text": "the model panicked: a text, 100 %s of it ##1##",
+    "formatted": "the model panicked: a text of {place} parts",
+    "number": "the model panicked: no message",
+}
+"""The message of each manner of panic. `#` is doubled as section 2.1.5 asks."""
+
+NOT_FINITE = {"not_a_number": "NaN", "infinity": "inf"}
+
+
+def expected(fmu: Fmu, manner: str, place: str) -> str:
+    """The message of a panic."""
+    items = fmu.variables["fault.place"].declaredType.items
+    number = next(item.value for item in items if item.name == place)
+    return TEXTS[manner].format(place=number) + "; reset the instance"
+
+
+def runs(instance: Instance, steps: int) -> None:
+    """A fresh or reset instance works: its rate is 1 per second, so its level is the time."""
+    instance.initialize().run(steps)
+    assert instance.get("tank.level") == steps * STEP
+
+
+def refuses_until_reset(instance: Instance, time: float = 0.0) -> None:
+    """After a panic the instance is in the state `error` of section 4.2.4, and the way out is a reset."""
+    refused = "must not be called in the state error"
+    assert instance.refuses("fmi2DoStep", time, STEP, 1) == refused
+    for function in ["fmi2EnterInitializationMode", "fmi2ExitInitializationMode", "fmi2Terminate"]:
+        assert instance.refuses(function) == refused
+    assert instance.call("fmi2Reset") == Status.OK
+    runs(instance, 4)
+
+
+def survives(fmu: Fmu, folder: Path, *statements: str) -> None:
+    """Runs statements on an `instance` in another process, for what may end it: a panic is not caught that
+    another one causes while it unwinds."""
+    code = [
+        "import sys, pathlib, test_panics as t",
+        "path = pathlib.Path(sys.argv[1])",
+        "fmu = t.Fmu(path, pathlib.Path(sys.argv[2]))",
+        "instance = t.Instance(fmu, t.Library(fmu.library))",
+        *statements,
+    ]
+    command = [sys.executable, "-c", "\n".join(code), str(fmu.path), str(folder)]
+    child = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, check=False)
+    assert (child.returncode, child.stdout, child.stderr) == (0, b"", b"")
+
+
+@pytest.fixture(autouse=True)
+def bystander(make: Make) -> Iterator[None]:
+    """Another instance of the same library, in the middle of its run, that notices nothing."""
+    instance = make(name=b"bystander")
+    runs(instance, 3)
+    yield
+    for index in range(3, 6):
+        assert instance.step(index * STEP, STEP) == Status.OK
+    assert instance.get("tank.level") == 6 * STEP
+    assert instance.messages == []
+
+
+@pytest.mark.parametrize("manner", TEXTS)
+@pytest.mark.parametrize(
+    ("place", "function"),
+    [
+        ("check_parameters", "fmi2ExitInitializationMode"),
+        ("check_parameters", "fmi2DoStep"),
+        ("initialize", "fmi2ExitInitializationMode"),
+        # In Initialization Mode a value that is got is computed then (section 4.2.4, note 2).
+        ("initialize", "fmi2GetReal"),
+        ("step", "fmi2DoStep"),
+        ("refresh", "fmi2GetReal"),
+        ("differentiate", "fmi2GetDirectionalDerivative"),
+        ("differentiate", "fmi2GetRealOutputDerivatives"),
+        ("restored", "fmi2DeSerializeFMUstate"),
+    ],
+)
+def test_a_panic(make: Make, fmu: Fmu, place: str, function: str, manner: str) -> None:
+    instance = make()
+    if place == "initialize" or function == "fmi2ExitInitializationMode":
+        instance.enter()
+    else:
+        runs(instance, 2)
+    instance.choose(fault__place=place, fault__manner=manner)
+    made = c_void_p()
+    data = instance.snapshot() if place == "restored" else b""
+    one = fmu.references("output")
+    arguments = {
+        "fmi2DoStep": [2 * STEP, STEP, 1],
+        "fmi2GetReal": [one, 1, reals(0.0)],
+        "fmi2GetDirectionalDerivative": [one, 1, fmu.references("rate"), 1, reals(1.0), reals(0.0)],
+        "fmi2GetRealOutputDerivatives": [one, 1, integers(1), reals(0.0)],
+        "fmi2DeSerializeFMUstate": [buffer(data), len(data), byref(made)],
+    }.get(function, [])
+    assert instance.refuses(function, *arguments) == expected(fmu, manner, place)
+    assert made.value is None
+    if place == "step":
+        # Values can be got for debugging (section 4.2.4, note 7): here half of the step.
+        assert instance.get("tank.level") == 2.5 * STEP
+    refuses_until_reset(instance, 2 * STEP)
+
+
+def test_a_saved_state_leads_back_from_a_panic(make: Make) -> None:
+    """As section 2.1.3 says of `fmi2Error`: a state saved before it can be set."""
+    instance = make()
+    runs(instance, 2)
+    state = instance.save()
+    instance.choose(fault__place="step")
+    assert instance.step(2 * STEP, STEP) == Status.ERROR
+    instance.ok("fmi2SetFMUstate", state)
+    instance.ok("fmi2FreeFMUstate", byref(state))
+    assert instance.step(2 * STEP, STEP) == Status.OK
+    assert instance.get("tank.level") == 3 * STEP
+
+
+def test_a_panic_as_an_instance_is_made(make: Make) -> None:
+    """No instance, and the reason through the logger (section 2.1.5, fmi2Instantiate)."""
+    make().choose(fault__place="default").initialize()
+    instance = make(name=b"made too late")
+    assert instance.component is None
+    assert [(m.status, m.category) for m in instance.messages] == [(Status.ERROR, "logStatusError")]
+    assert "the default panics" in instance.messages[0].text
+    assert instance.names_and_environments == [(b"made too late", None)]
+    runs(make(), 4)
+
+
+@pytest.mark.parametrize(
+    ("place", "function", "cause"),
+    [
+        ("default", "fmi2Reset", "the default"),
+        ("drop", "fmi2Reset", "the drop"),
+        ("clone", "fmi2GetFMUstate", "the clone"),
+        ("persist", "fmi2SerializedFMUstateSize", "the serialization"),
+    ],
+)
+def test_a_panic_as_the_model_is_copied_or_dropped(make: Make, place: str, function: str, cause: str) -> None:
+    instance = make().choose(fault__place=place).initialize()
+    state, size = c_void_p(), c_size_t(7)
+    arguments = [byref(state)] if place == "clone" else []
+    if place == "persist":
+        state = instance.save()
+        arguments = [state, byref(size)]
+    text = f"the model panicked: {cause} panics; reset the instance"
+    assert instance.refuses(function, *arguments) == text
+    assert size.value == 7
+    refuses_until_reset(instance)
+    if place == "clone":
+        assert state.value is None
+    if place == "persist":
+        # The state is unharmed.
+        instance.ok("fmi2SetFMUstate", state)
+        assert instance.step(0.0, STEP) == Status.OK
+        instance.ok("fmi2FreeFMUstate", byref(state))
+
+
+def test_a_panic_as_a_saved_state_is_overwritten(make: Make) -> None:
+    """What was saved before into the same handle (section 2.1.8) is still there."""
+    instance = make()
+    runs(instance, 2)
+    state = instance.save()
+    handle = state.value
+    assert instance.call("fmi2Reset") == Status.OK
+    instance.choose(fault__place="clone").initialize()
+    text = "the model panicked: the clone panics; reset the instance"
+    assert instance.refuses("fmi2GetFMUstate", byref(state)) == text
+    assert state.value == handle
+    instance.ok("fmi2SetFMUstate", state)
+    assert instance.get("tank.level") == 2 * STEP
+    instance.ok("fmi2FreeFMUstate", byref(state))
+
+
+def test_a_panic_as_an_instance_is_freed(make: Make) -> None:
+    """fmi2FreeInstance has no status, and there is no instance left to log: it just returns."""
+    instance = make().choose(fault__place="drop").initialize()
+    instance.free()
+    assert instance.messages == []
+
+
+@pytest.mark.parametrize("states", [1, 2, 5])
+def test_panics_as_an_instance_is_freed_with_its_states(fmu: Fmu, tmp_path: Path, states: int) -> None:
+    """Each state that is left panics, and the instance too."""
+    survives(
+        fmu,
+        tmp_path,
+        "instance.choose(fault__place='drop').initialize()",
+        *["instance.save()"] * states,
+        "instance.free()",
+        "assert instance.messages == []",
+    )
+
+
+def test_a_payload_that_panics(fmu: Fmu, tmp_path: Path) -> None:
+    survives(
+        fmu,
+        tmp_path,
+        "instance.initialize().choose(fault__place='step', fault__manner='panicking_payload')",
+        "text = instance.refuses('fmi2DoStep', 0.0, t.STEP, 1)",
+        "assert text == 'the model panicked: no message; reset the instance', text",
+        "t.refuses_until_reset(instance)",
+    )
+
+
+def test_a_panic_as_a_saved_state_is_freed(make: Make) -> None:
+    """The state is gone all the same; its handle is no longer valid, so that it is not freed twice."""
+    instance = make().choose(fault__place="drop").initialize()
+    state = instance.save()
+    handle = c_void_p(state.value)
+    text = "the model panicked: the drop panics; reset the instance"
+    assert instance.refuses("fmi2FreeFMUstate", byref(state)) == text
+    text = "the argument FMUstate is not a state of this FMU, or was freed"
+    assert instance.refuses("fmi2FreeFMUstate", byref(handle)) == text
+
+
+@pytest.mark.parametrize("manner", NOT_FINITE)
+@pytest.mark.parametrize("getting", [False, True], ids=["exit", "get"])
+def test_an_initialization_that_is_not_finite(make: Make, manner: str, getting: bool) -> None:
+    """The message names the variable; it is no panic, so with other parameters it goes on."""
+    instance = make().choose(fault__place="initialize", fault__manner=manner)
+    instance.enter(1.5)
+    call = instance.getting("output") if getting else ("fmi2ExitInitializationMode",)
+    text = f"the variable tank.level became {NOT_FINITE[manner]} at the time 1.5 s"
+    assert instance.refuses(*call) == text
+    instance.choose(fault__place="nowhere").ok("fmi2ExitInitializationMode")
+    assert instance.step(1.5, STEP) == Status.OK
+    assert instance.get("tank.level") == STEP
+
+
+@pytest.mark.parametrize("manner", NOT_FINITE)
+def test_a_step_to_what_is_not_finite(make: Make, manner: str) -> None:
+    instance = make()
+    runs(instance, 2)
+    instance.choose(fault__place="step", fault__manner=manner)
+    text = f"the variable tank.level became {NOT_FINITE[manner]} at the time 0.375 s"
+    assert instance.refuses("fmi2DoStep", 2 * STEP, STEP, 1) == text
+    # What is not finite is never given as a value.
+    value = (c_double * 1)(7.0)
+    function, vr, count, _ = instance.getting("tank.level")
+    assert instance.refuses(function, vr, count, value) == f"the variable tank.level is {NOT_FINITE[manner]}"
+    assert math.isfinite(value[0])
+    refuses_until_reset(instance, 2 * STEP)
+
+
+@pytest.mark.parametrize("manner", NOT_FINITE)
+def test_a_refresh_to_what_is_not_finite(make: Make, manner: str) -> None:
+    instance = make()
+    runs(instance, 2)
+    instance.choose(fault__place="refresh", fault__manner=manner)
+    assert instance.refuses(*instance.getting("output")) == f"the variable output is {NOT_FINITE[manner]}"
+
+
+@pytest.mark.parametrize("place", ["check_parameters", "initialize", "step"])
+def test_an_error_is_no_panic(make: Make, place: str) -> None:
+    """A model's errors come through as they are."""
+    instance = make()
+    text = "the model's own error"
+    if place == "step":
+        runs(instance, 2)
+        instance.choose(fault__place=place, fault__manner="error")
+        assert instance.refuses("fmi2DoStep", 2 * STEP, STEP, 1) == text
+        refuses_until_reset(instance, 2 * STEP)
+        return
+    instance.choose(fault__place=place, fault__manner="error").enter()
+    for _ in range(2):
+        assert instance.refuses("fmi2ExitInitializationMode") == text
+    instance.choose(fault__place="nowhere").ok("fmi2ExitInitializationMode")
+
+
+def test_a_thousand_panics(make: Make) -> None:
+    """Rust counts the panics under way in each thread; a count that leaked would end the process."""
+    instance = make()
+    runs(instance, 1)
+    instance.choose(fault__place="refresh", fault__manner="number")
+    state = instance.save()
+    getting = instance.getting("output")
+    for _ in range(1000):
+        assert instance.call(*getting) == Status.ERROR
+        assert instance.call("fmi2SetFMUstate", state) == Status.OK
+    assert len(instance.messages) == 1000
+
+
+def test_the_library_unloads_after_a_panic(fmu: Fmu, tmp_path: Path) -> None:
+    """What Rust keeps of a panic for the thread's end would hold the library in the process."""
+    copy = shutil.copy(fmu.library, tmp_path)
+    library = Library(copy)
+    instance = Instance(fmu, library).initialize().choose(fault__place="step", fault__manner="formatted")
+    assert instance.step(0.0, STEP) == Status.ERROR
+    instance.free()
+    assert str(copy) in Path("/proc/self/maps").read_text()
+    dlclose(library.handle._handle)
+    assert str(copy) not in Path("/proc/self/maps").read_text()

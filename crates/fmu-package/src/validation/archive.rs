@@ -1,0 +1,198 @@
+//! The archive: a ZIP file by the standard, with nothing in it that harms whoever extracts it.
+
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
+
+use zip::{CompressionMethod, ZipArchive};
+
+use super::rules::{
+    ARCHIVE_BACKSLASH, ARCHIVE_COMPRESSION, ARCHIVE_DAMAGED, ARCHIVE_DUPLICATE, ARCHIVE_ENCRYPTION,
+    ARCHIVE_FORMAT, ARCHIVE_LINK, ARCHIVE_PATH, ARCHIVE_STRAY, LIMIT, XML_ENCODING,
+};
+use super::{Place, Report};
+use crate::archive::is_inside;
+use crate::reading::{LARGEST_CONTENT, LARGEST_TEXT, up_to, utf_8};
+
+/// What the standard has at the top of the archive; the last two since FMI 2.0.4 and 3.0.
+const TOP: &[&str] = &[
+    "modelDescription.xml",
+    "model.png",
+    "binaries",
+    "documentation",
+    "licenses",
+    "resources",
+    "sources",
+    "extra",
+    "terminalsAndIcons",
+];
+
+/// The files of an FMU that can be read.
+pub(super) struct Files {
+    archive: ZipArchive<BufReader<File>>,
+    /// By their paths, with `/` even where the archive has backslashes; none where it cannot be unpacked.
+    entries: BTreeMap<String, Option<usize>>,
+}
+
+impl Files {
+    /// Opens an archive and reports what is wrong with its entries; none where nothing can be read.
+    pub fn open(file: File, report: &mut Report) -> Option<Self> {
+        if file.metadata().is_ok_and(|metadata| metadata.len() > LARGEST_CONTENT) {
+            report.add(&LIMIT, Place::default(), "the archive is larger than 1 GiB");
+            return None;
+        }
+        let again = file.try_clone();
+        let archive = match ZipArchive::new(BufReader::new(file)) {
+            Ok(archive) => archive,
+            Err(error) => {
+                report.add(&ARCHIVE_FORMAT, Place::default(), format!("it is not a ZIP archive: {error}"));
+                return None;
+            }
+        };
+        if archive.has_duplicate_names()
+            && let Ok(file) = again
+        {
+            report_duplicates(file, archive.central_directory_start(), report);
+        }
+        let mut files = Self { archive, entries: BTreeMap::new() };
+        let mut left = LARGEST_CONTENT;
+        let mut paths = BTreeSet::new();
+        for index in 0..files.archive.len() {
+            if !files.add(index, &mut paths, &mut left, report) {
+                report.add(&LIMIT, Place::default(), "its entries hold more than 1 GiB");
+                return None;
+            }
+        }
+        let mut tops: Vec<_> = files.paths().map(|path| path.split('/').next().unwrap_or_default()).collect();
+        tops.dedup();
+        for top in tops.into_iter().filter(|top| !TOP.contains(top)) {
+            report.add(&ARCHIVE_STRAY, Place::file(top), "the standard has no place for it");
+        }
+        Some(files)
+    }
+
+    /// Checks an entry and keeps it if it can be read. Whether the limit is kept.
+    fn add(
+        &mut self,
+        index: usize,
+        paths: &mut BTreeSet<String>,
+        left: &mut u64,
+        report: &mut Report,
+    ) -> bool {
+        let entry = match self.archive.by_index_raw(index) {
+            Ok(entry) => entry,
+            Err(error) => {
+                report.add(&ARCHIVE_DAMAGED, Place::default(), format!("its entry {index}: {error}"));
+                return true;
+            }
+        };
+        let name = entry
+            .name()
+            .map_or_else(|_| String::from_utf8_lossy(entry.name_raw()).into_owned(), Cow::into_owned);
+        let path = name.replace('\\', "/");
+        let place = Place::file(&name);
+        let (is_encrypted, is_link, is_folder) = (entry.encrypted(), entry.is_symlink(), path.ends_with('/'));
+        let is_known = matches!(entry.compression(), CompressionMethod::Stored | CompressionMethod::Deflated);
+        let (size, method) = (entry.size(), entry.compression());
+        drop(entry);
+        if name.contains('\\') {
+            report.add(&ARCHIVE_BACKSLASH, place.clone(), "its path has backslashes");
+        }
+        if !is_inside(&path) {
+            report.add(
+                &ARCHIVE_PATH,
+                place.clone(),
+                "its path leads out of the folder, or is not one on every system",
+            );
+        }
+        if !paths.insert(path.to_lowercase()) {
+            report.add(&ARCHIVE_DUPLICATE, place.clone(), "another entry has this path");
+        }
+        if is_link {
+            report.add(&ARCHIVE_LINK, place.clone(), "it is a link");
+        }
+        if is_encrypted {
+            report.add(&ARCHIVE_ENCRYPTION, place.clone(), "it is encrypted");
+        }
+        if !is_known {
+            report.add(&ARCHIVE_COMPRESSION, place.clone(), format!("it is compressed by {method}"));
+        }
+        if size > *left {
+            return false;
+        }
+        *left -= size;
+        if is_folder {
+            return true;
+        }
+        self.entries.insert(path.clone(), None);
+        if is_link || is_encrypted || !is_known {
+            return true;
+        }
+        match self.unpacked_size(index, size + 1) {
+            Ok(unpacked) if unpacked == size => {
+                self.entries.insert(path, Some(index));
+            }
+            Ok(_) => report.add(&ARCHIVE_DAMAGED, place, "its size is not what the archive states"),
+            Err(error) => report.add(&ARCHIVE_DAMAGED, place, format!("it cannot be unpacked: {error}")),
+        }
+        true
+    }
+
+    /// How many bytes an entry has, at most some; a checksum that differs is an error.
+    fn unpacked_size(&mut self, index: usize, most: u64) -> io::Result<u64> {
+        let entry = self.archive.by_index(index).map_err(io::Error::other)?;
+        io::copy(&mut entry.take(most), &mut io::sink())
+    }
+
+    pub fn paths(&self) -> impl Iterator<Item = &str> {
+        self.entries.keys().map(String::as_str)
+    }
+
+    pub fn contains(&self, path: &str) -> bool {
+        self.entries.contains_key(path)
+    }
+
+    /// What a file holds; none where it is not there or cannot be unpacked.
+    pub fn bytes(&mut self, path: &str) -> Option<Vec<u8>> {
+        let entry = self.archive.by_index((*self.entries.get(path)?)?).ok()?;
+        up_to(LARGEST_CONTENT, entry).ok()
+    }
+
+    /// The text of a file that is there, or none, and a report why.
+    pub fn text(&mut self, path: &str, report: &mut Report) -> Option<String> {
+        let entry = self.archive.by_index((*self.entries.get(path)?)?).ok()?;
+        if entry.size() > LARGEST_TEXT {
+            report.add(&LIMIT, Place::file(path), "it is larger than 64 MiB");
+            return None;
+        }
+        match up_to(LARGEST_TEXT, entry).and_then(utf_8) {
+            Ok(text) => Some(text),
+            Err(error) => {
+                report.add(&XML_ENCODING, Place::file(path), error.to_string());
+                None
+            }
+        }
+    }
+}
+
+/// Reports the names that stand twice, of which an index of the archive keeps the last: reads the headers of the
+/// central directory (APPNOTE.TXT of ZIP, section 4.3.12).
+fn report_duplicates(mut file: File, start: u64, report: &mut Report) {
+    let mut headers = vec![];
+    if file.seek(SeekFrom::Start(start)).and_then(|_| file.read_to_end(&mut headers)).is_err() {
+        return;
+    }
+    let mut seen = BTreeSet::new();
+    let mut rest = headers.as_slice();
+    while rest.starts_with(b"PK\x01\x02") && rest.len() > 46 {
+        let length = |place: usize| usize::from(u16::from_le_bytes([rest[place], rest[place + 1]]));
+        let (name, more) = (length(28), length(30) + length(32));
+        let Some(path) = rest.get(46..46 + name) else { return };
+        if !seen.insert(path) {
+            let path = String::from_utf8_lossy(path).into_owned();
+            report.add(&ARCHIVE_DUPLICATE, Place::file(path), "another entry has this path");
+        }
+        rest = rest.get(46 + name + more..).unwrap_or_default();
+    }
+}

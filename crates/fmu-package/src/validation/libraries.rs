@@ -1,0 +1,251 @@
+//! Rules on the libraries of an FMU. They are read, never loaded.
+
+use std::collections::BTreeSet;
+use std::str::FromStr;
+
+use super::archive::Files;
+use super::model::{Model, named};
+use super::rules::{
+    LIBRARY_DEPENDENCY, LIBRARY_FORMAT, LIBRARY_FUNCTION, LIBRARY_GUID, LIBRARY_LOADING, LIBRARY_MISSING,
+    LIBRARY_NAME, LIBRARY_PLATFORM, LIBRARY_PYTHON,
+};
+use super::{Place, Report, Version};
+use crate::library::{Architecture, Format, Linkage};
+use crate::{Library, Platform};
+
+/// The functions of FMI 1.0 for Model Exchange, without their prefix.
+const FMI1_MODEL_EXCHANGE: &str =
+    "GetModelTypesPlatform GetVersion InstantiateModel FreeModelInstance SetDebugLogging
+    SetTime SetContinuousStates CompletedIntegratorStep SetReal SetInteger SetBoolean SetString Initialize
+    GetDerivatives GetEventIndicators GetReal GetInteger GetBoolean GetString EventUpdate GetContinuousStates
+    GetNominalContinuousStates GetStateValueReferences Terminate";
+const FMI1_CO_SIMULATION: &str = "GetTypesPlatform GetVersion SetDebugLogging InstantiateSlave InitializeSlave
+    TerminateSlave ResetSlave FreeSlaveInstance SetReal SetInteger SetBoolean SetString GetReal GetInteger GetBoolean
+    GetString SetRealInputDerivatives GetRealOutputDerivatives DoStep CancelStep GetStatus GetRealStatus
+    GetIntegerStatus GetBooleanStatus GetStringStatus";
+const FMI2_COMMON: &str = "GetTypesPlatform GetVersion SetDebugLogging Instantiate FreeInstance SetupExperiment
+    EnterInitializationMode ExitInitializationMode Terminate Reset GetReal GetInteger GetBoolean GetString SetReal
+    SetInteger SetBoolean SetString GetFMUstate SetFMUstate FreeFMUstate SerializedFMUstateSize SerializeFMUstate
+    DeSerializeFMUstate GetDirectionalDerivative";
+const FMI2_MODEL_EXCHANGE: &str = "EnterEventMode NewDiscreteStates EnterContinuousTimeMode CompletedIntegratorStep
+    SetTime SetContinuousStates GetDerivatives GetEventIndicators GetContinuousStates GetNominalsOfContinuousStates";
+const FMI2_CO_SIMULATION: &str =
+    "SetRealInputDerivatives GetRealOutputDerivatives DoStep CancelStep GetStatus
+    GetRealStatus GetIntegerStatus GetBooleanStatus GetStringStatus";
+const FMI3: &str = "GetVersion SetDebugLogging InstantiateModelExchange InstantiateCoSimulation
+    InstantiateScheduledExecution FreeInstance EnterInitializationMode ExitInitializationMode EnterEventMode Terminate
+    Reset GetFloat32 GetFloat64 GetInt8 GetUInt8 GetInt16 GetUInt16 GetInt32 GetUInt32 GetInt64 GetUInt64 GetBoolean
+    GetString GetBinary GetClock SetFloat32 SetFloat64 SetInt8 SetUInt8 SetInt16 SetUInt16 SetInt32 SetUInt32 SetInt64
+    SetUInt64 SetBoolean SetString SetBinary SetClock GetNumberOfVariableDependencies GetVariableDependencies
+    GetFMUState SetFMUState FreeFMUState SerializedFMUStateSize SerializeFMUState DeserializeFMUState
+    GetDirectionalDerivative GetAdjointDerivative EnterConfigurationMode ExitConfigurationMode GetIntervalDecimal
+    GetIntervalFraction GetShiftDecimal GetShiftFraction SetIntervalDecimal SetIntervalFraction SetShiftDecimal
+    SetShiftFraction EvaluateDiscreteStates UpdateDiscreteStates EnterContinuousTimeMode CompletedIntegratorStep
+    SetTime SetContinuousStates GetContinuousStateDerivatives GetEventIndicators GetContinuousStates
+    GetNominalsOfContinuousStates GetNumberOfEventIndicators GetNumberOfContinuousStates EnterStepMode
+    GetOutputDerivatives DoStep ActivateModelPartition";
+
+/// The libraries that Linux systems have: those of glibc and GCC.
+const OF_LINUX: &[&str] = &[
+    "ld-linux",
+    "libc.so",
+    "libdl.so",
+    "libgcc_s.so",
+    "libm.so",
+    "libpthread.so",
+    "librt.so",
+    "libstdc++.so",
+    "linux-vdso",
+    "libatomic.so",
+    "libgomp.so",
+    "libmvec.so",
+    "libresolv.so",
+    "libutil.so",
+];
+
+pub(super) fn check(model: &Model<'_>, files: &mut Files, report: &mut Report) {
+    let paths: Vec<_> =
+        files.paths().filter(|path| path.starts_with("binaries/")).map(str::to_owned).collect();
+    let is_library =
+        |path: &str| [".so", ".dll", ".dylib", ".a", ".lib"].iter().any(|suffix| path.ends_with(suffix));
+    let has_sources = files.paths().any(|path| path.starts_with("sources/"));
+    if !has_sources && !paths.iter().any(|path| is_library(path)) {
+        report.add(&LIBRARY_MISSING, Place::default(), "it has neither libraries nor sources");
+    }
+    let folders: BTreeSet<_> =
+        paths.iter().filter_map(|path| Some(path.split_once('/')?.1.split_once('/')?.0)).collect();
+    for folder in folders {
+        let below = format!("binaries/{folder}/");
+        let Some((format, architecture)) = platform(folder, model.version) else {
+            report.add(&LIBRARY_PLATFORM, Place::file(below), "the standard has no platform of this name");
+            continue;
+        };
+        let inside: Vec<_> = paths.iter().filter_map(|path| path.strip_prefix(&below)).collect();
+        // Libraries that are to be linked statically have names of their own.
+        if !inside.iter().any(|name| name.ends_with(format.suffix()))
+            && inside.iter().any(|name| is_library(name))
+        {
+            continue;
+        }
+        for identifier in model.identifiers() {
+            let path = format!("{below}{identifier}.{}", format.suffix());
+            if let Some(bytes) = files.bytes(&path) {
+                library(model, identifier, &bytes, &path, (format, architecture), &inside, report);
+            } else if !files.contains(&path) {
+                let message =
+                    format!("there is no {identifier}.{}, but {}", format.suffix(), inside.join(", "));
+                report.add(&LIBRARY_NAME, Place::file(&*below), message);
+            }
+        }
+    }
+}
+
+/// What belongs into a folder for a platform: a format, and a processor, where it is one of those known here.
+fn platform(folder: &str, version: Version) -> Option<(Format, Option<&'static [Architecture]>)> {
+    let of_fmi2 =
+        Platform::from_str(folder).ok().filter(|_| version < Version::Three || folder.contains('-'));
+    if let Some(platform) = of_fmi2 {
+        return Some((platform.format(), Some(platform.architectures())));
+    }
+    let (processor, system) = folder.split_once('-').filter(|_| version > Version::One)?;
+    let format = match system.split('-').next()? {
+        "linux" => Format::Elf,
+        "darwin" => Format::MachO,
+        "windows" => Format::Pe,
+        _ => return None,
+    };
+    let architecture: Option<&[Architecture]> = match processor {
+        "x86" => Some(&[Architecture::X86]),
+        "x86_64" => Some(&[Architecture::X86_64]),
+        "aarch64" => Some(&[Architecture::Aarch64]),
+        _ => None,
+    };
+    Some((format, architecture))
+}
+
+fn library(
+    model: &Model<'_>,
+    identifier: &str,
+    bytes: &[u8],
+    path: &str,
+    (format, architectures): (Format, Option<&[Architecture]>),
+    beside: &[&str],
+    report: &mut Report,
+) {
+    let mut wrong = |rule, message: String| report.add(rule, Place::file(path), message);
+    if let Some(architectures) = architectures {
+        match Library::read(bytes) {
+            Err(error) => return wrong(&LIBRARY_FORMAT, error.to_string()),
+            Ok(library)
+                if library.format != format
+                    || !library.architectures.iter().all(|processor| architectures.contains(processor)) =>
+            {
+                return wrong(&LIBRARY_FORMAT, format!("it is {library}, which is not for this folder"));
+            }
+            Ok(_) => {}
+        }
+    }
+    let slices = match Linkage::read(bytes) {
+        Ok(slices) => slices,
+        Err(error) => return wrong(&LIBRARY_FORMAT, error.to_string()),
+    };
+    for linkage in slices {
+        let missing: Vec<_> =
+            functions(model, identifier).into_iter().filter(|name| !linkage.exports.contains(name)).collect();
+        if !missing.is_empty() {
+            let shown = missing.iter().take(5).cloned().collect::<Vec<_>>().join(", ");
+            let more = if missing.len() > 5 { " …" } else { "" };
+            wrong(
+                &LIBRARY_FUNCTION,
+                format!("it does not export {} functions: {shown}{more}", missing.len()),
+            );
+        }
+        if let Some(reason) = linkage.is_refused_for {
+            wrong(&LIBRARY_LOADING, format!("it has {reason}"));
+        }
+        let links_to_python = linkage.libraries.iter().any(|name| name.to_lowercase().contains("python"));
+        let python = linkage.imports.iter().find(|name| name.starts_with("_Py") || name.starts_with("Py"));
+        if let Some(symbol) = python.filter(|_| !links_to_python) {
+            wrong(&LIBRARY_PYTHON, format!("it needs {symbol}, which no library it depends on has"));
+        }
+        for name in linkage.libraries.iter().filter(|_| format == Format::Elf) {
+            let is_of_system = OF_LINUX.iter().any(|known| name.starts_with(known));
+            if !is_of_system && !beside.contains(&name.as_str()) {
+                wrong(&LIBRARY_DEPENDENCY, format!("it depends on {name}"));
+            }
+        }
+    }
+    let guid = model
+        .root
+        .attribute("guid")
+        .or_else(|| model.root.attribute("instantiationToken"))
+        .unwrap_or_default();
+    let is_ours = model.root.attribute("generationTool").is_some_and(|tool| tool.starts_with("fmu-export"));
+    if is_ours && !guid.is_empty() && !bytes.windows(guid.len()).any(|window| window == guid.as_bytes()) {
+        wrong(&LIBRARY_GUID, format!("it does not contain the GUID {guid}"));
+    }
+}
+
+/// The functions that a library exports for the interfaces that have this model identifier.
+fn functions(model: &Model<'_>, identifier: &str) -> Vec<String> {
+    let has = |name: &str| {
+        model.interface(name).is_some_and(|element| element.attribute("modelIdentifier") == Some(identifier))
+    };
+    let lists = match model.version {
+        Version::One if named(model.root, "Implementation").next().is_some() => vec![FMI1_CO_SIMULATION],
+        Version::One => vec![FMI1_MODEL_EXCHANGE],
+        Version::Two => {
+            let of = |name, list| if has(name) { list } else { "" };
+            vec![
+                FMI2_COMMON,
+                of("ModelExchange", FMI2_MODEL_EXCHANGE),
+                of("CoSimulation", FMI2_CO_SIMULATION),
+            ]
+        }
+        Version::Three => vec![FMI3],
+    };
+    let prefix = match model.version {
+        Version::One => format!("{identifier}_fmi"),
+        Version::Two => "fmi2".to_owned(),
+        Version::Three => "fmi3".to_owned(),
+    };
+    lists.iter().flat_map(|list| list.split_whitespace()).map(|name| format!("{prefix}{name}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_lists_of_functions_are_complete() {
+        // As many as the headers of the standard declare.
+        let counts = [
+            (FMI1_MODEL_EXCHANGE, 24),
+            (FMI1_CO_SIMULATION, 25),
+            (FMI2_COMMON, 25),
+            (FMI2_MODEL_EXCHANGE, 10),
+            (FMI2_CO_SIMULATION, 9),
+            (FMI3, 75),
+        ];
+        for (list, count) in counts {
+            let names: BTreeSet<_> = list.split_whitespace().collect();
+            assert_eq!((list.split_whitespace().count(), names.len()), (count, count), "{list}");
+        }
+    }
+
+    #[test]
+    fn folders_are_named_as_in_each_version() {
+        let known = |folder, version| platform(folder, version).is_some();
+        for (folder, versions) in [
+            ("linux64", [true, true, false]),
+            ("x86_64-linux", [false, true, true]),
+            ("aarch64-darwin", [true, true, true]),
+            ("riscv64-linux", [false, true, true]),
+            ("x86_64-windows-msvc140mt", [false, true, true]),
+            ("windows", [false, false, false]),
+        ] {
+            let found = [Version::One, Version::Two, Version::Three].map(|version| known(folder, version));
+            assert_eq!(found, versions, "{folder}");
+        }
+    }
+}

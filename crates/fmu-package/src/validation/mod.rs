@@ -1,0 +1,146 @@
+//! What is wrong in an FMU of any maker, FMI 1.0, 2.0 and 3.0, by the published [`rules`].
+//!
+//! The library is not loaded, nothing is extracted, and time and memory are bounded by the sizes that are read.
+
+mod archive;
+mod description;
+mod libraries;
+mod model;
+mod other_files;
+pub mod rules;
+mod schema;
+mod structure;
+mod types;
+mod variables;
+mod xml;
+
+use std::fs::File;
+use std::io;
+use std::path::Path;
+
+use rules::{ARCHIVE_NAME, DESCRIPTION_MISSING, Rule, Severity, VERSION};
+use xml::Xml;
+
+use crate::fmu::MODEL_DESCRIPTION;
+
+/// How many findings are kept: after that many, more of them help nobody.
+const MOST_FINDINGS: usize = 1000;
+
+/// Where something is wrong.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    /// The file in the archive; the archive itself where there is none.
+    pub file: Option<String>,
+    /// The line in this file.
+    pub line: Option<usize>,
+    /// The variable.
+    pub variable: Option<String>,
+}
+
+impl Place {
+    fn file(path: impl Into<String>) -> Self {
+        Self { file: Some(path.into()), ..Self::default() }
+    }
+}
+
+/// Something that is wrong in an FMU.
+#[derive(Debug)]
+pub struct Finding {
+    /// The rule that is broken.
+    pub rule: &'static Rule,
+    /// Where.
+    pub place: Place,
+    /// What is wrong there.
+    pub message: String,
+}
+
+/// All that is wrong in an FMU.
+#[derive(Debug, Default)]
+pub struct Report {
+    /// The `fmiVersion`, where it can be read.
+    pub fmi_version: Option<String>,
+    /// What is wrong, at most 1000 findings.
+    pub findings: Vec<Finding>,
+    /// How many more there are.
+    pub omitted: usize,
+}
+
+impl Report {
+    fn add(&mut self, rule: &'static Rule, place: Place, message: impl Into<String>) {
+        if self.findings.len() == MOST_FINDINGS {
+            self.omitted += 1;
+        } else {
+            self.findings.push(Finding { rule, place, message: message.into() });
+        }
+    }
+
+    /// How many findings are of a severity.
+    #[must_use]
+    pub fn count(&self, severity: Severity) -> usize {
+        self.findings.iter().filter(|finding| finding.rule.severity == severity).count()
+    }
+}
+
+/// The versions of the standard.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Version {
+    One,
+    Two,
+    Three,
+}
+
+/// Finds what is wrong in an FMU.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn validate(fmu: &Path) -> io::Result<Report> {
+    let cannot_open =
+        |error: io::Error| io::Error::new(error.kind(), format!("cannot open {}: {error}", fmu.display()));
+    let file = File::open(fmu).map_err(cannot_open)?;
+    if file.metadata().map_err(cannot_open)?.is_dir() {
+        return Err(io::Error::new(io::ErrorKind::IsADirectory, format!("{} is a folder", fmu.display())));
+    }
+    let mut report = Report::default();
+    if fmu.extension().is_none_or(|extension| extension != "fmu") {
+        report.add(&ARCHIVE_NAME, Place::default(), "the file's name does not end in .fmu");
+    }
+    if let Some(mut files) = archive::Files::open(file, &mut report) {
+        check(&mut files, &mut report);
+    }
+    Ok(report)
+}
+
+fn check(files: &mut archive::Files, report: &mut Report) {
+    if !files.contains(MODEL_DESCRIPTION) {
+        let inside = files.paths().find(|path| path.ends_with("/modelDescription.xml"));
+        let message = match inside {
+            Some(path) => format!("there is no modelDescription.xml at its top, but {path}"),
+            None => "there is no modelDescription.xml in it".to_owned(),
+        };
+        return report.add(&DESCRIPTION_MISSING, Place::default(), message);
+    }
+    let Some(text) = files.text(MODEL_DESCRIPTION, report) else { return };
+    let Some(xml) = Xml::parse(MODEL_DESCRIPTION, &text, report) else { return };
+    let root = xml.root();
+    report.fmi_version = root.attribute("fmiVersion").map(str::to_owned);
+    let version = match root.attribute("fmiVersion").unwrap_or_default() {
+        _ if root.tag_name().name() != "fmiModelDescription" => None,
+        "1.0" => Some(Version::One),
+        "2.0" => Some(Version::Two),
+        text if text == "3" || text.starts_with("3.") => Some(Version::Three),
+        _ => None,
+    };
+    let Some(version) = version else {
+        let shown = root.attribute("fmiVersion").unwrap_or_default();
+        let message = format!("the root is {} with the fmiVersion '{shown}'", root.tag_name().name());
+        return report.add(&VERSION, xml.at(root), message);
+    };
+    schema::check(version, &xml, report);
+    let model = model::Model::new(version, &xml);
+    description::check(&model, report);
+    types::check(&model, report);
+    variables::check(&model, report);
+    structure::check(&model, report);
+    libraries::check(&model, files, report);
+    other_files::check(&model, files, report);
+}

@@ -1,0 +1,204 @@
+//! Rules on the model structure, one function each.
+
+use std::collections::BTreeSet;
+
+use super::model::{Entry, Model};
+use super::rules::{
+    CLOCKED_STATES, DEPENDENCY_KIND, DEPENDENCY_KIND_USE, DEPENDENCY_KNOWN, DEPENDENCY_ORDER, DERIVATIVES,
+    EVENT_INDICATORS, INITIAL_UNKNOWNS, OUTPUTS, Rule, STRUCTURE_DUPLICATE, STRUCTURE_ORDER,
+    STRUCTURE_REFERENCE,
+};
+use super::{Report, Version};
+
+pub(super) fn check(model: &Model<'_>, report: &mut Report) {
+    if model.version == Version::One
+        || !model.root.children().any(|child| child.has_tag_name("ModelStructure"))
+    {
+        return;
+    }
+    let states: BTreeSet<_> = model.states().collect();
+    for entry in &model.entries {
+        let wrong = &mut |rule, message: String| report.add(rule, model.xml.at(entry.element), message);
+        references(model, entry, wrong);
+        dependencies(model, entry, wrong);
+        kinds(model, entry, wrong);
+        knowns(model, entry, &states, wrong);
+    }
+    duplicates(model, report);
+    order(model, report);
+    outputs(model, report);
+    derivatives(model, report);
+    initial_unknowns(model, &states, report);
+    if model.version == Version::Three {
+        clocked_states(model, report);
+        event_indicators(model, report);
+    }
+}
+
+type Wrong<'a> = &'a mut dyn FnMut(&'static Rule, String);
+
+fn references(model: &Model<'_>, entry: &Entry<'_>, wrong: Wrong<'_>) {
+    let dependencies = entry.element.attribute("dependencies").unwrap_or_default().split_ascii_whitespace();
+    for reference in std::iter::once(entry.reference).chain(dependencies) {
+        // What is no number is reported by the schema.
+        if reference.trim().parse::<u32>().is_ok() && model.resolve(reference).is_none() {
+            wrong(&STRUCTURE_REFERENCE, format!("there is no variable {reference}"));
+        }
+    }
+}
+
+fn dependencies(model: &Model<'_>, entry: &Entry<'_>, wrong: Wrong<'_>) {
+    let Some(dependencies) = &entry.dependencies else { return };
+    let distinct: BTreeSet<_> = dependencies.iter().collect();
+    if distinct.len() < dependencies.len() {
+        wrong(&STRUCTURE_DUPLICATE, "a dependency stands twice".to_owned());
+    } else if model.version == Version::Two && !dependencies.is_sorted() {
+        wrong(&DEPENDENCY_ORDER, "the dependencies are not sorted".to_owned());
+    }
+}
+
+fn kinds(model: &Model<'_>, entry: &Entry<'_>, wrong: Wrong<'_>) {
+    let Some(kinds) = entry.element.attribute("dependenciesKind") else { return };
+    let kinds: Vec<_> = kinds.split_ascii_whitespace().collect();
+    let Some(dependencies) = entry.element.attribute("dependencies") else {
+        return wrong(&DEPENDENCY_KIND, "there are no dependencies".to_owned());
+    };
+    let count = dependencies.split_ascii_whitespace().count();
+    if count != kinds.len() {
+        return wrong(&DEPENDENCY_KIND, format!("there are {count} dependencies, and {} kinds", kinds.len()));
+    }
+    let is_float = entry.variable.is_none_or(|index| model.variables[index].is_float());
+    for kind in kinds {
+        let is_initial = entry.list == "InitialUnknown";
+        if ["fixed", "tunable", "discrete"].contains(&kind) && is_initial || kind != "dependent" && !is_float
+        {
+            let of = if is_float { "an initial unknown" } else { "a variable that is not floating-point" };
+            return wrong(&DEPENDENCY_KIND_USE, format!("the kind {kind} does not go with {of}"));
+        }
+    }
+}
+
+/// Section 2.2.8 of FMI 2.0.5 and 2.4.8 of FMI 3.0.2. Parameters are knowns in FMI 3 only.
+fn knowns(model: &Model<'_>, entry: &Entry<'_>, states: &BTreeSet<usize>, wrong: Wrong<'_>) {
+    for &index in entry.dependencies.iter().flatten() {
+        let known = &model.variables[index];
+        let is_known = match (entry.list, known.causality) {
+            (_, "input" | "independent") => true,
+            ("InitialUnknown", _) => known.initial == Some("exact"),
+            (_, "parameter" | "structuralParameter") => model.version == Version::Three,
+            // Discrete states are known to nobody but the FMU, and so are Clocks that tick.
+            _ => {
+                states.contains(&index) || model.version == Version::Three && known.variability == "discrete"
+            }
+        };
+        if !is_known {
+            wrong(&DEPENDENCY_KNOWN, format!("it depends on {}, which is not a known", known.name));
+        }
+    }
+}
+
+fn duplicates(model: &Model<'_>, report: &mut Report) {
+    let mut seen = BTreeSet::new();
+    for entry in &model.entries {
+        if let Some(index) = entry.variable.filter(|index| !seen.insert((entry.list, *index))) {
+            let message = format!("{} stands twice in this list", model.variables[index].name);
+            model.wrong(report, &STRUCTURE_DUPLICATE, entry.element, message);
+        }
+    }
+}
+
+fn order(model: &Model<'_>, report: &mut Report) {
+    if model.version != Version::Two {
+        return;
+    }
+    let indices: Vec<_> =
+        model.list("InitialUnknown").filter_map(|entry| Some((entry.variable?, entry))).collect();
+    if let Some(pair) = indices.windows(2).find(|pair| pair[0].0 > pair[1].0) {
+        let name = |place: usize| model.variables[pair[place].0].name;
+        let message = format!("{} is declared before {}", name(1), name(0));
+        model.wrong(report, &STRUCTURE_ORDER, pair[1].1.element, message);
+    }
+}
+
+/// Reports the variables that are not in a list and should be, and those that are and should not.
+fn compare(
+    model: &Model<'_>,
+    list: &'static str,
+    expected: &BTreeSet<usize>,
+    may_be: impl Fn(usize) -> bool,
+    rule: &'static Rule,
+    report: &mut Report,
+) {
+    let listed: BTreeSet<_> = model.list(list).filter_map(|entry| entry.variable).collect();
+    for &index in expected.difference(&listed) {
+        let variable = &model.variables[index];
+        report.add(rule, model.at(variable), format!("the list of {list} lacks {}", variable.name));
+    }
+    for entry in model.list(list) {
+        if let Some(index) = entry.variable.filter(|index| !expected.contains(index) && !may_be(*index)) {
+            let message = format!("the list of {list} contains {}", model.variables[index].name);
+            model.wrong(report, rule, entry.element, message);
+        }
+    }
+}
+
+fn outputs(model: &Model<'_>, report: &mut Report) {
+    let expected =
+        (0..model.variables.len()).filter(|&index| model.variables[index].causality == "output").collect();
+    compare(model, "Output", &expected, |_| false, &OUTPUTS, report);
+}
+
+fn derivatives(model: &Model<'_>, report: &mut Report) {
+    for entry in model.list("ContinuousStateDerivative") {
+        let Some(variable) = entry.variable.map(|index| &model.variables[index]) else { continue };
+        let state =
+            variable.derivative.and_then(|state| model.resolve(state)).map(|index| &model.variables[index]);
+        let message = match state {
+            _ if variable.derivative.is_none() => format!("{} has no attribute derivative", variable.name),
+            Some(state) if !["local", "output"].contains(&state.causality) => {
+                format!("its state {} is {}", state.name, state.causality)
+            }
+            _ => continue,
+        };
+        model.wrong(report, &DERIVATIVES, entry.element, message);
+    }
+}
+
+fn initial_unknowns(model: &Model<'_>, states: &BTreeSet<usize>, report: &mut Report) {
+    let derivatives: BTreeSet<_> =
+        model.list("ContinuousStateDerivative").filter_map(|entry| entry.variable).collect();
+    let is_expected = |&index: &usize| {
+        let variable = &model.variables[index];
+        let is_calculated = matches!(variable.initial, Some("approx" | "calculated"));
+        let is_output =
+            variable.causality == "output" && variable.kind() != "Clock" && !variable.is_clocked();
+        variable.causality == "calculatedParameter"
+            || is_calculated && (is_output || states.contains(&index) || derivatives.contains(&index))
+    };
+    let expected = (0..model.variables.len()).filter(is_expected).collect();
+    let may_be = |index: usize| model.variables[index].is_clocked();
+    compare(model, "InitialUnknown", &expected, may_be, &INITIAL_UNKNOWNS, report);
+}
+
+fn clocked_states(model: &Model<'_>, report: &mut Report) {
+    let has_previous = |&index: &usize| model.variables[index].element.has_attribute("previous");
+    let expected = (0..model.variables.len()).filter(has_previous).collect();
+    compare(model, "ClockedState", &expected, |_| false, &CLOCKED_STATES, report);
+}
+
+fn event_indicators(model: &Model<'_>, report: &mut Report) {
+    for entry in model.list("EventIndicator") {
+        let Some(variable) = entry.variable.map(|index| &model.variables[index]) else { continue };
+        let is_one = variable.is_float() && variable.variability == "continuous";
+        if !is_one || !["local", "output"].contains(&variable.causality) {
+            let message = format!(
+                "{} is {} {} {}",
+                variable.name,
+                variable.causality,
+                variable.variability,
+                variable.kind()
+            );
+            model.wrong(report, &EVENT_INDICATORS, entry.element, message);
+        }
+    }
+}

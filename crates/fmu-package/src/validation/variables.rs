@@ -1,0 +1,460 @@
+//! Rules on variables, one function each.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use regex_lite::Regex;
+
+use super::model::{Model, Variable, flag, initials, named};
+use super::rules::{
+    ALIAS, CAUSALITY, CLOCK, CLOCKED, CONTINUOUS_TYPE, DERIVATIVE, DIMENSION, DIRECT_DEPENDENCY, FINITE,
+    FIXED, INDEPENDENT, INITIAL, INTERMEDIATE_UPDATE, NAME_SYNTAX, NOMINAL, PREVIOUS, REINIT, Rule,
+    START_COUNT, START_FORBIDDEN, START_MISSING, START_RANGE, VALUE_REFERENCE, VARIABLE_NAME,
+};
+use super::schema::number;
+use super::types::range;
+use super::{Report, Version};
+
+/// Structured names (FMI 2.0.5, section 2.2.9; FMI 3.0.2, section 2.4.7.5.1).
+const STRUCTURED: &str = r"^(?:IDENTIFIER|der\(IDENTIFIER(?:,[0-9]+)?\))$";
+const PART: &str = concat!(
+    r#"(?:[_a-zA-Z][_a-zA-Z0-9]*|'(?:[_a-zA-Z0-9!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['"?\\abfnrtv])+')"#,
+    r"(?:\[[0-9]+(?:,[0-9]+)*\])?"
+);
+
+pub(super) fn check(model: &Model<'_>, report: &mut Report) {
+    names(model, report);
+    name_syntax(model, report);
+    independent(model, report);
+    for variable in &model.variables {
+        let wrong = &mut |rule, message: String| report.add(rule, model.at(variable), message);
+        continuous_type(variable, wrong);
+        start_range(model, variable, wrong);
+        values(model, variable, wrong);
+        if variable.typed.has_attribute("min") || variable.typed.has_attribute("max") {
+            range(variable.inherited("min"), variable.inherited("max"), model.at(variable), report);
+        }
+    }
+    match model.version {
+        Version::One => fmi1(model, report),
+        Version::Two => {
+            since_fmi2(model, report);
+            aliases(model, report);
+        }
+        Version::Three => {
+            since_fmi2(model, report);
+            fmi3(model, report);
+        }
+    }
+}
+
+/// Reports what is wrong with a variable.
+type Wrong<'a> = &'a mut dyn FnMut(&'static Rule, String);
+
+fn since_fmi2(model: &Model<'_>, report: &mut Report) {
+    let states: BTreeSet<_> = model.states().collect();
+    for (index, variable) in model.variables.iter().enumerate() {
+        let wrong = &mut |rule, message: String| report.add(rule, model.at(variable), message);
+        causality_and_start(model, variable, wrong);
+        derivative(model, index, variable, wrong);
+        reinit(model, variable, states.contains(&index), wrong);
+    }
+}
+
+fn fmi1(model: &Model<'_>, report: &mut Report) {
+    let inputs: BTreeSet<_> = model
+        .variables
+        .iter()
+        .filter(|variable| variable.causality == "input")
+        .map(|variable| variable.name)
+        .collect();
+    for variable in &model.variables {
+        let wrong = &mut |rule, message: String| report.add(rule, model.at(variable), message);
+        if variable.variability == "constant" && variable.start().is_none() {
+            wrong(&START_MISSING, "the constant has no start value".to_owned());
+        }
+        if variable.typed.has_attribute("fixed") && variable.start().is_none() {
+            wrong(&FIXED, "there is fixed, but no start value".to_owned());
+        }
+        let Some(dependency) = named(variable.element, "DirectDependency").next() else { continue };
+        if variable.causality != "output" {
+            wrong(&DIRECT_DEPENDENCY, "it is not an output".to_owned());
+        }
+        for name in named(dependency, "Name").filter_map(|name| name.text()) {
+            if !inputs.contains(name.trim()) {
+                wrong(&DIRECT_DEPENDENCY, format!("{name} is not an input"));
+            }
+        }
+    }
+}
+
+fn fmi3(model: &Model<'_>, report: &mut Report) {
+    value_references(model, report);
+    let mut previous_values = BTreeSet::new();
+    for (index, variable) in model.variables.iter().enumerate() {
+        let wrong = &mut |rule, message: String| report.add(rule, model.at(variable), message);
+        dimensions(model, variable, wrong);
+        clock(variable, wrong);
+        clocked(model, variable, wrong);
+        previous(model, index, variable, &mut previous_values, wrong);
+        if flag(variable.element, "intermediateUpdate") && variable.variability != "continuous" {
+            wrong(&INTERMEDIATE_UPDATE, format!("it is {}", variable.variability));
+        }
+    }
+}
+
+fn names(model: &Model<'_>, report: &mut Report) {
+    let mut seen = BTreeSet::new();
+    for variable in &model.variables {
+        let aliases = named(variable.element, "Alias").filter_map(|alias| alias.attribute("name"));
+        for name in std::iter::once(variable.name).chain(aliases) {
+            if name.is_empty() && variable.element.has_attribute("name") {
+                report.add(&VARIABLE_NAME, model.at(variable), "the name is empty");
+            } else if !name.is_empty() && !seen.insert(name) {
+                report.add(&VARIABLE_NAME, model.at(variable), format!("another variable is named {name}"));
+            }
+        }
+    }
+}
+
+fn name_syntax(model: &Model<'_>, report: &mut Report) {
+    let identifier = format!(r"{PART}(?:\.{PART})*");
+    let structured =
+        Regex::new(&STRUCTURED.replace("IDENTIFIER", &identifier)).expect("the grammar is correct");
+    let is_structured = model.root.attribute("variableNamingConvention") == Some("structured");
+    for variable in model.variables.iter().filter(|variable| !variable.name.is_empty()) {
+        let name = variable.name;
+        if is_structured && !structured.is_match(name) {
+            report.add(&NAME_SYNTAX, model.at(variable), format!("'{name}' is not a structured name"));
+        } else if name.contains(['\r', '\n', '\t']) {
+            report.add(&NAME_SYNTAX, model.at(variable), "the name has tabs or line breaks");
+        }
+    }
+}
+
+fn independent(model: &Model<'_>, report: &mut Report) {
+    let all: Vec<_> = model.variables.iter().filter(|variable| variable.causality == "independent").collect();
+    if model.version == Version::Three && all.is_empty() {
+        model.wrong(report, &INDEPENDENT, model.root, "no variable is independent");
+    }
+    for variable in all.iter().skip(1) {
+        report.add(&INDEPENDENT, model.at(variable), format!("{} is independent, too", all[0].name));
+    }
+    for variable in all.iter().filter(|variable| !variable.is_float()) {
+        report.add(&INDEPENDENT, model.at(variable), format!("it is of the type {}", variable.kind()));
+    }
+}
+
+fn value_references(model: &Model<'_>, report: &mut Report) {
+    let mut seen = BTreeMap::new();
+    for variable in &model.variables {
+        let Some(reference) = variable.element.attribute("valueReference") else { continue };
+        if let Some(first) = seen.insert(reference.trim(), variable.name) {
+            report.add(
+                &VALUE_REFERENCE,
+                model.at(variable),
+                format!("{first} has the value reference {reference}, too"),
+            );
+        }
+    }
+}
+
+fn continuous_type(variable: &Variable<'_>, wrong: Wrong<'_>) {
+    if variable.variability == "continuous" && !variable.is_float() && variable.causality != "independent" {
+        let how = if variable.element.has_attribute("variability") { "" } else { ", by default" };
+        wrong(&CONTINUOUS_TYPE, format!("it is {}, and continuous{how}", variable.kind()));
+    }
+}
+
+fn causality_and_start(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
+    let Variable { causality, variability, .. } = variable;
+    // Words that the schema has not are reported by it.
+    let words = [
+        "parameter",
+        "calculatedParameter",
+        "structuralParameter",
+        "input",
+        "output",
+        "local",
+        "independent",
+    ];
+    let more = ["constant", "fixed", "tunable", "discrete", "continuous"];
+    if !words.contains(causality) || !more.contains(variability) {
+        return;
+    }
+    let Some(allowed) = initials(model.version, causality, variability) else {
+        return wrong(&CAUSALITY, format!("{causality} and {variability} cannot be combined"));
+    };
+    let initial = variable.initial;
+    if let Some(declared) = variable.element.attribute("initial")
+        && !allowed.contains(&declared)
+    {
+        if ["exact", "approx", "calculated"].contains(&declared) {
+            let allowed = if allowed.is_empty() { "none".to_owned() } else { allowed.join(", ") };
+            wrong(&INITIAL, format!("initial is {declared}; for {causality} and {variability}: {allowed}"));
+        }
+        return;
+    }
+    if variable.kind() == "Clock" {
+        return;
+    }
+    let is_needed = matches!(initial, Some("exact" | "approx")) || *causality == "input";
+    let is_forbidden = initial == Some("calculated") || *causality == "independent";
+    let role =
+        if matches!(*causality, "input" | "independent") { causality } else { initial.unwrap_or_default() };
+    match variable.start() {
+        None if is_needed => wrong(&START_MISSING, format!("it is {role}, and has no start value")),
+        Some(start) if is_forbidden => {
+            wrong(&START_FORBIDDEN, format!("it is {role}, and has the start value '{start}'"));
+        }
+        _ => {}
+    }
+}
+
+/// The start values that are numbers.
+fn start_values<'d>(variable: &Variable<'d>) -> impl Iterator<Item = f64> + use<'d> {
+    variable.typed.attribute("start").unwrap_or_default().split_ascii_whitespace().filter_map(number)
+}
+
+fn start_range(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
+    if matches!(variable.kind(), "String" | "Boolean" | "Binary" | "Clock") {
+        return;
+    }
+    let bound = |key, none| variable.inherited(key).and_then(number).unwrap_or(none);
+    let (min, max) = (bound("min", f64::NEG_INFINITY), bound("max", f64::INFINITY));
+    for start in start_values(variable).filter(|start| *start < min || *start > max) {
+        wrong(&START_RANGE, format!("the start value is {start}, outside of {min} to {max}"));
+    }
+    let declared = variable.typed.attribute("declaredType").and_then(|name| model.type_named(name));
+    let Some(enumeration) = declared.filter(|_| variable.kind() == "Enumeration") else { return };
+    let items: Vec<_> = named(enumeration, "Item")
+        // FMI 1 counts from 1.
+        .zip(1_u32..)
+        .map(|(item, place)| item.attribute("value").map_or(Some(f64::from(place)), number))
+        .collect();
+    for start in start_values(variable).filter(|start| !items.contains(&Some(*start))) {
+        wrong(&START_RANGE, format!("the start value is {start}, and no item of the enumeration"));
+    }
+}
+
+fn values(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
+    let value = |key| variable.typed.attribute(key).and_then(number);
+    if value("nominal") == Some(0.0) {
+        wrong(&NOMINAL, "nominal is 0".to_owned());
+    }
+    let keys = ["start", "min", "max", "nominal"];
+    for key in keys.into_iter().filter(|_| model.version == Version::Two && variable.is_float()) {
+        if let Some(number) = value(key).filter(|number| !number.is_finite()) {
+            wrong(&FINITE, format!("{key} is {number}"));
+        }
+    }
+}
+
+fn derivative(model: &Model<'_>, index: usize, variable: &Variable<'_>, wrong: Wrong<'_>) {
+    let Some(reference) = variable.derivative else { return };
+    let is_continuous = |variable: &Variable<'_>| variable.is_float() && variable.variability == "continuous";
+    let message = match model.resolve(reference) {
+        None => format!("derivative is {reference}, and there is no such variable"),
+        Some(state) if state == index => "it is its own derivative".to_owned(),
+        Some(state) if !is_continuous(&model.variables[state]) => {
+            format!("it is the derivative of {}, which is not continuous", model.variables[state].name)
+        }
+        Some(_) if !is_continuous(variable) => "it is a derivative, and not continuous".to_owned(),
+        Some(_) => return,
+    };
+    wrong(&DERIVATIVE, message);
+}
+
+fn reinit(model: &Model<'_>, variable: &Variable<'_>, is_state: bool, wrong: Wrong<'_>) {
+    if !flag(variable.typed, "reinit") {
+        return;
+    }
+    if !is_state {
+        wrong(&REINIT, "it is not a continuous state".to_owned());
+    } else if model.interface("ModelExchange").is_none() {
+        wrong(&REINIT, "the FMU is not for Model Exchange".to_owned());
+    }
+}
+
+fn aliases(model: &Model<'_>, report: &mut Report) {
+    let mut sets: BTreeMap<_, Vec<&Variable<'_>>> = BTreeMap::new();
+    for variable in &model.variables {
+        let kind = if variable.kind() == "Enumeration" { "Integer" } else { variable.kind() };
+        if let Some(reference) = variable.element.attribute("valueReference") {
+            sets.entry((kind, reference.trim())).or_default().push(variable);
+        }
+    }
+    for set in sets.values() {
+        let (first, rest) = (set[0], &set[1..]);
+        let is_constant = |variable: &Variable<'_>| variable.variability == "constant";
+        let has_value = |variable: &Variable<'_>| !is_constant(variable) && variable.start().is_some();
+        let mut with_value = set.iter().filter(|variable| has_value(variable));
+        let start = with_value.next().map_or("", |variable| variable.name);
+        let second = with_value.next().map_or("", |variable| variable.name);
+        for variable in rest {
+            let difference = if is_constant(variable) != is_constant(first) {
+                "constant, and the other is not"
+            } else if is_constant(variable) && variable.start() != first.start() {
+                "another constant"
+            } else if variable.name == second {
+                let message = format!("it has a start value, and so has its alias {start}");
+                report.add(&ALIAS, model.at(variable), message);
+                continue;
+            } else if variable.inherited("unit") != first.inherited("unit") {
+                "of another unit"
+            } else {
+                continue;
+            };
+            report.add(&ALIAS, model.at(variable), format!("it is an alias of {}: {difference}", first.name));
+        }
+    }
+}
+
+fn dimensions(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
+    let mut size = Some(1_u64);
+    for dimension in named(variable.element, "Dimension") {
+        if variable.causality == "structuralParameter" {
+            wrong(&DIMENSION, "it is a structural parameter with a dimension".to_owned());
+        }
+        let length = match (dimension.attribute("start"), dimension.attribute("valueReference")) {
+            (Some(start), None) => start.trim().parse().map_err(|_| format!("it is {start}")),
+            (None, Some(reference)) => match model.resolve(reference).map(|index| &model.variables[index]) {
+                None => Err(format!("there is no variable {reference}")),
+                Some(of) if of.kind() != "UInt64" => Err(format!("{} is of the type {}", of.name, of.kind())),
+                Some(of) if of.causality != "structuralParameter" && of.variability != "constant" => {
+                    Err(format!("{} is neither structural parameter nor constant", of.name))
+                }
+                Some(of) => of
+                    .start()
+                    .unwrap_or_default()
+                    .trim()
+                    .parse()
+                    .map_err(|_| format!("{} has no start value", of.name)),
+            },
+            (Some(_), Some(_)) => Err("it has both start and valueReference".to_owned()),
+            (None, None) => Err("it has neither start nor valueReference".to_owned()),
+        };
+        let length =
+            length.and_then(|length| if length == 0 { Err("it is 0".to_owned()) } else { Ok(length) });
+        match length {
+            Ok(length) => size = size.and_then(|size| size.checked_mul(length)),
+            Err(message) => {
+                wrong(&DIMENSION, format!("a dimension is wrong: {message}"));
+                size = None;
+            }
+        }
+    }
+    let elements = named(variable.element, "Start").count();
+    let count = match variable.typed.attribute("start") {
+        Some(start) => start.split_ascii_whitespace().count(),
+        None => elements,
+    };
+    if let Some(size) = size
+        && variable.start().is_some()
+        && count != 1
+        && count as u64 != size
+    {
+        wrong(&START_COUNT, format!("it has {count} start values, and {size} elements"));
+    }
+}
+
+fn clock(variable: &Variable<'_>, wrong: Wrong<'_>) {
+    if variable.kind() != "Clock" {
+        return;
+    }
+    if !["input", "output", "local"].contains(&variable.causality) {
+        wrong(&CLOCK, format!("its causality is {}", variable.causality));
+    }
+    if variable.variability != "discrete" {
+        wrong(&CLOCK, format!("its variability is {}", variable.variability));
+    }
+    let interval = variable.typed.attribute("intervalVariability").unwrap_or_default();
+    if variable.causality != "input" && interval != "triggered" {
+        wrong(&CLOCK, format!("its intervalVariability is {interval}, and only inputs have intervals"));
+    }
+    if interval == "constant"
+        && !variable.typed.has_attribute("intervalDecimal")
+        && !variable.typed.has_attribute("intervalCounter")
+    {
+        wrong(&CLOCK, "it is constant, and has no interval".to_owned());
+    }
+    for key in ["intervalDecimal", "intervalCounter", "resolution", "shiftDecimal"] {
+        let value = variable.typed.attribute(key).and_then(number);
+        let may_be_zero = key.starts_with("shift");
+        if let Some(value) = value.filter(|value| *value < 0.0 || *value == 0.0 && !may_be_zero) {
+            wrong(&CLOCK, format!("{key} is {value}"));
+        }
+        if value.is_some() && !may_be_zero && !["constant", "fixed", "tunable"].contains(&interval) {
+            wrong(&CLOCK, format!("it has {key}, and is {interval}"));
+        }
+    }
+}
+
+fn clocked(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
+    let Some(clocks) = variable.element.attribute("clocks") else { return };
+    for reference in clocks.split_ascii_whitespace() {
+        let clock = model.resolve(reference).map(|index| &model.variables[index]);
+        if clock.is_none_or(|clock| clock.kind() != "Clock") {
+            wrong(&CLOCKED, format!("the variable {reference} in its clocks is not a Clock"));
+        }
+    }
+    if !["discrete", "tunable"].contains(&variable.variability) {
+        wrong(&CLOCKED, format!("it is clocked, and {}", variable.variability));
+    }
+}
+
+fn previous<'d>(
+    model: &Model<'d>,
+    index: usize,
+    variable: &Variable<'d>,
+    seen: &mut BTreeSet<usize>,
+    wrong: Wrong<'_>,
+) {
+    let Some(reference) = variable.element.attribute("previous") else { return };
+    let message = match model.resolve(reference) {
+        _ if !variable.is_clocked() => "it has no clocks".to_owned(),
+        _ if variable.variability != "discrete" => format!("it is {}", variable.variability),
+        None => format!("there is no variable {reference}"),
+        Some(other) if other == index => "it is its own previous value".to_owned(),
+        Some(other) if !seen.insert(other) => {
+            format!("{} is the previous value of another one", model.variables[other].name)
+        }
+        Some(other) => {
+            let other = &model.variables[other];
+            let is_right = other.kind() == variable.kind()
+                && other.variability == "discrete"
+                && other.causality != "input";
+            if is_right {
+                return;
+            }
+            format!("{} is {} {} {}", other.name, other.causality, other.variability, other.kind())
+        }
+    };
+    wrong(&PREVIOUS, format!("its previous is wrong: {message}"));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn structured_names_follow_the_grammar() {
+        let identifier = format!(r"{PART}(?:\.{PART})*");
+        let structured = Regex::new(&STRUCTURED.replace("IDENTIFIER", &identifier)).unwrap();
+        // Examples of the standard, and what it excludes.
+        for name in [
+            "vehicle.engine.speed",
+            "resistor12.u",
+            "v_min",
+            "robot.axis.'motor #234'",
+            "der(pipe[3,4].T[14],2)",
+            r"'it\'s'",
+        ] {
+            assert!(structured.is_match(name), "{name}");
+        }
+        for name in
+            ["", "a b", "1a", "a..b", "a[1, 2]", "a[]", "der(a", "der(a,)", "'a", "''", "a.der(b)", "é"]
+        {
+            assert!(!structured.is_match(name), "{name}");
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! XML files of an FMU, which may be anyone's: parsed within limits, with the lines that elements stand in.
+
+use std::cell::OnceCell;
+
+use quick_xml::Reader;
+use quick_xml::events::Event;
+use roxmltree::{Document, Node};
+
+use super::rules::{LIMIT, XML_DOCTYPE, XML_ENCODING, XML_SYNTAX};
+use super::{Place, Report};
+use crate::model_description::{DEEPEST, MOST_ATTRIBUTES, MOST_ELEMENTS};
+
+/// How many namespaces a document may declare: each element holds those of all around it.
+const MOST_NAMESPACES: usize = 1000;
+
+/// A file and what it says.
+pub(super) struct Xml<'d> {
+    /// Its path in the archive.
+    pub file: &'d str,
+    text: &'d str,
+    document: Document<'d>,
+    /// Where each line but the first begins.
+    lines: OnceCell<Vec<usize>>,
+}
+
+impl<'d> Xml<'d> {
+    /// Parses a file, or reports why it cannot be.
+    pub fn parse(file: &'d str, text: &'d str, report: &mut Report) -> Option<Self> {
+        let in_line = |line| Place { line: Some(line), ..Place::file(file) };
+        // A byte order mark is allowed.
+        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+        if !is_within_limits(text, file, report) {
+            return None;
+        }
+        match Document::parse(text) {
+            Ok(document) => Some(Self { file, text, document, lines: OnceCell::new() }),
+            Err(error) => {
+                let message = error.to_string();
+                let message = message.rsplit_once(" at ").map_or(message.as_str(), |(message, _)| message);
+                report.add(&XML_SYNTAX, in_line(error.pos().row as usize), message);
+                None
+            }
+        }
+    }
+
+    pub fn root(&self) -> Node<'_, 'd> {
+        self.document.root_element()
+    }
+
+    pub fn at(&self, node: Node<'_, '_>) -> Place {
+        let lines =
+            self.lines.get_or_init(|| self.text.match_indices('\n').map(|(place, _)| place + 1).collect());
+        let line = 1 + lines.partition_point(|&start| start <= node.range().start);
+        Place { line: Some(line), ..Place::file(self.file) }
+    }
+}
+
+/// Whether a document can be parsed without harm: the parser has no such limits.
+fn is_within_limits(text: &str, file: &str, report: &mut Report) -> bool {
+    let mut reader = Reader::from_str(text);
+    let (mut depth, mut elements, mut namespaces) = (0, 0, 0);
+    // What is not well-formed is left to the parser, which says so better.
+    while let Ok(event) = reader.read_event() {
+        let refused = match &event {
+            Event::Eof => return true,
+            Event::Decl(declaration) => {
+                let encoding = declaration.encoding().and_then(Result::ok);
+                let other = encoding.filter(|encoding| !encoding.eq_ignore_ascii_case("utf-8"));
+                if let Some(encoding) = other {
+                    report.add(
+                        &XML_ENCODING,
+                        Place::file(file),
+                        format!("it declares the encoding {encoding}"),
+                    );
+                }
+                continue;
+            }
+            Event::DocType(_) => {
+                report.add(&XML_DOCTYPE, Place::file(file), "it has a document type definition");
+                return false;
+            }
+            Event::Start(element) | Event::Empty(element) => {
+                depth += usize::from(matches!(event, Event::Start(_)));
+                elements += 1;
+                let mut attributes = 0;
+                for attribute in element.attributes().with_checks(false).take(MOST_ATTRIBUTES + 1).flatten() {
+                    attributes += 1;
+                    namespaces += usize::from(attribute.key.as_ref().starts_with("xmlns"));
+                }
+                attributes > MOST_ATTRIBUTES
+                    || depth > DEEPEST
+                    || elements > MOST_ELEMENTS
+                    || namespaces > MOST_NAMESPACES
+            }
+            Event::End(_) => {
+                depth = depth.saturating_sub(1);
+                false
+            }
+            _ => false,
+        };
+        if refused {
+            let line = 1 + text[..usize::try_from(reader.buffer_position()).unwrap_or(0).min(text.len())]
+                .matches('\n')
+                .count();
+            let message = "it has more elements, attributes or namespaces than any description";
+            report.add(&LIMIT, Place { line: Some(line), ..Place::file(file) }, message);
+            return false;
+        }
+    }
+    true
+}

@@ -1,0 +1,297 @@
+//! What is broken, and by which rule it is found.
+
+use zip::ZipWriter;
+use zip::write::SimpleFileOptions;
+
+use super::Good::{Fmi1, Fmi2, Fmi3, Library};
+use super::{BUILD, DESCRIPTION, Files, Good, TERMINALS, library, zipped};
+
+/// A small edit of a good FMU.
+pub enum Edit {
+    /// Of a file: the first occurrence of a text, and its replacement.
+    Xml(&'static str, &'static str, &'static str),
+    Files(fn(&mut Files)),
+    /// Of the archive of the files.
+    Archive(fn(&Files) -> Vec<u8>),
+}
+use Edit::{Archive, Xml};
+
+/// What is broken, the rule, the good FMU and its edit.
+type Break = (&'static str, &'static str, Good, Edit);
+
+pub fn all() -> impl Iterator<Item = &'static Break> {
+    [ARCHIVES, DESCRIPTIONS, VARIABLES, STRUCTURES, LIBRARIES].into_iter().flatten()
+}
+
+const fn xml(text: &'static str, replacement: &'static str) -> Edit {
+    Xml(DESCRIPTION, text, replacement)
+}
+
+const ARCHIVES: &[Break] = &[
+    ("a text file", "archive-format", Fmi2, Archive(|_| b"no archive".to_vec())),
+    (
+        "two entries of one path",
+        "archive-duplicate",
+        Fmi2,
+        Archive(|files| replaced(&with_file(files, "sources/pool.c"), b"sources/pool.c", b"sources/tank.c")),
+    ),
+    (
+        "paths that differ in case",
+        "archive-duplicate",
+        Fmi2,
+        Archive(|files| with_file(files, "sources/TANK.C")),
+    ),
+    (
+        "a backslash in a path",
+        "archive-backslash",
+        Fmi2,
+        Archive(|files| replaced(&with_file(files, "sources/pool.c"), b"sources/pool.c", b"sources\\pool.c")),
+    ),
+    (
+        "a path out of the folder",
+        "archive-path",
+        Fmi2,
+        Archive(|files| with_file(files, "resources/../../pool.c")),
+    ),
+    (
+        "a symbolic link",
+        "archive-link",
+        Fmi2,
+        Archive(|files| {
+            let mut zip = ZipWriter::new_append(std::io::Cursor::new(zipped(files))).unwrap();
+            zip.add_symlink("resources/link", "/etc/passwd", SimpleFileOptions::default()).unwrap();
+            zip.finish().unwrap().into_inner()
+        }),
+    ),
+    ("an encrypted entry", "archive-encryption", Fmi2, Archive(|files| header(files, 6, 1))),
+    ("an entry compressed by bzip2", "archive-compression", Fmi2, Archive(|files| header(files, 8, 12))),
+    ("a wrong checksum", "archive-damaged", Fmi2, Archive(|files| header(files, 14, 1))),
+    (
+        "a file at the top",
+        "archive-stray",
+        Fmi2,
+        Edit::Files(|files| {
+            files.insert("build.log".to_owned(), vec![]);
+        }),
+    ),
+    (
+        "elements in 101 elements",
+        "limit",
+        Fmi2,
+        Edit::Files(|files| {
+            let deep = format!("{}{}", "<a>".repeat(101), "</a>".repeat(101));
+            files.insert(DESCRIPTION.to_owned(), deep.into_bytes());
+        }),
+    ),
+    (
+        "modelDescription.xml in a folder",
+        "description-missing",
+        Fmi1,
+        Edit::Files(|files| {
+            let description = files.remove(DESCRIPTION).unwrap();
+            files.insert("resources/modelDescription.xml".to_owned(), description);
+        }),
+    ),
+];
+
+#[rustfmt::skip]
+const DESCRIPTIONS: &[Break] = &[
+    ("another encoding", "xml-encoding", Fmi2, xml("UTF-8", "ISO-8859-1")),
+    ("bytes that are not UTF-8", "xml-encoding", Fmi2, Edit::Files(|files| { let text = files.get_mut(DESCRIPTION).unwrap(); text.extend(b"<!-- \xe9 -->"); })),
+    ("entities that expand", "xml-doctype", Fmi2, xml("<fmiM", r#"<!DOCTYPE a [<!ENTITY b "bb"><!ENTITY c "&b;&b;">]><fmiM"#)),
+    ("an element that is not closed", "xml-syntax", Fmi2, xml("</ModelVariables>", "")),
+    ("a version that does not exist", "version", Fmi2, xml(r#"fmiVersion="2.0""#, r#"fmiVersion="2.1""#)),
+    ("an unknown element", "schema-element", Fmi2, xml("<LogCategories>", "<Extra/><LogCategories>")),
+    ("elements in the wrong order", "schema-element", Fmi3, xml("<ClockedState valueReference=\"8\"/>\n    <InitialUnknown valueReference=\"2\"/>", "<InitialUnknown valueReference=\"2\"/>\n    <ClockedState valueReference=\"8\"/>")),
+    ("terminals in no list", "schema-element", Fmi3, Xml(TERMINALS, "<Terminals>", "<Terminals/><Terminals>")),
+    ("no model name", "schema-attribute", Fmi2, xml(r#"modelName="Tank""#, "")),
+    ("an unknown attribute", "schema-attribute", Fmi3, xml(r#"modelName="Tank""#, r#"modelName="Tank" guid="{a-guid}""#)),
+    ("a causality that does not exist", "schema-value", Fmi2, xml(r#"causality="input""#, r#"causality="entry""#)),
+    ("a start value that is no number", "schema-value", Fmi1, xml(r#"start="9.81""#, r#"start="9,81""#)),
+    ("an interface twice", "interface", Fmi2, xml(r#"<CoSimulation modelIdentifier="tank"/>"#, r#"<CoSimulation modelIdentifier="tank"/><CoSimulation modelIdentifier="tank"/>"#)),
+    ("a model identifier with a hyphen", "model-identifier", Fmi2, xml(r#"<CoSimulation modelIdentifier="tank""#, r#"<CoSimulation modelIdentifier="a-tank""#)),
+    ("an empty GUID", "guid", Fmi2, xml("{a-guid}", "")),
+    ("a date in local time", "generation-date", Fmi2, xml("12:00:00Z", "12:00:00+02:00")),
+    ("an experiment that ends before it starts", "default-experiment", Fmi2, xml(r#"stopTime="10""#, r#"stopTime="-10""#)),
+    ("an experiment with steps of 0 s", "default-experiment", Fmi2, xml(r#"stepSize="0.1""#, r#"stepSize="0""#)),
+    ("states that are serialized, but not saved", "capability", Fmi2, xml(r#"canGetAndSetFMUstate="true""#, "")),
+    ("a log category twice", "log-category", Fmi2, xml("logStatusError", "logEvents")),
+    ("a unit twice", "unit-name", Fmi2, xml(r#"<Unit name="m/s"/>"#, r#"<Unit name="m/s"/><Unit name="m/s"/>"#)),
+    ("a display unit with a factor of 0", "unit-factor", Fmi2, xml(r#"factor="1000""#, r#"factor="0""#)),
+    ("an inverse display unit with an offset", "unit-factor", Fmi3, xml(r#"inverse="true""#, r#"inverse="true" offset="1""#)),
+    ("a unit that is not defined", "unit-defined", Fmi2, xml(r#"unit="m/s" derivative"#, r#"unit="km/h" derivative"#)),
+    ("a display unit that is not defined", "display-unit", Fmi2, xml(r#"displayUnit="mm""#, r#"displayUnit="cm""#)),
+    ("a type named as a variable", "type-name", Fmi2, xml(r#"<SimpleType name="Mode">"#, r#"<SimpleType name="area"><Boolean/></SimpleType><SimpleType name="Mode">"#)),
+    ("a type that is not defined", "type-defined", Fmi2, xml(r#"declaredType="Mode""#, r#"declaredType="Modes""#)),
+    ("a type of another kind", "type-defined", Fmi3, xml(r#"<Float32 name="matrix""#, r#"<Float32 declaredType="Length" name="matrix""#)),
+    ("an item of an enumeration twice", "enumeration-item", Fmi2, xml(r#"name="on""#, r#"name="off""#)),
+    ("a source file that is missing", "sources", Fmi2, xml(r#"<File name="tank.c"/>"#, r#"<File name="pool.c"/>"#)),
+    ("a build of another model", "sources", Fmi3, Xml(BUILD, r#"modelIdentifier="tank""#, r#"modelIdentifier="pool""#)),
+    ("a terminal of no variable", "terminals", Fmi3, Xml(TERMINALS, r#"variableName="inflow""#, r#"variableName="outflow""#)),
+];
+
+#[rustfmt::skip]
+const VARIABLES: &[Break] = &[
+    ("a variable's name twice", "variable-name", Fmi2, xml(r#"name="capacity""#, r#"name="count""#)),
+    ("a variable named as an alias", "variable-name", Fmi3, xml(r#"name="note""#, r#"name="height""#)),
+    ("a structured name with a blank", "name-syntax", Fmi2, xml(r#"name="capacity""#, r#"name="total capacity""#)),
+    ("a flat name with a tab", "name-syntax", Fmi1, xml(r#"name="gravity""#, r#"name="gra&#9;vity""#)),
+    ("a value reference twice", "value-reference", Fmi3, xml(r#"valueReference="11""#, r#"valueReference="12""#)),
+    ("an alias with another start value", "alias", Fmi2, xml(r#"valueReference="1"><Real unit="m"/>"#, r#"valueReference="1" initial="approx"><Real unit="m" start="2"/>"#)),
+    ("an alias of another unit", "alias", Fmi2, xml(r#"<Real unit="m"/>"#, r#"<Real unit="m/s"/>"#)),
+    ("a continuous parameter", "causality", Fmi2, xml(r#"variability="fixed"><Real start="2""#, r#"variability="continuous"><Real start="2""#)),
+    ("an input with initial", "initial", Fmi2, xml(r#"causality="input""#, r#"causality="input" initial="exact""#)),
+    ("a continuous integer", "continuous-type", Fmi2, xml(r#"variability="discrete""#, "")),
+    ("no independent variable", "independent", Fmi3, xml(r#"causality="independent""#, r#"causality="local""#)),
+    ("an input without a start value", "start-missing", Fmi2, xml(r#"<Real start="0"/>"#, "<Real/>")),
+    ("a calculated variable with a start value", "start-forbidden", Fmi2, xml(r#"derivative="2"/>"#, r#"derivative="2" start="0"/>"#)),
+    ("a start value above max", "start-range", Fmi2, xml(r#"start="2" min="1""#, r#"start="5" min="1""#)),
+    ("a start value that is no item", "start-range", Fmi2, xml(r#"declaredType="Mode" start="1""#, r#"declaredType="Mode" start="7""#)),
+    ("three start values of two elements", "start-count", Fmi3, xml(r#"start="1 2""#, r#"start="1 2 3""#)),
+    ("min above max", "range", Fmi2, xml(r#"variability="fixed"><Real/>"#, r#"variability="fixed"><Real min="2" max="1"/>"#)),
+    ("a nominal value of 0", "nominal", Fmi2, xml(r#"nominal="2""#, r#"nominal="0""#)),
+    ("an infinite max", "finite", Fmi2, xml(r#"max="3""#, r#"max="INF""#)),
+    ("a derivative of nothing", "derivative", Fmi2, xml(r#"<Real start="0"/>"#, r#"<Real start="0" derivative="99"/>"#)),
+    ("reinit at an input", "reinit", Fmi2, xml(r#"<Real start="0"/>"#, r#"<Real start="0" reinit="true"/>"#)),
+    ("fixed without a start value", "fixed", Fmi1, xml(r#"<Real start="0"/>"#, r#"<Real fixed="true"/>"#)),
+    ("a direct dependency on a parameter", "direct-dependency", Fmi1, xml("<Name>inflow</Name>", "<Name>mode</Name>")),
+    ("a dimension of 0", "dimension", Fmi3, xml(r#"<Dimension start="3"/>"#, r#"<Dimension start="0"/>"#)),
+    ("a dimension by an input", "dimension", Fmi3, xml(r#"<Dimension valueReference="4"/>"#, r#"<Dimension valueReference="3"/>"#)),
+    ("a Clock without an interval", "clock", Fmi3, xml(r#"intervalDecimal="0.1""#, "")),
+    ("a variable clocked by a number", "clocked", Fmi3, xml(r#"clocks="7""#, r#"clocks="3""#)),
+    ("a previous value that is an input", "previous", Fmi3, xml(r#"previous="9""#, r#"previous="3""#)),
+    ("an intermediate update of a parameter", "intermediate-update", Fmi3, xml(r#"<Enumeration name="mode""#, r#"<Enumeration intermediateUpdate="true" name="mode""#)),
+];
+
+#[rustfmt::skip]
+const STRUCTURES: &[Break] = &[
+    ("a dependency on no variable", "structure-reference", Fmi2, xml(r#"dependencies="2 4""#, r#"dependencies="2 99""#)),
+    ("a dependency twice", "structure-duplicate", Fmi2, xml(r#"dependencies="4 5""#, r#"dependencies="4 4""#)),
+    ("an output listed twice", "structure-duplicate", Fmi3, xml("<Output ", r#"<Output valueReference="1"/><Output "#)),
+    ("initial unknowns out of order", "structure-order", Fmi2, xml("<Unknown index=\"7\" dependencies=\"\"/>\n      <Unknown index=\"8\" dependencies=\"5\"/>", "<Unknown index=\"8\" dependencies=\"5\"/>\n      <Unknown index=\"7\" dependencies=\"\"/>")),
+    ("dependencies out of order", "dependency-order", Fmi2, xml(r#"dependencies="4 5""#, r#"dependencies="5 4""#)),
+    ("one kind for two dependencies", "dependency-kind", Fmi2, xml(r#""dependent dependent""#, r#""dependent""#)),
+    ("a constant factor of an integer", "dependency-kind-use", Fmi2, xml(r#""dependent dependent""#, r#""dependent constant""#)),
+    ("an output that depends on a parameter", "dependency-known", Fmi2, xml(r#"index="2" dependencies="2""#, r#"index="2" dependencies="5""#)),
+    ("an output that is not listed", "outputs", Fmi2, xml(r#"<Unknown index="2" dependencies="2"/>"#, "")),
+    ("a local variable among the outputs", "outputs", Fmi3, xml("<Output ", r#"<Output valueReference="10"/><Output "#)),
+    ("an input among the derivatives", "derivatives", Fmi2, xml("<Derivatives>", r#"<Derivatives><Unknown index="4"/>"#)),
+    ("an initial unknown that is not listed", "initial-unknowns", Fmi2, xml(r#"<Unknown index="8" dependencies="5"/>"#, "")),
+    ("an initial unknown that is a start value", "initial-unknowns", Fmi3, xml(r#"<InitialUnknown valueReference="2"/>"#, r#"<InitialUnknown valueReference="1"/><InitialUnknown valueReference="2"/>"#)),
+    ("a clocked state that is not listed", "clocked-states", Fmi3, xml(r#"<ClockedState valueReference="8"/>"#, "")),
+    ("an integer as event indicator", "event-indicators", Fmi3, xml(r#"<EventIndicator valueReference="10"/>"#, r#"<EventIndicator valueReference="4"/>"#)),
+];
+
+const LIBRARIES: &[Break] = &[
+    (
+        "neither library nor sources",
+        "library-missing",
+        Fmi1,
+        Edit::Files(|files| {
+            files.remove("sources/tank.c");
+        }),
+    ),
+    (
+        "a library of another name",
+        "library-name",
+        Library,
+        Edit::Files(|files| move_library(files, "tank", "pool")),
+    ),
+    (
+        "a folder for no platform",
+        "library-platform",
+        Library,
+        Edit::Files(|files| move_library(files, "binaries/", "binaries/linux/")),
+    ),
+    // In an ELF header, byte 18 is the processor: that of RISC-V is 0xf3.
+    (
+        "a library for another processor",
+        "library-format",
+        Library,
+        Edit::Files(|files| library_of(files)[18] = 0xf3),
+    ),
+    (
+        "a library cut short",
+        "library-format",
+        Library,
+        Edit::Files(|files| {
+            let half = library_of(files).len() / 2;
+            library_of(files).truncate(half);
+        }),
+    ),
+    (
+        "a function that is missing",
+        "library-function",
+        Library,
+        Edit::Files(|files| change(files, b"fmi2DoStep\0", b"fmi2DoLeap\0")),
+    ),
+    (
+        "a library of another build",
+        "library-guid",
+        Library,
+        Edit::Files(|files| change(files, b"{a-guid}", b"{b-guid}")),
+    ),
+    (
+        "a library that Python must have loaded",
+        "library-python",
+        Library,
+        Edit::Files(|files| change(files, b"Qy_Import\0", b"Py_Import\0")),
+    ),
+    (
+        "a library that needs another",
+        "library-dependency",
+        Library,
+        Edit::Files(|files| change(files, b"libm.so.6\0", b"libx.so.6\0")),
+    ),
+    // The type of the program header PT_GNU_STACK, and its flags: readable, writable, and now executable.
+    (
+        "an executable stack",
+        "library-loading",
+        Library,
+        Edit::Files(|files| {
+            change(files, &[0x51, 0xe5, 0x74, 0x64, 6, 0, 0, 0], &[0x51, 0xe5, 0x74, 0x64, 7, 0, 0, 0]);
+        }),
+    ),
+];
+
+fn library_of(files: &mut Files) -> &mut Vec<u8> {
+    files.get_mut(library::PATH).unwrap()
+}
+
+fn change(files: &mut Files, bytes: &[u8], replacement: &[u8]) {
+    *library_of(files) = replaced(library_of(files), bytes, replacement);
+}
+
+fn move_library(files: &mut Files, text: &str, replacement: &str) {
+    let library = files.remove(library::PATH).unwrap();
+    files.insert(library::PATH.replace(text, replacement), library);
+}
+
+/// A copy with all occurrences of some bytes replaced by as many.
+fn replaced(bytes: &[u8], text: &[u8], replacement: &[u8]) -> Vec<u8> {
+    assert_eq!(text.len(), replacement.len());
+    let mut changed = bytes.to_vec();
+    let places: Vec<_> = (0..bytes.len()).filter(|&place| bytes[place..].starts_with(text)).collect();
+    assert!(!places.is_empty());
+    for place in places {
+        changed[place..place + text.len()].copy_from_slice(replacement);
+    }
+    changed
+}
+
+fn with_file(files: &Files, path: &str) -> Vec<u8> {
+    let mut files = files.clone();
+    files.insert(path.to_owned(), vec![]);
+    zipped(&files)
+}
+
+/// The archive with a byte of the last file's headers changed: that of its own, which begins with `PK` 3 4, and two
+/// bytes later that in the central directory, which begins with `PK` 1 2.
+fn header(files: &Files, place: usize, value: u8) -> Vec<u8> {
+    let mut archive = zipped(files);
+    for (signature, place) in [(b"PK\x03\x04", place), (b"PK\x01\x02", place + 2)] {
+        let last = (0..archive.len()).rfind(|&start| archive[start..].starts_with(signature)).unwrap();
+        archive[last + place] = value;
+    }
+    archive
+}

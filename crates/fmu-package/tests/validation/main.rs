@@ -1,0 +1,182 @@
+//! Good FMUs of each version, in which nothing is found, and one with a small edit for each way to break a rule, in
+//! which exactly this rule is found.
+//!
+//! The broken FMUs stay in the folder `broken-fmus` of cargo's for tests, where `tests/fmu/validators.py` shows them to
+//! other validators.
+
+// The library is compiled for Linux.
+#![cfg(target_os = "linux")]
+
+mod breaks;
+mod library;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use fmu_package::validation::rules::{self, Severity};
+use fmu_package::validation::{Report, validate};
+use zip::ZipWriter;
+use zip::write::SimpleFileOptions;
+
+use breaks::Edit;
+
+const DESCRIPTION: &str = "modelDescription.xml";
+const TERMINALS: &str = "terminalsAndIcons/terminalsAndIcons.xml";
+const BUILD: &str = "sources/buildDescription.xml";
+
+/// The files of an FMU, by their paths.
+type Files = BTreeMap<String, Vec<u8>>;
+
+/// The versions of FMI; good FMUs with sources, and with a library.
+#[derive(Clone, Copy)]
+enum Good {
+    Fmi1,
+    Fmi2,
+    Fmi3,
+    /// FMI 2 with a library.
+    Library,
+}
+
+fn files(good: Good) -> Files {
+    let (description, mut files) = match good {
+        Good::Fmi1 => (include_str!("fmi1.xml"), Files::new()),
+        Good::Fmi2 => (include_str!("fmi2.xml"), Files::new()),
+        Good::Fmi3 => (
+            include_str!("fmi3.xml"),
+            Files::from([
+                (BUILD.to_owned(), include_bytes!("buildDescription.xml").to_vec()),
+                (TERMINALS.to_owned(), include_bytes!("terminalsAndIcons.xml").to_vec()),
+            ]),
+        ),
+        Good::Library => {
+            (include_str!("fmi2.xml"), Files::from([(library::PATH.to_owned(), library::build())]))
+        }
+    };
+    files.insert(DESCRIPTION.to_owned(), description.as_bytes().to_vec());
+    files.insert("sources/tank.c".to_owned(), vec![]);
+    files
+}
+
+fn zipped(files: &Files) -> Vec<u8> {
+    let mut zip = ZipWriter::new(std::io::Cursor::new(vec![]));
+    for (path, content) in files {
+        zip.start_file(path.as_str(), SimpleFileOptions::default()).unwrap();
+        zip.write_all(content).unwrap();
+    }
+    zip.finish().unwrap().into_inner()
+}
+
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+fn report(path: &Path, archive: &[u8]) -> Report {
+    fs::write(path, archive).unwrap();
+    validate(path).unwrap()
+}
+
+/// The rules that are broken, of a severity.
+fn broken(report: &Report, severity: Severity) -> BTreeSet<&'static str> {
+    report
+        .findings
+        .iter()
+        .map(|finding| finding.rule)
+        .filter(|rule| rule.severity == severity)
+        .map(|rule| rule.id)
+        .collect()
+}
+
+#[test]
+fn nothing_is_found_in_good_fmus() {
+    for (name, good) in [("1", Good::Fmi1), ("2", Good::Fmi2), ("3", Good::Fmi3), ("library", Good::Library)]
+    {
+        let report = report(&folder("good-fmus").join(format!("{name}.fmu")), &zipped(&files(good)));
+        assert!(report.findings.is_empty(), "{name}: {:#?}", report.findings);
+    }
+}
+
+#[test]
+fn each_break_is_found_by_its_rule_and_no_other() {
+    // Those of an earlier version of this test would be shown, too.
+    fs::remove_dir_all(folder("broken-fmus")).unwrap();
+    let folder = folder("broken-fmus");
+    let mut wrong = vec![];
+    for (index, &(what, rule, good, ref edit)) in breaks::all().enumerate() {
+        let mut files = files(good);
+        let archive = match edit {
+            Edit::Xml(path, text, replacement) => {
+                let before = String::from_utf8(files[*path].clone()).unwrap();
+                assert!(before.contains(*text), "{what}: {text}");
+                files.insert((*path).to_owned(), before.replacen(*text, replacement, 1).into_bytes());
+                zipped(&files)
+            }
+            Edit::Files(edit) => {
+                edit(&mut files);
+                zipped(&files)
+            }
+            Edit::Archive(edit) => edit(&files),
+        };
+        let path = folder.join(format!("{index:02} {what}.fmu"));
+        let report = report(&path, &archive);
+        let severity = rules::ALL.iter().find(|known| known.id == rule).unwrap().severity;
+        let errors = broken(&report, Severity::Error);
+        let expected = if severity == Severity::Error { BTreeSet::from([rule]) } else { BTreeSet::new() };
+        let is_found = report.findings.iter().any(|finding| finding.rule.id == rule);
+        if errors != expected || !is_found {
+            wrong.push(format!("{what}, by {rule}: {:#?}", report.findings));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn each_rule_is_broken_once() {
+    let broken: BTreeSet<_> = breaks::all().map(|(_, rule, ..)| *rule).collect();
+    // The name of a file is no part of it.
+    let all: BTreeSet<_> = rules::ALL.iter().map(|rule| rule.id).filter(|id| *id != "archive-name").collect();
+    assert_eq!(broken, all);
+}
+
+#[test]
+fn the_name_of_the_file_is_checked() {
+    let report = report(&folder("good-fmus").join("tank.zip"), &zipped(&files(Good::Fmi2)));
+    assert_eq!(broken(&report, Severity::Warning), BTreeSet::from(["archive-name"]));
+}
+
+#[test]
+fn findings_name_file_line_and_variable() {
+    let mut files = files(Good::Fmi2);
+    let text = include_str!("fmi2.xml").replace(r#"<Real start="0"/>"#, "<Real/>");
+    files.insert(DESCRIPTION.to_owned(), text.into_bytes());
+    let report = report(&folder("good-fmus").join("place.fmu"), &zipped(&files));
+    let place = &report.findings[0].place;
+    let line = 1 + include_str!("fmi2.xml").lines().position(|line| line.contains("inflow")).unwrap();
+    assert_eq!(place.file.as_deref(), Some(DESCRIPTION));
+    assert_eq!((place.line, place.variable.as_deref()), (Some(line), Some("inflow")));
+}
+
+#[test]
+fn more_findings_than_anybody_reads_are_counted() {
+    let mut files = files(Good::Fmi2);
+    let variable =
+        r#"<ScalarVariable name="x" valueReference="9" variability="discrete"><Integer/></ScalarVariable>"#;
+    let text =
+        include_str!("fmi2.xml").replace("</ModelVariables>", &(variable.repeat(1500) + "</ModelVariables>"));
+    files.insert(DESCRIPTION.to_owned(), text.into_bytes());
+    let report = report(&folder("good-fmus").join("many.fmu"), &zipped(&files));
+    // The first one has the name for itself.
+    assert_eq!((report.findings.len(), report.omitted), (1000, 499));
+}
+
+#[test]
+fn a_missing_file_is_an_error() {
+    let missing = validate(Path::new("there is no such file.fmu")).unwrap_err().to_string();
+    assert!(missing.starts_with("cannot open there is no such file.fmu: "), "{missing}");
+    assert!(
+        validate(Path::new(env!("CARGO_MANIFEST_DIR"))).unwrap_err().to_string().ends_with(" is a folder")
+    );
+}
