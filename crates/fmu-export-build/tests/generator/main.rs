@@ -17,6 +17,7 @@ use fmu_export_build::{Generated, Package, generate_into};
 
 mod defaults;
 mod documentation;
+mod readme;
 mod refusals;
 mod structure;
 
