@@ -10,6 +10,6 @@ pub mod elementary;
 pub mod plant;
 pub mod solver;
 
-/// The longest communication step of either model in seconds: a day. What a longer one asks for takes
-/// minutes to compute, and is most likely a mistake.
+/// The longest communication step of either model in seconds: a day. A longer one would take minutes to compute,
+/// and is most likely a mistake.
 const LONGEST_STEP: f64 = 86_400.0;

@@ -228,7 +228,7 @@ fn a_description_does_not_control_the_terminal() {
 
 /// What is there in the end is one of both, and what others keep beside it is theirs.
 #[test]
-fn two_processes_with_one_output_write_one_of_both() {
+fn two_processes_with_one_output_leave_one_complete_file() {
     let folder = empty("race");
     let packages = ["One", "Another"].map(|name| {
         let [plant, controller] = fitting(name);

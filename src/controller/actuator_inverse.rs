@@ -1,7 +1,7 @@
 //! The inverse of the actuator: the duty that puts the wastegate at a position (paper, section 5).
 //!
-//! At rest the vacuum on the membrane carries the spring, paper eq. (4), and the vacuum is set by the duty,
-//! eq. (7). The exhaust's force and friction are neglected, as the paper does.
+//! At rest the vacuum on the membrane balances the spring, paper eq. (4), and the vacuum is set by the duty,
+//! eq. (7). The exhaust's force and friction are neglected, as in the paper.
 
 use super::variables::ActuatorInverseParameters;
 
@@ -27,18 +27,18 @@ pub fn duty(inverse: &ActuatorInverseParameters, opening: f64) -> f64 {
 /// The duty (%) at which the cubic of paper eq. (7) takes a value (Pa).
 ///
 /// Newton's method within a bracket, with bisection where a step would leave it or is not half as long as
-/// the one before: any coefficients give an answer. Where the value is beyond both ends of the range, it is
-/// the end that comes nearer to it.
+/// the one before, so that it converges for any coefficients. Where the value is beyond both ends of the range,
+/// the result is the nearer end.
 fn root(coefficients: &[f64; 4], value: f64) -> f64 {
     let [k1, k2, k3, k4] = *coefficients;
     let excess = |duty: f64| ((k1 * duty + k2) * duty + k3) * duty + k4 - value;
     let slope = |duty: f64| (3.0 * k1 * duty + 2.0 * k2) * duty + k3;
-    let (at_none, at_full) = (excess(0.0), excess(FULL_DUTY));
-    if at_none == 0.0 || at_full == 0.0 || (at_none > 0.0) == (at_full > 0.0) {
-        return if at_none.abs() <= at_full.abs() { 0.0 } else { FULL_DUTY };
+    let (at_zero, at_full) = (excess(0.0), excess(FULL_DUTY));
+    if at_zero == 0.0 || at_full == 0.0 || (at_zero > 0.0) == (at_full > 0.0) {
+        return if at_zero.abs() <= at_full.abs() { 0.0 } else { FULL_DUTY };
     }
     // The ends of the bracket by the sign of the excess there.
-    let (mut above, mut below) = if at_none > 0.0 { (0.0, FULL_DUTY) } else { (FULL_DUTY, 0.0) };
+    let (mut above, mut below) = if at_zero > 0.0 { (0.0, FULL_DUTY) } else { (FULL_DUTY, 0.0) };
     let mut duty = FULL_DUTY / 2.0;
     let mut step = FULL_DUTY;
     for _ in 0..MOST_STEPS {

@@ -1,7 +1,7 @@
 //! The compensator of the supply voltage: paper, section 5.
 //!
 //! The plunger of the solenoid valve follows the mean of the magnetic field, hence duty times voltage, so a
-//! duty found at nominal voltage acts the same at another one when it is multiplied by their ratio.
+//! duty for nominal voltage has the same effect at another voltage when it is multiplied by their ratio.
 
 use fmu_export::Persistent;
 
@@ -11,22 +11,22 @@ use crate::elementary::{larger, smaller};
 /// The least supply voltage (V) that is compensated for: below it the duty does not grow further.
 const LEAST_VOLTAGE: f64 = 6.0;
 
-/// The least supply voltage (V) that is a measurement at first: in the starting profiles of ISO 16750-2 cranking
-/// takes a 12 V supply down to 3 V, and no further. Some masters hand zeros to wired inputs at the start.
+/// The least supply voltage (V) of the first measurement: in the starting profiles of ISO 16750-2 cranking
+/// lowers a 12 V supply to 3 V, and no further. Some masters pass zeros to connected inputs at the start.
 const LEAST_MEASUREMENT: f64 = 3.0;
 
-/// The largest duty there is (%).
+/// The largest duty (%).
 const FULL_DUTY: f64 = 100.0;
 
-/// What is remembered of the supply voltage.
+/// Whether the supply voltage was measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Persistent)]
 pub struct SupplyVoltage {
-    /// Whether there was a measurement. After that a low voltage is one as well: the supply fails.
+    /// Whether there was a measurement. After the first, a low voltage is a measurement, too: the supply fails.
     measured: bool,
 }
 
 impl SupplyVoltage {
-    /// Takes what is handed over for a measurement (V): the measurement, if there was one yet.
+    /// Takes an input (V). Returns it as a measurement if there was one by now.
     pub fn sample(&mut self, voltage: f64) -> Option<f64> {
         self.measured |= voltage >= LEAST_MEASUREMENT;
         self.measured.then_some(voltage)
@@ -52,7 +52,7 @@ impl Compensator {
         Self { factor }
     }
 
-    /// The limits of a duty at nominal voltage: those given (%), and what full duty amounts to.
+    /// The limits of a duty at nominal voltage: those given (%), and the one at which the real duty is 100 %.
     pub fn limits(self, least: f64, most: f64) -> Limits {
         Limits { least, most: smaller(most, FULL_DUTY / self.factor) }
     }
@@ -76,8 +76,8 @@ impl Limits {
         duty >= self.least && duty <= self.most
     }
 
-    /// The nearest duty within the limits. At low voltage the upper one can fall below the lower one: it
-    /// is the one that physics sets, so it wins.
+    /// The nearest duty within the limits. At low voltage the upper limit can fall below the lower one; then
+    /// the upper one, which is physical, applies.
     pub fn clip(self, duty: f64) -> f64 {
         smaller(larger(duty, self.least), self.most)
     }

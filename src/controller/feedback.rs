@@ -29,7 +29,7 @@ pub struct FeedbackSettings {
 }
 
 impl FeedbackSettings {
-    /// λ-tuning for a local model; λ (s) is the time constant asked of the closed loop.
+    /// λ-tuning for a local model; λ (s) is the desired time constant of the closed loop.
     #[must_use]
     pub fn new(model: &LocalModel, lambda: f64) -> Self {
         let half_delay = model.delay / 2.0;
@@ -49,7 +49,7 @@ impl FeedbackSettings {
     }
 }
 
-/// What the PID controller remembers between samples.
+/// The state of the PID controller.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct Pid {
     /// The integral term (%).
@@ -61,7 +61,7 @@ pub struct Pid {
 }
 
 impl Pid {
-    /// A controller that begins at rest at a boost pressure (Pa).
+    /// A controller at rest at a boost pressure (Pa).
     #[must_use]
     pub fn at(measurement: f64) -> Self {
         Self { integral: 0.0, derivative: 0.0, measurement }
@@ -69,8 +69,8 @@ impl Pid {
 
     /// The derivative term takes the measurement (Pa) of a new sample.
     ///
-    /// It acts on the measurement alone, lest a step of the reference kick, and through a filter with the
-    /// time constant `T_d / filter`, discretised by backward differences.
+    /// It acts on the measurement alone, so that a step of the reference causes no kick, and through a filter with
+    /// the time constant `T_d / filter`, discretised by backward differences.
     pub fn differentiate(
         &mut self,
         tuning: &FeedbackSettings,
@@ -84,8 +84,8 @@ impl Pid {
         self.measurement = measurement;
     }
 
-    /// The integral term for the next sample: by the error (Pa), and by what the limits cut off the duty
-    /// (%, limited minus asked), which keeps it from winding up.
+    /// The integral term for the next sample: by the error (Pa), and by the difference that the limits make to the
+    /// duty (%, limited minus unlimited), which prevents wind-up.
     pub fn integrate(&mut self, tuning: &FeedbackSettings, sample_time: f64, error: f64, cut: f64) {
         self.integral += sample_time * tuning.integral_gain * error
             + sample_time / tuning.tracking_time(sample_time) * cut;

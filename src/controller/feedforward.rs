@@ -1,18 +1,18 @@
-//! The duty without feedback: what each mode asks for at rest.
+//! The duty of each mode without feedback.
 
 use super::actuator_inverse;
 use super::schedule::OperatingPoint;
 use super::variables::{ControlMode, Inputs, Parameters};
 use crate::elementary::smaller;
 
-/// The boost pressure that is followed (Pa): what is asked for, within the limit that protects the engine
+/// The reference of the boost pressure (Pa), within the limit that protects the engine
 /// (paper, section 6).
 pub fn bounded_reference(parameters: &Parameters, inputs: &Inputs) -> f64 {
     smaller(inputs.boost_reference, parameters.boost_limit)
 }
 
-/// The duty at nominal voltage (%) that a mode asks for without a memory: in mode boost the static map of
-/// the paper's fig. 12, in mode position the inverse actuator, in mode `open_loop` what is given.
+/// The duty at nominal voltage (%) of a mode without memory: in mode boost the static map of
+/// the paper's fig. 12, in mode position the inverse actuator, in mode `open_loop` the input.
 pub fn at_rest(parameters: &Parameters, inputs: &Inputs) -> f64 {
     match parameters.mode {
         ControlMode::Boost => {

@@ -48,21 +48,21 @@ use stage::{LowPressureLoop, StageStrategy};
 use tank_relay::TankRelay;
 use variables::{ControlMode, FeedbackStructure, Inputs, Locals, Outputs, Parameters, Variables};
 
-/// The least boost pressure (Pa) that is a measurement. Some masters hand zeros to wired inputs in their
+/// The least boost pressure (Pa) that is a measurement. Some masters pass zeros to connected inputs in their
 /// first step, and no engine runs at a fifth of the ambient pressure upstream of its throttle.
 const LEAST_MEASUREMENT: f64 = 20e3;
 
 /// The limits of the duty (%) where none are set: modes position and `open_loop`.
 const FULL_RANGE: (f64, f64) = (0.0, 100.0);
 
-/// The controller's memory.
+/// The boost pressure controller as a co-simulation model.
 #[derive(Clone, Debug, Default, Persistent)]
 pub struct BoostController {
     clock: SampleClock,
     relay: TankRelay,
     stage: StageStrategy,
     supply_voltage: SupplyVoltage,
-    /// Of mode boost: none until a sample has seen a measurement.
+    /// Of mode boost: none before the first measurement.
     boost: Option<BoostLoop>,
 }
 
@@ -74,7 +74,7 @@ struct BoostLoop {
     low_pressure: LowPressureLoop,
 }
 
-/// A duty at nominal voltage and what it is made of (%).
+/// A duty at nominal voltage and its terms (%).
 #[derive(Clone, Copy, Debug)]
 struct DutyCommand {
     feedforward: f64,
@@ -127,8 +127,8 @@ impl Model for BoostController {
         schedule::check(&parameters.schedule)
     }
 
-    /// The outputs are those of the mode without memory. Nothing is remembered of initialization, and the
-    /// measured boost pressure is not looked at, so that a plant that settles at these outputs can be
+    /// The outputs are those of the mode without memory. Initialization leaves no memory, and the
+    /// measured boost pressure is not used, so that a plant that settles at these outputs can be
     /// initialized together with the controller without a loop.
     fn initialize(
         &mut self,
@@ -200,7 +200,7 @@ impl BoostController {
             context.event(format_args!("at {time} s: the vacuum pump goes {does}, tank at {pressure} Pa"));
         }
         if self.stage != was_bypassed {
-            let (is, speed) = (if bypassed { "passed by" } else { "at work" }, inputs.engine_speed);
+            let (is, speed) = (if bypassed { "bypassed" } else { "active" }, inputs.engine_speed);
             context.event(format_args!("at {time} s: the high-pressure stage is {is}, {speed} rpm"));
         }
 
@@ -208,12 +208,12 @@ impl BoostController {
         let compensator = Compensator::new(parameters, supply_voltage);
         let limits = limits(parameters, compensator);
         let reference = feedforward::bounded_reference(parameters, inputs);
-        // The low-pressure wastegate of a high-pressure stage passed by is shut but for mode boost.
+        // While the high-pressure stage is bypassed, the low-pressure wastegate is shut except in mode boost.
         let mut lp_wastegate =
             if bypassed { 0.0 } else { stage::lp_wastegate(parameters, inputs.engine_speed) };
         let command = match &mut self.boost {
             Some(boost) if bypassed => {
-                lp_wastegate = boost.pass_by(parameters, inputs.boost_pressure, reference);
+                lp_wastegate = boost.bypass(parameters, inputs.boost_pressure, reference);
                 DutyCommand::feedforward(parameters.pwm_max, inputs.boost_pressure)
             }
             Some(boost) => boost.control(parameters, inputs, reference, limits),
@@ -225,7 +225,7 @@ impl BoostController {
 }
 
 impl BoostLoop {
-    /// A controller that begins at rest at a boost pressure (Pa).
+    /// A controller at rest at a boost pressure (Pa).
     fn at(boost_pressure: f64) -> Self {
         Self {
             pid: Pid::at(boost_pressure),
@@ -275,9 +275,9 @@ impl BoostLoop {
         command
     }
 
-    /// Boost by the low-pressure wastegate, at one sample: its opening. The memory of the control by the
-    /// high-pressure wastegate follows the boost pressure, from which it begins anew when its turn comes.
-    fn pass_by(&mut self, parameters: &Parameters, boost_pressure: f64, reference: f64) -> f64 {
+    /// Boost by the low-pressure wastegate, at one sample: its opening. The state of the control by the
+    /// high-pressure wastegate follows the boost pressure, so that it starts there when it takes over again.
+    fn bypass(&mut self, parameters: &Parameters, boost_pressure: f64, reference: f64) -> f64 {
         let low_pressure = self.low_pressure;
         *self = Self { low_pressure, ..Self::at(boost_pressure) };
         self.low_pressure.sample(parameters, boost_pressure - reference)
@@ -293,7 +293,7 @@ fn limits(parameters: &Parameters, compensator: Compensator) -> Limits {
     compensator.limits(least, most)
 }
 
-/// Hands out what was computed.
+/// Sets the outputs and local variables.
 fn publish(
     locals: &mut Locals,
     outputs: &mut Outputs,

@@ -2,17 +2,17 @@
 //!
 //! With a static feedforward and an integral term, the response to the reference is
 //! `(1 + s (T + λ')) / ((1 + s T) (1 + s λ'))` with `λ' = λ + L/2`: it overshoots by construction. Here a
-//! model of the engine, the local models along its path joined into one, is driven to the reference with the
+//! model of the engine, composed of the local models along its path, is driven to the reference with the
 //! time constant λ; the duty that does this is the feedforward, and the feedback sees only how far the
 //! engine is from the model, delayed as the engine is. Because the model gets the duty within its limits,
-//! it does not run away from an engine whose wastegate is at its end.
+//! it does not run away from an engine whose wastegate is at its stop.
 
 use fmu_export::Persistent;
 
 use super::schedule::OperatingPoint;
 use crate::elementary::larger;
 
-/// What the reference model remembers between samples.
+/// The state of the reference model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct ReferenceModel {
     /// `y_m`: its boost pressure (Pa).
@@ -31,7 +31,7 @@ pub struct Linearized {
 }
 
 impl ReferenceModel {
-    /// A model that begins at rest at a boost pressure (Pa).
+    /// A model at rest at a boost pressure (Pa).
     pub fn at(pressure: f64) -> Self {
         Self { pressure, delayed: None }
     }
@@ -43,7 +43,7 @@ impl ReferenceModel {
         Linearized { holding: here.feedforward(), slope: local.gain / local.time_constant }
     }
 
-    /// The duty at nominal voltage (%) that leads the model to the reference (Pa) with the time constant
+    /// The duty at nominal voltage (%) that drives the model to the reference (Pa) with the time constant
     /// λ (s).
     pub fn feedforward(&self, model: &Linearized, reference: f64, lambda: f64) -> f64 {
         model.holding + (reference - self.pressure) / lambda / model.slope

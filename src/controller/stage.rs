@@ -3,7 +3,7 @@
 //!
 //! At low speed the low-pressure wastegate is shut: the small high-pressure stage gives the boost. Above,
 //! the low-pressure wastegate opens with the engine speed. At high speed the high-pressure compressor would
-//! choke: it is passed by, its wastegate stands open, and boost is limited by the low-pressure wastegate.
+//! choke: it is bypassed, its wastegate is fully open, and boost is limited by the low-pressure wastegate.
 
 use fmu_export::{Error, Persistent};
 
@@ -13,12 +13,12 @@ use crate::elementary::smaller;
 /// What the strategy remembers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Persistent)]
 pub struct StageStrategy {
-    /// Whether the high-pressure stage is passed by.
+    /// Whether the high-pressure stage is bypassed.
     pub bypassed: bool,
 }
 
 impl StageStrategy {
-    /// Whether the high-pressure stage is passed by at an engine speed (rpm): from the limit on, until the
+    /// Whether the high-pressure stage is bypassed at an engine speed (rpm): from the limit on, until the
     /// speed has fallen below it by the hysteresis.
     pub fn sample(&mut self, parameters: &Parameters, engine_speed: f64) -> bool {
         let until = parameters.lp_wastegate_open_above;
@@ -50,22 +50,22 @@ pub struct LowPressureLoop {
 }
 
 impl LowPressureLoop {
-    /// The opening of the wastegate for a boost pressure above its reference by an error (Pa). It begins
+    /// The opening of the wastegate for a boost pressure above its reference by an error (Pa). It starts
     /// shut.
     pub fn sample(&mut self, parameters: &Parameters, error: f64) -> f64 {
         let proportional = parameters.low_pressure_gain * error;
         let integral = self.integral.unwrap_or(-proportional);
-        let asked = proportional + integral;
-        let opening = asked.clamp(0.0, 1.0);
+        let unlimited = proportional + integral;
+        let opening = unlimited.clamp(0.0, 1.0);
         let share = parameters.sample_time / parameters.low_pressure_integral_time;
         // Tracking in one sample is the fastest there is; a larger share would overshoot, ever further.
         let tracking = smaller(share, 1.0);
-        self.integral = Some(integral + share * proportional + tracking * (opening - asked));
+        self.integral = Some(integral + share * proportional + tracking * (opening - unlimited));
         opening
     }
 }
 
-/// Refuses limits between which the low-pressure wastegate cannot open.
+/// Rejects limits between which the low-pressure wastegate cannot open.
 pub fn check(parameters: &Parameters) -> Result<(), Error> {
     let (shut, open) = (parameters.lp_wastegate_close_below, parameters.lp_wastegate_open_above);
     if shut < open {

@@ -4,7 +4,7 @@ use fmu_export::{Error, Persistent};
 
 use super::variables::Parameters;
 
-/// What the relay remembers: whether the pump is on.
+/// The state of the relay: whether the pump is on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Persistent)]
 pub struct TankRelay {
     on: bool,
@@ -22,7 +22,7 @@ impl TankRelay {
     }
 }
 
-/// Refuses limits that leave no band between them.
+/// Rejects limits without a band between them.
 pub fn check(parameters: &Parameters) -> Result<(), Error> {
     let (on, off) = (parameters.tank_pressure_on, parameters.tank_pressure_off);
     if on > off {

@@ -7,8 +7,8 @@
 //!
 //! The spring has a preload and hardens towards full stroke (paper, fig. 8a); the stops are stiff springs
 //! with damping that sets in with depth. Friction is Dahl's (eq. (5)), written as
-//! σ·|1 − r|^α·sgn(1 − r)·v so that an overshoot of the friction force beyond the Coulomb force is no
-//! power of a negative number.
+//! σ·|1 − r|^α·sgn(1 − r)·v so that an overshoot of the friction force beyond the Coulomb force does
+//! not lead to a power of a negative number.
 
 use super::gas::Gas;
 use super::scalar::Scalar;

@@ -4,8 +4,8 @@
 //! Speed lines are the parabola `Ψ = Ψ_m·(1 − (Φ/Φ_m)²)` between the head coefficient `Ψ = 2·Δh_is/U²` and
 //! the flow coefficient `Φ = W/(ρ₁·πD²/4·U)`, solved for the flow. Written with squares of speeds it is
 //! defined at standstill and for pressure ratios below 1 as well; beyond the head of zero flow it is
-//! continued as an odd function, which is the back flow of surge. Efficiency is a parabola over Φ, and
-//! "effective": mechanical and heat losses are in it.
+//! continued as an odd function, which is the back flow of surge. Efficiency is a parabola over Φ and
+//! includes mechanical and heat losses.
 
 use std::f64::consts::PI;
 

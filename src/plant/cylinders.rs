@@ -39,7 +39,7 @@ impl<D: Scalar> Cylinders<D> {
     /// The flows at an engine speed (rpm) from the intake (pressure in Pa, temperature in K).
     ///
     /// The volumetric efficiency is that of residual gas expanding to intake pressure, by the ratio `residual`
-    /// of volumes. Where the residual gas fills the cylinders wholly (the throttle is shut), no air comes in.
+    /// of volumes. Where residual gas fills the cylinders completely (the throttle is shut), no air comes in.
     pub fn flows(&self, engine_speed: D, intake: (D, D), residual: D) -> CylinderFlows<D> {
         let (pressure, temperature) = intake;
         let volumetric_efficiency = self.parameters.volumetric_efficiency_factor

@@ -1,8 +1,8 @@
-//! The option to take the commanded duty over at the starts of the PWM periods only, as a PWM unit does
+//! The option that a commanded duty takes effect at the start of the next PWM period, as in a PWM unit
 //! (paper, section 3.3: 300 Hz, while the controller runs at 80 Hz).
 //!
 //! The instants are counted in integers from the experiment's start, so that they do not drift. The held
-//! duty is part of the model's memory. The voltage is not held: the valve feels it at once.
+//! duty is part of the model's state. The voltage is not held: it acts at once.
 
 use fmu_export::Persistent;
 
@@ -12,7 +12,7 @@ const ROUNDING: f64 = 1e-6;
 /// The held duty and the count of the periods.
 #[derive(Clone, Copy, Debug, Default, Persistent)]
 pub struct DutyLatch {
-    /// The duty in percent that holds until the next period starts.
+    /// The duty in percent until the next period starts.
     pub held: f64,
     /// How many periods have started.
     started: u64,

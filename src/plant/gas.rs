@@ -37,7 +37,7 @@ impl<D: Scalar> Volume<D> {
     }
 }
 
-/// A differentiable max(a, b); `width` is how near a and b must be to matter both.
+/// A differentiable max(a, b), smoothed where a and b differ by about `width`.
 pub fn smooth_max<D: Scalar>(a: D, b: D, width: D) -> D {
     let distance = a - b;
     (a + b + (distance * distance + width * width).sqrt()) * 0.5
@@ -48,13 +48,13 @@ pub fn signed_root<D: Scalar>(x: D, width: D) -> D {
     x / (x * x + width * width).sqrt().sqrt()
 }
 
-/// The temperature in K where two flows (kg/s, K) are mixed; backward flows carry nothing in.
+/// The temperature in K where two flows (kg/s, K) are mixed; backward flows do not count.
 ///
 /// `width` in kg/s blends the temperatures where both flows vanish.
 pub fn mixed_temperature<D: Scalar>(first: (D, D), second: (D, D), width: D) -> D {
     let a = smooth_max(first.0, 0.0.into(), width);
     let b = smooth_max(second.0, 0.0.into(), width);
-    // The flows are known before the temperatures: so these are waited for less.
+    // In this order the flows, which are known first, are combined while the temperatures are computed.
     let share = b / (a + b);
     first.1 + share * (second.1 - first.1)
 }

@@ -3,7 +3,7 @@
 //! [`running`] is an engine that has just been started: no boost, both shafts turning slowly, the
 //! wastegate shut. [`settled`] is the steady state for the inputs at the start, so that an experiment
 //! begins at rest: the actuation is solved in closed form, the gas path with the solver of steady states.
-//! In both the vacuum tank has its start pressure; a tank is never in equilibrium, since it leaks.
+//! In both the vacuum tank has its start pressure: since it leaks, it is never in equilibrium.
 
 use num_dual::Dual64;
 
@@ -17,13 +17,13 @@ use crate::solver::steady_state::{self, NoSteadyState};
 
 const GAS_PATH: usize = GasPathStates::COUNT;
 
-/// For how long at most the transient is followed when there is no steady state to solve for, in s.
+/// For how long at most the transient is simulated where there is no steady state to solve for, in s.
 const LONGEST_TRANSIENT: u32 = 60;
 /// The rate of change in 1/s of the scaled states below which a transient has come to rest.
 const AT_REST: f64 = 1e-9;
 
 /// The rate of change in 1/s of the scaled states up to which they are a steady state: rounding leaves
-/// some 1e-10, a transient that is being followed far more.
+/// some 1e-10, a transient far more.
 const SETTLED: f64 = 1e-8;
 
 /// The states of an engine that has just been started, with the vacuum tank at a pressure in Pa.
@@ -50,11 +50,11 @@ pub fn running<D: Scalar>(system: &System<D>, inputs: &Inputs<D>, tank_pressure:
 pub struct Settled {
     /// The states to start from.
     pub states: States,
-    /// Why they are no steady state, if they are none.
+    /// Why they are not a steady state, if they are not.
     pub shortcoming: Option<Shortcoming>,
 }
 
-/// Why an experiment does not start settled.
+/// Why an experiment does not start in a steady state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shortcoming {
     /// What the solver found.
@@ -65,7 +65,7 @@ pub struct Shortcoming {
 
 /// The steady state for the inputs, with the vacuum tank held at a pressure in Pa.
 ///
-/// Where there is none, or none is found, the states that the transient from [`running`] reaches.
+/// Where there is none, or none is found, the states at the end of the transient from [`running`].
 pub fn settled(parameters: &Parameters, inputs: &Inputs, tank_pressure: f64) -> Settled {
     let mut system = System::new(parameters);
     system.freeze_tank(true);

@@ -1,14 +1,14 @@
-//! How the plant goes through time.
+//! The integration of the plant over time.
 //!
 //! The actuation is cheap, swings and meets kinks (stops, the reversal of friction, the valve's change of
 //! ports); the gas path is several times as expensive, stiff, does not swing, and is smooth. And as long as the
 //! exhaust does not push the wastegate, the actuation drives the gas path but not the other way round. So
-//! each takes the steps that suit it ([`multirate`]). Where the exhaust does push, both go together.
+//! each takes its own steps ([`multirate`]). Where the exhaust does push, both take the same steps.
 //!
 //! Both take steps of ROS34PW2, which keep their order with a Jacobian that is out of date. A Jacobian serves for
 //! 25 steps; one from before a jump of the inputs is not used any more, and the first step after the jump is short.
 //!
-//! `docs/integration.md` tells which other methods were tried.
+//! `docs/integration.md` compares the methods that were tried.
 
 use fmu_export::Persistent;
 
@@ -21,7 +21,7 @@ use crate::solver::rosenbrock::{Blocks, step};
 const ACTUATION: usize = ActuationStates::COUNT;
 const GAS_PATH: usize = GasPathStates::COUNT;
 
-/// The tank's pressure forgets no error, so it is judged this much more strictly than its full scale says.
+/// Errors of the tank's pressure do not decay, so they count this much more than its full scale says.
 const TANK_STRICTNESS: f64 = 35.0;
 /// The rod's speed is fast and tiny: its errors may be this many times as large.
 const ROD_SPEED_SLACK: f64 = 10.0;
@@ -164,7 +164,7 @@ const ACTUATION_INPUTS: usize = 5;
 /// How many inputs the gas path has.
 const GAS_PATH_INPUTS: usize = 7;
 
-/// A plant whose actuation goes ahead of its gas path.
+/// A plant whose actuation is integrated ahead of its gas path.
 struct Apart<'a, F> {
     system: &'a System,
     signal: &'a IntervalInputs<F>,
@@ -268,7 +268,7 @@ impl<F: Fn(f64) -> Inputs> Slow<GAS_PATH, GAS_PATH_INPUTS> for Apart<'_, F> {
 }
 
 impl Pace {
-    /// Advances the states of a plant over an interval. Returns what everything does at its end.
+    /// Advances the states of a plant over an interval. Returns the evaluation at its end.
     pub fn advance(
         &mut self,
         system: &System,
@@ -310,7 +310,7 @@ impl Pace {
         Ok(Evaluation { actuation: evaluations.0, gas_path: evaluations.1 })
     }
 
-    /// Advances everything with the same steps. What couples the halves is left out of the linearization.
+    /// Advances everything with the same steps. The linearization omits the coupling of the halves.
     fn advance_together(
         &mut self,
         system: &System,
@@ -357,7 +357,7 @@ impl Pace {
         }
     }
 
-    /// Linearizes the halves of everything anew where they are used up.
+    /// Renews the linearizations of the halves that are used up.
     fn linearize(&mut self, system: &System, inputs: &Inputs, course: &Course<'_, { States::COUNT }>) {
         let (actuation, gas_path) = split(&course.states);
         let (actuation_slopes, gas_path_slopes) = split(&course.slopes);
@@ -389,7 +389,7 @@ impl Pace {
     }
 }
 
-/// What belongs to actuation and gas path, one after the other.
+/// Actuation and gas path, concatenated.
 const fn joined<T: Copy>(actuation: [T; ACTUATION], gas_path: [T; GAS_PATH]) -> [T; States::COUNT] {
     let mut joined = [gas_path[0]; States::COUNT];
     let mut i = 0;
@@ -461,7 +461,7 @@ mod tests {
     }
 
     #[test]
-    fn less_is_left_of_the_error_the_smaller_the_tolerance() {
+    fn the_error_falls_with_the_tolerance() {
         let system = system(0.0);
         let exact = travelled(&system, 1e-8, 160);
         let mut last = f64::INFINITY;
@@ -483,7 +483,7 @@ mod tests {
     }
 
     #[test]
-    fn together_it_goes_the_same_way_as_apart() {
+    fn the_joint_and_the_multirate_integration_agree() {
         // An area on which the exhaust pushes with 1e-15 N.
         let found = difference(&travelled(&system(1e-20), 1e-4, 160), &travelled(&system(0.0), 1e-4, 160));
         assert!(found < 1e-4, "{found:e}");
@@ -507,7 +507,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_integrated_is_told() {
+    fn a_failed_integration_is_reported() {
         type Damage = fn(&mut States);
         let chamber: Damage = |states| states.actuator.chamber_pressure = f64::NAN;
         let intercooler: Damage = |states| states.intercooler.outlet_pressure = f64::NAN;

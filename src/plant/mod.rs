@@ -63,8 +63,8 @@ pub const STIFFEST_FRICTION: f64 = 2000.0;
 /// The part of it by which rounding may exceed it.
 const ROUNDING: f64 = 1e-9;
 
-/// The smallest tolerance; below it, rounding is what decides about a step. The smallest value of
-/// `solver.relative_tolerance`, too.
+/// The smallest tolerance, also the minimum of `solver.relative_tolerance`: below it, rounding decides about a
+/// step.
 const SMALLEST_TOLERANCE: f64 = 1e-8;
 
 /// The plant as a co-simulation model.
@@ -159,7 +159,7 @@ impl Model for BoostPlant {
         if parameters.valve.duty_latch {
             let begin = step.start - context.experiment.start_time;
             let frequency = parameters.valve.pwm_frequency;
-            // The duty is discrete: within a step the first period takes it over, and those after it the same.
+            // The duty is discrete: all periods that start within a step have the same.
             if let Some(instant) = self.latch.next_before(begin + step.size, frequency) {
                 done = (instant - begin).max(0.0);
                 let interval = Interval { from: 0.0, to: done, tolerance, budget: &budget };
@@ -194,7 +194,7 @@ impl Model for BoostPlant {
         let parameters = variables.parameters.map(Dual64::from);
         let mut inputs = inputs.combine(direction.inputs(), &mut Dual64::new);
         if variables.parameters.valve.duty_latch {
-            // What the importer commands is not taken over before the next period.
+            // A new command does not act before the next period.
             inputs.hp_wastegate_pwm = Dual64::from(self.latch.held);
         }
         let states = variables.states.combine(&direction.start, &mut Dual64::new);
@@ -232,7 +232,7 @@ impl Model for BoostPlant {
 }
 
 impl BoostPlant {
-    /// The inputs with the duty that the valve sees.
+    /// The inputs with the duty that acts on the valve.
     fn as_held(&self, variables: &Variables, mut inputs: Inputs) -> Inputs {
         if variables.parameters.valve.duty_latch {
             inputs.hp_wastegate_pwm = self.latch.held;
@@ -240,14 +240,14 @@ impl BoostPlant {
         inputs
     }
 
-    /// Fills in what belongs to the states, the inputs that the plant sees, and what everything does there.
+    /// Sets outputs, local variables and derivatives from the states, the effective inputs and their evaluation.
     fn show(&self, variables: &mut Variables, inputs: &Inputs, evaluation: &Evaluation) {
         variables.derivatives = evaluation.derivatives();
         (variables.outputs, variables.locals) = self.system.quantities(inputs, &variables.states, evaluation);
     }
 
-    /// Advances the states over an interval, its times in s after the step's begin. Returns what everything
-    /// does at its end, unless it is empty.
+    /// Advances the states over an interval, its times in s after the step's begin. Returns the evaluation
+    /// at its end, unless it is empty.
     fn integrate(
         &mut self,
         states: &mut States,
@@ -285,7 +285,7 @@ impl BoostPlant {
     }
 }
 
-/// The derivatives of everything that is calculated from inputs and states.
+/// The derivatives of all variables that are calculated from inputs and states.
 fn derivatives_of(system: &System<Dual64>, inputs: &Inputs<Dual64>, states: &States<Dual64>) -> Variables {
     let evaluation = system.evaluate(inputs, states);
     let (outputs, locals) = system.quantities(inputs, states, &evaluation);
@@ -303,7 +303,7 @@ fn tolerance(parameters: &Parameters, experiment: Experiment) -> f64 {
     parameters.solver.relative_tolerance.min(asked).max(SMALLEST_TOLERANCE)
 }
 
-/// Tells of inputs for which the experiment does not start at rest.
+/// Warns of inputs for which the experiment does not start at rest.
 fn warn_of_unsettled_start(settled: &Settled, inputs: &Inputs, context: &mut Context<'_>) {
     let Some(shortcoming) = &settled.shortcoming else { return };
     let reason = match shortcoming.failure {
@@ -322,7 +322,7 @@ fn warn_of_unsettled_start(settled: &Settled, inputs: &Inputs, context: &mut Con
     ));
 }
 
-/// Tells of start values that the mode of initialization does not use.
+/// Warns of start values that the mode of initialization does not use.
 fn warn_of_ignored_starts(variables: &Variables, context: &mut Context<'_>) {
     if variables.parameters.initialization.mode == InitializationMode::Given {
         return;

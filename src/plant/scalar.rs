@@ -1,8 +1,8 @@
-//! The numbers that the plant's equations are written in: any that carries derivatives along, so that one
-//! text gives the values (over `f64`) and their exact derivatives (over dual numbers).
+//! The numbers that the plant's equations are written in: with `f64` they give the values, with dual numbers their
+//! exact derivatives, too.
 //!
-//! Where an equation has a kink, what is differentiated is the branch that the value is on; at the kink
-//! itself the one that is named there.
+//! Where an equation has a kink, the derivative is that of the branch that the value is on; at the kink
+//! itself that of the branch stated there.
 
 use std::array;
 use std::f64::consts::{LN_2, LOG2_E};
@@ -60,16 +60,16 @@ pub trait Scalar: DualNum<Primitive = f64> + Copy {
         self.mapped(value, value)
     }
 
-    /// What a function makes of this number: its value, and by its slope the first derivatives.
+    /// A function of this number, from its value and its slope, which gives the first derivatives.
     ///
-    /// So the derivatives, too, are those of our own elementary functions: the same on every platform.
+    /// So the derivatives, too, use our own elementary functions, which are the same on every platform.
     #[must_use]
     fn mapped(self, value: f64, slope: f64) -> Self {
         const { assert!(Self::NDERIV <= 1, "a slope gives first derivatives only") };
         if Self::NDERIV == 0 { Self::from(value) } else { (self - self.re()) * slope + value }
     }
 
-    /// Whether the number is zero and has no derivative that could tell.
+    /// Whether the number is zero and carries no derivatives.
     #[must_use]
     fn vanishes(self) -> bool {
         Self::NDERIV == 0 && self == 0.0

@@ -1,6 +1,6 @@
 //! The assembly: how the components are connected (paper, figs. 2 and 3), and the differential equations
-//! that follow. This is the one text of the model; the integrator, the steady-state solver, the outputs
-//! and every local variable come from [`System::evaluate`].
+//! that follow. The integrator, the steady-state solver, the outputs and all local variables use
+//! [`System::evaluate`].
 //!
 //! ```text
 //! ambient ─ air filter ─ LPC ─┬─ HPC ────┬─ intercooler ─┬─ throttle ─ intake manifold ─ cylinders
@@ -42,10 +42,10 @@ use super::variables::{
     ThrottleBodyLocals, TurbineLocals, ValveLocals, ValveStates,
 };
 
-/// The pressure in Pa from which states are seen in the equations: a solver's trial states may be at or
+/// The lower limit in Pa of pressures in the equations: a solver's trial states may be at or
 /// below zero, where powers and roots of pressure ratios do not exist.
 const LOWEST_PRESSURE: f64 = 1.0;
-/// Flow in kg/s within which the temperatures of mixed air flows are blended.
+/// Flow in kg/s below which the temperatures of mixed air flows are blended.
 const AIR_MIXING_WIDTH: f64 = 1e-4;
 /// The same for exhaust gas.
 const EXHAUST_MIXING_WIDTH: f64 = 1e-5;
@@ -88,7 +88,7 @@ pub const GAS_PATH_SCALES: GasPathStates = {
     scales
 };
 
-/// What the actuation does at an instant.
+/// The actuation at an instant.
 #[derive(Clone, Copy, Debug)]
 pub struct Actuation<D = f64> {
     /// The states' derivatives.
@@ -100,7 +100,7 @@ pub struct Actuation<D = f64> {
     actuator: ActuatorLocals<D>,
 }
 
-/// What the gas path does at an instant.
+/// The gas path at an instant.
 #[derive(Clone, Copy, Debug)]
 pub struct GasPath<D = f64> {
     /// The states' derivatives.
@@ -122,7 +122,7 @@ pub struct GasPath<D = f64> {
     exhaust: ExhaustLocals<D>,
 }
 
-/// What every component does at an instant.
+/// All components at an instant.
 #[derive(Clone, Copy, Debug)]
 pub struct Evaluation<D = f64> {
     /// Fig. 3 of the paper.
@@ -198,7 +198,7 @@ impl<D: Scalar> System<D> {
         }
     }
 
-    /// Holds the vacuum tank's pressure or lets it go.
+    /// Holds the vacuum tank's pressure, or releases it.
     pub fn freeze_tank(&mut self, frozen: bool) {
         self.tank.parameters.frozen = frozen;
     }
@@ -210,7 +210,7 @@ impl<D: Scalar> System<D> {
     }
 
     /// The voltage in V at the terminals of valve and sensor, and the duty in percent at nominal voltage
-    /// that the commanded one is worth.
+    /// with the same effect as the commanded one.
     #[must_use]
     pub fn command(&self, inputs: &Inputs<D>) -> (D, D) {
         let voltage = self.supply.voltage(inputs.supply_voltage, inputs.vacuum_pump);
@@ -234,7 +234,7 @@ impl<D: Scalar> System<D> {
         upstream.at_least(LOWEST_PRESSURE) - downstream.at_least(LOWEST_PRESSURE)
     }
 
-    /// The actuation (fig. 3) at an instant. Of the gas path it knows the pressure difference in Pa across
+    /// The actuation (fig. 3) at an instant. It depends on the gas path by the pressure difference in Pa across
     /// the high-pressure wastegate alone.
     #[must_use]
     pub fn actuation(
@@ -287,7 +287,7 @@ impl<D: Scalar> System<D> {
         }
     }
 
-    /// The gas path (fig. 2) at an instant. Of the actuation it knows the high-pressure wastegate's opening
+    /// The gas path (fig. 2) at an instant. It depends on the actuation by the high-pressure wastegate's opening
     /// (0 … 1) alone.
     #[must_use]
     #[allow(clippy::too_many_lines)] // One line a component: the figure above in words.
@@ -311,7 +311,7 @@ impl<D: Scalar> System<D> {
         .map(|pressure| pressure.at_least(LOWEST_PRESSURE));
         let (w_hp, w_lp) = (states.hp_shaft.speed, states.lp_shaft.speed);
 
-        // The powers of all pressure ratios at once, so that none waits for another: the ratios of temperatures
+        // The powers of all pressure ratios at once, so that the processor computes them in parallel: the ratios of temperatures
         // in isentropic flow, of volumes for the residual gas, and the drops that drive the turbines.
         let [lpc_rise, hpc_rise, intake, overlap, hpt_fall, lpt_fall] =
             D::logarithms([p_1 / p_af, p_2 / p_1, p_im / p_ic, p_em / p_im, p_it / p_em, p_t / p_it]);

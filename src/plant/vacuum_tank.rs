@@ -1,9 +1,9 @@
 //! The vacuum tank and its pump (paper, section 3.2 and eq. (3)).
 //!
-//! The running pump draws a constant mass flow: the paper finds that good enough between 30 and 35 kPa,
-//! where the controller keeps the tank. A pump cannot draw from nothing, so below 1 kPa, far outside that
-//! band, its flow falls in proportion to the pressure and ends at the pump's ultimate vacuum. A pump that is
-//! left on brings the tank there, and no further.
+//! The running pump draws a constant mass flow: the paper finds that accurate enough between 30 and 35 kPa,
+//! where the controller keeps the tank. A pump cannot draw from a perfect vacuum, so below 1 kPa, far outside that
+//! band, its flow falls in proportion to the pressure and is zero at the pump's ultimate vacuum,
+//! which is the lowest pressure that the tank can reach.
 
 use super::gas::Volume;
 use super::scalar::Scalar;
@@ -11,7 +11,7 @@ use super::variables::{PumpLocals, PumpParameters, TankParameters};
 
 /// The pressure in Pa below which the pump's flow falls.
 const PUMP_FADES_BELOW: f64 = 1000.0;
-/// The pressure in Pa at which the pump draws nothing any more.
+/// The pressure in Pa at which the pump's flow is zero.
 const ULTIMATE_VACUUM: f64 = 10.0;
 
 #[derive(Clone, Copy, Debug)]

@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mode_that_is_a_million_times_as_fast_is_damped() {
+    fn a_mode_a_million_times_as_fast_is_damped() {
         let [fast, slow] = error(-1e6, 40);
         // An explicit method has an error of 1e100 here.
         assert!(fast.abs() < 5e-3 && slow.abs() < 5e-3, "{fast}, {slow}");
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn blocks_are_solved_each_by_its_own() {
+    fn each_block_is_solved_by_its_own_matrix() {
         let linearization = |slope: f64| {
             let mut linearization = Linearization::default();
             linearization.renew(|x: &[f64; 1]| [slope * x[0]], &[0.0], &[0.0], &[1.0], 1);
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn a_matrix_that_has_no_inverse_is_told() {
+    fn a_singular_matrix_is_reported() {
         let mut linearization = Linearization::default();
         linearization.renew(|_| [f64::NAN], &[0.0], &[0.0], &[1.0], 5);
         assert!(!linearization.prepare(1.0));

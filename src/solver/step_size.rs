@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_an_infinite_error_and_found() {
+    fn not_a_number_is_an_infinite_error() {
         let (one, nan) = ([1.0, 1.0], [1.0, f64::NAN]);
         assert!((relative_error(&one, &[1.0, -3.0], &[2.0, 1.0]) - 3.0).abs() < f64::EPSILON);
         assert_eq!(largest_error(&one, &[1.0, -3.0], &[2.0, 1.0]), 1);

@@ -56,7 +56,7 @@ fn parameters(random: &mut Random) -> Variables {
 }
 
 #[test]
-fn whatever_is_allowed_gives_numbers() {
+fn all_allowed_values_give_finite_outputs() {
     let mut random = Random(99);
     let description = Variables::DESCRIPTION;
     for _ in 0..500 {

@@ -65,7 +65,7 @@ fn initialization_forgets() {
 }
 
 #[test]
-fn until_there_is_a_measurement_the_outputs_stay_those_of_initialization() {
+fn before_the_first_measurement_the_outputs_are_those_of_initialization() {
     let inputs = Inputs { boost_reference: 150e3, ..Inputs::default() };
     let mut bench = Bench::new(&inputs, |_| {});
     let initial = bench.variables.outputs;
@@ -97,7 +97,7 @@ fn until_there_is_a_measurement_the_outputs_stay_those_of_initialization() {
 /// Masters hand zeros to what is wired: to be compensated for, 0 V would double the duty. Starting an engine
 /// takes a supply down to 3 V (ISO 16750-2), not further.
 #[test]
-fn a_supply_that_no_engine_runs_on_is_not_compensated_for_until_there_is_a_measurement() {
+fn a_voltage_below_3_v_is_not_compensated_before_the_first_measurement() {
     for mode in [ControlMode::Boost, ControlMode::Position, ControlMode::OpenLoop] {
         let nominal = Inputs { wastegate_reference: 0.3, pwm_reference: 35.0, ..Inputs::default() };
         let at = |supply_voltage_measured| Inputs { supply_voltage_measured, ..nominal };
@@ -127,7 +127,7 @@ fn a_supply_that_no_engine_runs_on_is_not_compensated_for_until_there_is_a_measu
 }
 
 #[test]
-fn the_other_modes_wait_for_no_measurement() {
+fn the_other_modes_do_not_wait_for_a_measurement() {
     for mode in [ControlMode::Position, ControlMode::OpenLoop] {
         let inputs = Inputs { boost_pressure: 0.0, tank_pressure: 4e4, ..Inputs::default() };
         let mut bench = Bench::new(&inputs, |parameters| parameters.mode = mode);

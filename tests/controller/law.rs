@@ -93,7 +93,7 @@ fn the_first_sample_of_the_reference_model_by_hand() {
 }
 
 #[test]
-fn the_reference_is_taken_up_to_the_limit() {
+fn the_reference_is_limited() {
     let limited = Inputs { boost_reference: 240e3, engine_speed: 2000.0, ..Inputs::default() };
     let beyond = Inputs { boost_reference: 900e3, ..limited };
     let outputs = [limited, beyond].map(|inputs| {
@@ -132,7 +132,7 @@ fn the_duty_is_compensated_for_the_supply_voltage() {
 
 /// Where full duty falls below the least one, it wins.
 #[test]
-fn full_duty_wins_over_the_least() {
+fn full_duty_overrides_the_lower_limit() {
     let inputs = Inputs { supply_voltage_measured: 6.0, ..Inputs::default() };
     let mut bench = Bench::new(&inputs, |parameters| {
         parameters.nominal_voltage = 48.0;

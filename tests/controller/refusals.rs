@@ -47,7 +47,7 @@ fn grids_that_do_not_increase() {
 }
 
 #[test]
-fn gains_that_are_or_pass_through_0() {
+fn gains_of_zero_or_of_both_signs() {
     assert_refused(|parameters| parameters.schedule.gain[4][2] = 0.0, &["schedule.gain[5,3] is 0 Pa/%"]);
     assert_refused(
         |parameters| parameters.schedule.gain[4][2] = -1e-9,

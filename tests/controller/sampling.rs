@@ -65,7 +65,7 @@ fn uneven_steps_change_nothing() {
 }
 
 #[test]
-fn longer_steps_change_nothing_but_how_often_inputs_are_taken() {
+fn longer_steps_change_only_how_often_inputs_are_sampled() {
     let held = |number: u32| inputs_of_sample(number / 5 * 5);
     let mut fine = Bench::new(&held(0), |_| {});
     let mut coarse = Bench::new(&held(0), |_| {});
@@ -89,7 +89,7 @@ fn steps_that_are_no_multiple_execute_the_samples_that_fall_in_them() {
 }
 
 #[test]
-fn a_step_without_a_sample_leaves_everything() {
+fn a_step_without_a_sample_changes_nothing() {
     let mut bench = Bench::new(&inputs_of_sample(0), |_| {});
     bench.step(0.0, 0.005, &inputs_of_sample(0));
     let after = bench.variables.clone();

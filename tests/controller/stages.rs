@@ -28,7 +28,7 @@ fn the_low_pressure_wastegate_opens_with_speed_and_the_bypass_has_a_hysteresis()
 }
 
 #[test]
-fn passing_by_opens_the_high_pressure_wastegate_in_mode_boost_only() {
+fn bypassing_opens_the_high_pressure_wastegate_in_mode_boost_only() {
     let inputs = Inputs {
         engine_speed: 4000.0,
         supply_voltage_measured: 10.0,

@@ -28,7 +28,7 @@ fn assert_close(what: &str, found: &[f64], expected: &[f64], absolute: impl Fn(u
 }
 
 #[test]
-fn derivatives_and_outputs_are_the_reference_s() {
+fn derivatives_and_outputs_match_the_reference() {
     for case in ["G1", "G2", "G3"] {
         let bench = Bench::given(inputs_of(&golden(case, "u")), states_of(&golden(case, "x")));
         let exactly = |_| 0.0;
@@ -43,7 +43,7 @@ fn derivatives_and_outputs_are_the_reference_s() {
 }
 
 #[test]
-fn the_trajectory_is_the_reference_s() {
+fn the_trajectory_matches_the_reference() {
     let phase = |pwm, voltage| Inputs { hp_wastegate_pwm: pwm, supply_voltage: voltage, ..Inputs::default() };
     let mut bench = Bench::running(phase(20.0, 12.0), false);
     for (case, inputs) in [("T1", phase(20.0, 12.0)), ("T2", phase(50.0, 11.1))] {

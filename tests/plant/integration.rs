@@ -90,7 +90,7 @@ fn later([value, first, second, third]: [f64; 4], time: f64) -> [f64; 4] {
 }
 
 #[test]
-fn ramps_within_steps_are_followed() {
+fn ramps_within_steps_are_integrated() {
     let inputs_at = |time: f64| {
         // The duty has just risen, too.
         let mut inputs = Inputs { hp_wastegate_pwm: 60.0, ..Inputs::default() };
@@ -129,7 +129,7 @@ fn ramps_within_steps_are_followed() {
 }
 
 #[test]
-fn an_hour_is_as_long_in_one_step_as_in_many() {
+fn one_step_of_an_hour_executes_as_many_samples_as_short_steps() {
     // The tank fills by its leak and the speed rises all the time.
     let ramp =
         |time: f64| Inputs { engine_speed: 1500.0 + 0.5 * time, hp_wastegate_pwm: 60.0, ..Inputs::default() };
@@ -186,7 +186,7 @@ fn uneven_steps_follow_the_recorded_experiment() {
 }
 
 #[test]
-fn an_exhaust_that_pushes_the_wastegate_is_followed() {
+fn exhaust_pressure_on_the_wastegate_is_integrated() {
     let begin = settled(|parameters| parameters.actuator.exhaust_area = 1e-4);
     let mut bench = begin.clone();
     let mut expected = begin.variables.states;

@@ -197,7 +197,7 @@ fn largest_membrane_pressure(bench: &Bench) -> f64 {
 }
 
 #[test]
-fn a_pump_that_is_left_on_draws_down_to_its_ultimate_vacuum() {
+fn a_running_pump_reaches_its_ultimate_vacuum() {
     for mass_flow in [6.84e-6, 1e-3] {
         let inputs = Inputs { vacuum_pump: 1.0, hp_wastegate_pwm: 0.0, ..Inputs::default() };
         let mut bench =

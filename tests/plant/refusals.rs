@@ -45,7 +45,7 @@ fn a_gas_without_heat_capacity_at_constant_volume_is_refused() {
 }
 
 #[test]
-fn the_lightest_rod_against_the_stiffest_stops_is_followed() {
+fn the_lightest_rod_against_the_stiffest_stops_is_integrated() {
     // It swings at 1e5 rad/s.
     let mut bench = Bench::new(Inputs::default(), |p, _| {
         p.actuator.mass = 1e-3;

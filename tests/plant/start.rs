@@ -35,7 +35,7 @@ fn every_start_is_finite_and_the_next_20_s_are() {
 }
 
 #[test]
-fn what_is_no_steady_state_is_told() {
+fn a_missing_steady_state_is_reported() {
     let inputs = Inputs { engine_speed: 0.0, throttle: 0.0, ..Inputs::default() };
     let bench = Bench::new(inputs, |_, _| {});
     assert_eq!(bench.warnings.len(), 1, "{:?}", bench.warnings);
@@ -108,7 +108,7 @@ fn the_default_start_values_are_the_running_start() {
 }
 
 #[test]
-fn start_values_hold_in_mode_given_and_are_told_of_otherwise() {
+fn start_values_hold_in_mode_given_and_are_reported_otherwise() {
     let change = |start: &mut States| {
         start.hp_shaft.speed = 9000.0;
         start.actuator.position = 0.004;
@@ -130,7 +130,7 @@ fn start_values_hold_in_mode_given_and_are_told_of_otherwise() {
 }
 
 #[test]
-fn a_pump_that_is_left_on_does_not_empty_the_tank_beyond_nothing() {
+fn a_running_pump_never_empties_the_tank_below_zero() {
     let mut bench = Bench::new(Inputs { vacuum_pump: 1.0, ..Inputs::default() }, |_, _| {});
     bench.run(120.0);
     let pressure = bench.variables.outputs.tank_pressure;
@@ -138,7 +138,7 @@ fn a_pump_that_is_left_on_does_not_empty_the_tank_beyond_nothing() {
 }
 
 #[test]
-fn a_frozen_tank_stays_and_a_thawed_one_fills() {
+fn a_frozen_tank_keeps_its_pressure_and_a_released_one_fills() {
     let mut bench = Bench::new(Inputs::default(), |parameters, _| parameters.tank.frozen = true);
     let pressure = bench.variables.outputs.tank_pressure;
     bench.run(1.0);
@@ -149,7 +149,7 @@ fn a_frozen_tank_stays_and_a_thawed_one_fills() {
 }
 
 #[test]
-fn a_tank_that_is_frozen_on_its_way_stays() {
+fn a_tank_frozen_during_the_run_keeps_its_pressure() {
     for exhaust_area in [0.0, 1e-4] {
         let mut bench = Bench::new(Inputs { vacuum_pump: 1.0, ..Inputs::default() }, |parameters, _| {
             parameters.actuator.exhaust_area = exhaust_area;

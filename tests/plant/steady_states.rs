@@ -23,7 +23,7 @@ fn rows(engine_speed: f64) -> Vec<(Inputs, Vec<f64>)> {
 
 /// The table has five digits: half a unit of the last is up to 5e-5, and what has not decayed after a
 /// minute adds its share. Positions are printed to 0.001 points.
-fn a_running_engine_reaches_the_reference_s(engine_speed: f64) {
+fn a_running_engine_reaches_the_reference(engine_speed: f64) {
     for (inputs, expected) in rows(engine_speed) {
         let mut bench = Bench::running(inputs, true);
         bench.run(60.0);
@@ -43,23 +43,23 @@ fn a_running_engine_reaches_the_reference_s(engine_speed: f64) {
 }
 
 #[test]
-fn at_1000_rpm_a_running_engine_reaches_the_reference_s() {
-    a_running_engine_reaches_the_reference_s(1000.0);
+fn at_1000_rpm_a_running_engine_reaches_the_reference() {
+    a_running_engine_reaches_the_reference(1000.0);
 }
 
 #[test]
-fn at_1500_rpm_a_running_engine_reaches_the_reference_s() {
-    a_running_engine_reaches_the_reference_s(1500.0);
+fn at_1500_rpm_a_running_engine_reaches_the_reference() {
+    a_running_engine_reaches_the_reference(1500.0);
 }
 
 #[test]
-fn at_3000_rpm_a_running_engine_reaches_the_reference_s() {
-    a_running_engine_reaches_the_reference_s(3000.0);
+fn at_3000_rpm_a_running_engine_reaches_the_reference() {
+    a_running_engine_reaches_the_reference(3000.0);
 }
 
 #[test]
-fn at_4000_rpm_a_running_engine_reaches_the_reference_s() {
-    a_running_engine_reaches_the_reference_s(4000.0);
+fn at_4000_rpm_a_running_engine_reaches_the_reference() {
+    a_running_engine_reaches_the_reference(4000.0);
 }
 
 #[test]
@@ -88,7 +88,7 @@ fn a_settled_start_is_at_rest_and_stays_there() {
 }
 
 #[test]
-fn a_settled_start_at_partial_friction_history_has_the_reference_s_boost() {
+fn a_settled_start_at_partial_friction_history_has_the_boost_of_the_reference() {
     let inputs = Inputs { hp_wastegate_pwm: 36.0, ..Inputs::default() };
     let bench = Bench::new(inputs, |parameters, _| {
         parameters.initialization.mode = InitializationMode::Settled;

@@ -1,4 +1,4 @@
-//! What a long task has finished, line by line: an interrupted task goes on from it.
+//! What a long task has finished, line by line: an interrupted task resumes from it.
 //!
 //! The first line holds the task's settings, each other one something that is finished, as JSON. A line that was
 //! cut short by the interruption does not count.
@@ -37,7 +37,7 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens a journal, or begins it where there is none; gives what was finished, too.
+    /// Opens or creates a journal. Returns what was finished, too.
     pub fn open<Finished: DeserializeOwned>(
         path: &Path,
         settings: &Settings,
@@ -58,7 +58,7 @@ impl Journal {
         if !file.metadata()?.is_file() {
             bail!("it is not a file");
         }
-        // A line for each of a million runs is more than a text for people has.
+        // A line for each of a million runs exceeds the limit for texts.
         let mut text = up_to(LARGEST_CONTENT, &file)?;
         // What was cut short may end within a character.
         let whole = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end + 1);
@@ -107,15 +107,15 @@ fn check(old: &Settings, new: &Settings) -> Result<()> {
     if differing.is_empty() {
         return Ok(());
     }
-    let told = differing.iter().take(MOST_NAMED).map(|name| {
+    let lines = differing.iter().take(MOST_NAMED).map(|name| {
         let [was, is] = [old, new].map(|settings| settings.get(*name).map_or("not there", |value| value));
         let [was, is] = around_difference(was, is);
         format!("\n  {name} was {was}, is {is}")
     });
-    let told: String = told.collect();
+    let lines: String = lines.collect();
     let more = differing.len().saturating_sub(MOST_NAMED);
     let more = if more > 0 { format!("\n  and {more} more") } else { String::new() };
-    bail!("it is of other settings; choose another folder, or remove it:{told}{more}")
+    bail!("it is of other settings; choose another folder, or remove it:{lines}{more}")
 }
 
 /// Two long texts, cut down to what is around their first difference.

@@ -177,7 +177,7 @@ fn outputs_that_are_inputs_or_each_other_are_refused_before_anything_runs() {
 
 /// Two that take as long; what is there in the end is one of them.
 #[test]
-fn two_processes_with_one_output_write_one_of_both() {
+fn two_processes_with_one_output_leave_one_complete_file() {
     let bench = Bench::new();
     let mut whole = vec![];
     for (name, input) in [("one.toml", 1), ("other.toml", 3)] {

@@ -1,17 +1,19 @@
-//! What is refused, and why: the rules of FMI 2.0 and of the generated Rust that a model's JSON can
+//! What is refused, and why: the rules of FMI 2.0 and of the generated Rust that a declaration can
 //! break. Validators of FMUs catch few of these; users of an FMU suffer from all of them.
 
 use std::collections::BTreeSet;
 
 use serde_json::Value;
 
-use super::error::Refusal;
-use super::json::{self, Causality, Initial, Variability};
-use super::resolve::{DataType, Part, Role, Start, Variable};
-use super::rust;
-
-/// The log categories that the runtime uses.
-const LOG_CATEGORIES: [&str; 3] = ["logStatusError", "logStatusWarning", "logEvents"];
+use crate::declaration::{
+    Causality, Declaration, Described, DisplayUnitDeclaration, Initial, UnitDeclaration, UnitNames,
+    Variability, VariableDeclaration,
+};
+use crate::error::{Refusals, nearest};
+use crate::model::{DataType, Part, Place, Scalar, Start};
+use crate::rust;
+use crate::units::Units;
+use crate::xml;
 
 /// Words of Rust that cannot be names of fields.
 const RESERVED: [&str; 50] = [
@@ -23,101 +25,106 @@ const RESERVED: [&str; 50] = [
 ];
 
 /// The checks that need no variable.
-pub(crate) fn model(model: &json::Model) -> Result<(), Refusal> {
-    let identifier = &model.model_identifier;
+pub(crate) fn declaration(declaration: &Declaration, identifier: &str, refusals: &mut Refusals) {
     if !is_c_identifier(identifier) {
-        return Err(Refusal::new(format!("model_identifier '{identifier}' is not an identifier of C")));
+        let reason = format!("'{identifier}' is not an identifier of C, as the name of an FMU must be");
+        refusals.add("model_identifier", reason);
     }
-    for required in LOG_CATEGORIES {
-        if !model.log_categories.iter().any(|category| category.name == required) {
-            return Err(Refusal::new(format!(
-                "log_categories lacks '{required}', under which the runtime logs"
-            )));
+    if let Some(experiment) = &declaration.default_experiment {
+        let start = experiment.start_time.unwrap_or(0.0);
+        if experiment.stop_time.is_some_and(|stop| stop <= start) {
+            refusals.add("default_experiment.stop_time", "it is not after start_time");
+        }
+        if experiment.step_size.is_some_and(|size| size <= 0.0) {
+            refusals.add("default_experiment.step_size", "it is not greater than 0");
         }
     }
-    unique("log category", model.log_categories.iter().map(|category| category.name.as_str()))?;
-    let experiment = &model.default_experiment;
-    if experiment.stop_time <= experiment.start_time {
-        return Err(Refusal::new("default_experiment: stop_time is not after start_time"));
-    }
-    if experiment.step_size <= 0.0 {
-        return Err(Refusal::new("default_experiment: step_size is not greater than 0"));
-    }
-    names(model)?;
-    texts(model)
+    names(declaration, refusals);
+    texts(declaration, refusals);
 }
 
 /// The names of everything but variables.
-fn names(model: &json::Model) -> Result<(), Refusal> {
-    unique("enumeration", model.enumerations.iter().map(|enumeration| enumeration.name.as_str()))?;
-    for enumeration in &model.enumerations {
-        let name = &enumeration.name;
-        type_name("enumeration", name)?;
-        if matches!(name.as_str(), "Real" | "Integer" | "Boolean" | "String") {
-            return Err(Refusal::new(format!("enumeration '{name}': this is the name of a built-in type")));
+fn names(declaration: &Declaration, refusals: &mut Refusals) {
+    let described = |list: &[Described]| list.iter().map(|known| known.name.clone()).collect::<Vec<_>>();
+    unique("log_categories", described(&declaration.log_categories), refusals);
+    let enumerations = &declaration.enumerations;
+    unique("enumerations", enumerations.iter().map(|known| known.name.clone()), refusals);
+    for (number, enumeration) in enumerations.iter().enumerate() {
+        let (name, key) = (&enumeration.name, format!("enumerations[{number}]"));
+        type_name(name, &key, refusals);
+        if BUILT_IN_TYPES.contains(&name.as_str()) {
+            refusals.add(format!("{key}.name"), format!("'{name}' is the name of a built-in type"));
         }
         if enumeration.items.is_empty() {
-            return Err(Refusal::new(format!("enumeration '{name}' has no items")));
+            refusals.add(format!("{key}.items"), format!("{name}: it has no items"));
         }
-        for item in &enumeration.items {
-            field_name(&item.name).map_err(|reason| {
-                Refusal::new(format!("enumeration '{name}', item '{}': {reason}", item.name))
-            })?;
-        }
-        let variants: Vec<_> = enumeration.items.iter().map(|item| rust::pascal_case(&item.name)).collect();
-        unique(&format!("enumeration '{name}': item"), variants.iter().map(String::as_str))?;
+        field_names(&format!("{key}.items"), described(&enumeration.items), refusals);
+        let variants = enumeration.items.iter().map(|item| rust::pascal_case(&item.name));
+        unique(&format!("{key}.items"), variants, refusals);
     }
-    unique("component type", model.component_types.iter().map(|known| known.name.as_str()))?;
-    for component_type in &model.component_types {
-        type_name("component type", &component_type.name)?;
+    let types = &declaration.component_types;
+    unique("component_types", types.iter().map(|known| known.name.clone()), refusals);
+    for (number, component_type) in types.iter().enumerate() {
+        type_name(&component_type.name, &format!("component_types[{number}]"), refusals);
     }
-    unique("state group", model.state_groups.iter().map(|group| group.name.as_str()))?;
-    for group in &model.state_groups {
-        let name = &group.name;
-        field_name(name).map_err(|reason| Refusal::new(format!("state group '{name}': {reason}")))?;
-    }
-    unique("component", model.components.iter().map(|component| component.name.as_str()))?;
-    for component in &model.components {
-        let name = &component.name;
-        field_name(name).map_err(|reason| Refusal::new(format!("component '{name}': {reason}")))?;
-        let variables = model.variables.iter().map(|variable| variable.name.as_str());
-        if variables.chain(["time"]).any(|variable| variable == name) {
-            return Err(Refusal::of(name, "a component has the same name"));
+    field_names("state_groups", described(&declaration.state_groups), refusals);
+    unique("state_groups", described(&declaration.state_groups), refusals);
+    let components: Vec<_> = declaration.components.iter().map(|component| component.name.clone()).collect();
+    field_names("components", components.clone(), refusals);
+    unique("components", components.clone(), refusals);
+    for (number, component) in components.iter().enumerate() {
+        let variables = declaration.variables.iter().map(|variable| variable.name.as_str());
+        if variables.chain(["time"]).any(|variable| variable == component) {
+            let reason = format!("'{component}' is the name of a variable, too");
+            refusals.add(format!("components[{number}].name"), reason);
         }
     }
-    Ok(())
 }
 
 /// The texts that are free to choose, all of which become attributes of XML.
-fn texts(model: &json::Model) -> Result<(), Refusal> {
-    let mut texts = vec![
-        ("description", &model.description),
-        ("author", &model.author),
-        ("copyright", &model.copyright),
-        ("license", &model.license),
-    ];
-    for category in &model.log_categories {
-        texts.push(("log_categories", &category.name));
-        texts.push((&category.name, &category.description));
+fn texts(declaration: &Declaration, refusals: &mut Refusals) {
+    let mut check = |key: String, text: &str| {
+        if let Err(reason) = one_line(text) {
+            refusals.add(key, reason);
+        }
+    };
+    for (key, text) in [
+        ("description", &declaration.description),
+        ("author", &declaration.author),
+        ("copyright", &declaration.copyright),
+        ("license", &declaration.license),
+    ] {
+        if let Some(text) = text {
+            check(key.to_owned(), text);
+        }
     }
-    for enumeration in &model.enumerations {
-        texts.push((&enumeration.name, &enumeration.description));
-        texts.extend(enumeration.items.iter().map(|item| (item.name.as_str(), &item.description)));
+    let mut described = |key: &str, list: &[Described]| {
+        for (number, item) in list.iter().enumerate() {
+            check(format!("{key}[{number}].name"), &item.name);
+            check(format!("{key}[{number}].description"), &item.description);
+        }
+    };
+    described("log_categories", &declaration.log_categories);
+    described("state_groups", &declaration.state_groups);
+    for (number, enumeration) in declaration.enumerations.iter().enumerate() {
+        described(&format!("enumerations[{number}].items"), &enumeration.items);
     }
-    texts.extend(model.components.iter().map(|component| (component.name.as_str(), &component.description)));
-    texts.extend(model.state_groups.iter().map(|group| (group.name.as_str(), &group.description)));
-    for (name, text) in texts {
-        one_line(text).map_err(|reason| Refusal::new(format!("'{name}': {reason}")))?;
+    for (number, enumeration) in declaration.enumerations.iter().enumerate() {
+        check(format!("enumerations[{number}].description"), &enumeration.description);
     }
-    Ok(())
+    for (number, component) in declaration.components.iter().enumerate() {
+        if let Some(text) = &component.description {
+            check(format!("components[{number}].description"), text);
+        }
+    }
 }
 
 fn one_line(text: &str) -> Result<(), String> {
     if text.trim().is_empty() {
-        return Err("its text is empty".to_owned());
+        return Err("the text is empty".to_owned());
     }
     if !survives_xml(text) {
-        return Err("its text contains a character that XML does not keep, such as a line break".to_owned());
+        return Err("the text contains a character that XML does not keep, such as a line break".to_owned());
     }
     Ok(())
 }
@@ -128,14 +135,15 @@ fn survives_xml(text: &str) -> bool {
     !text.chars().any(|character| character.is_control() || matches!(character, '\u{fffe}' | '\u{ffff}'))
 }
 
-fn unique<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> Result<(), Refusal> {
+/// Refuses a name that stands twice in a list.
+fn unique(list: &str, names: impl IntoIterator<Item = String>, refusals: &mut Refusals) {
     let mut seen = BTreeSet::new();
-    for name in names {
-        if !seen.insert(name) {
-            return Err(Refusal::new(format!("{what} '{name}' is declared twice")));
+    for (number, name) in names.into_iter().enumerate() {
+        if seen.contains(&name) {
+            refusals.add(format!("{list}[{number}].name"), format!("'{name}' is declared twice"));
         }
+        seen.insert(name);
     }
-    Ok(())
 }
 
 fn is_c_identifier(name: &str) -> bool {
@@ -143,12 +151,18 @@ fn is_c_identifier(name: &str) -> bool {
         && name.chars().all(|character| character.is_ascii_alphanumeric() || character == '_')
 }
 
-fn type_name(what: &str, name: &str) -> Result<(), Refusal> {
+fn type_name(name: &str, key: &str, refusals: &mut Refusals) {
     let upper = name.starts_with(|first: char| first.is_ascii_uppercase());
-    if upper && name != "Self" && name.chars().all(|character| character.is_ascii_alphanumeric()) {
-        Ok(())
-    } else {
-        Err(Refusal::new(format!("{what} '{name}': the name is not written like this: TypeName")))
+    if !upper || name == "Self" || !name.chars().all(|character| character.is_ascii_alphanumeric()) {
+        refusals.add(format!("{key}.name"), format!("'{name}' is not written like this: TypeName"));
+    }
+}
+
+fn field_names(list: &str, names: Vec<String>, refusals: &mut Refusals) {
+    for (number, name) in names.iter().enumerate() {
+        if let Err(reason) = field_name(name) {
+            refusals.add(format!("{list}[{number}].name"), reason);
+        }
     }
 }
 
@@ -156,17 +170,17 @@ fn field_name(name: &str) -> Result<(), String> {
     let lower =
         |character: char| character.is_ascii_lowercase() || character.is_ascii_digit() || character == '_';
     if !name.starts_with(|first: char| first.is_ascii_lowercase()) || !name.chars().all(lower) {
-        return Err("the name is not made of lower-case letters, digits and underscores".to_owned());
+        return Err(format!("'{name}' is not made of lower-case letters, digits and underscores"));
     }
     if RESERVED.contains(&name) {
-        return Err("the name is a reserved word of Rust".to_owned());
+        return Err(format!("'{name}' is a reserved word of Rust"));
     }
     Ok(())
 }
 
 /// What the checks of one variable find out about it.
 pub(crate) struct Checked {
-    pub(crate) role: Role,
+    pub(crate) place: Place,
     pub(crate) data_type: DataType,
     pub(crate) variability: Variability,
     pub(crate) initial: Option<Initial>,
@@ -174,68 +188,79 @@ pub(crate) struct Checked {
     pub(crate) starts: Option<Vec<Start>>,
 }
 
+/// The key of a variable that is to blame, and the reason.
+pub(crate) type Blame = (&'static str, String);
+
 /// The checks of one declared variable by itself.
 pub(crate) fn variable(
-    model: &json::Model,
-    json: &json::Variable,
+    declaration: &Declaration,
+    variable: &VariableDeclaration,
     start: Option<&Value>,
-) -> Result<Checked, String> {
-    field_name(&json.name)?;
-    one_line(&json.description)?;
-    if let Some(description) = json.derivative.as_ref().and_then(|derivative| derivative.description.as_ref())
-    {
-        one_line(description)?;
+) -> Result<Checked, Blame> {
+    field_name(&variable.name).map_err(|reason| ("name", reason))?;
+    if let Some(description) = &variable.description {
+        one_line(description).map_err(|reason| ("description", reason))?;
     }
-    let data_type = data_type(model, json)?;
-    let (role, variability) = role(json, data_type)?;
-    let initial = initial(json, role)?;
-    reads(json, role, initial)?;
-    bounds(json, data_type)?;
-    if json.dimensions.contains(&0) {
-        return Err("a dimension is 0".to_owned());
+    let derivative = variable.derivative.as_ref();
+    if let Some(description) = derivative.and_then(|derivative| derivative.description.as_ref()) {
+        one_line(description).map_err(|reason| ("derivative.description", reason))?;
     }
-    let has_start = matches!(role, Role::Parameter | Role::Input | Role::State);
+    let data_type = data_type(declaration, variable).map_err(|reason| ("type", reason))?;
+    let (place, variability) = place(variable, data_type)?;
+    let initial = initial(variable, place).map_err(|reason| ("initial", reason))?;
+    reads(variable, place, initial)?;
+    unit(variable, data_type)?;
+    bounds(variable, data_type)?;
+    if variable.dimensions.contains(&0) {
+        return Err(("dimensions", "a dimension is 0".to_owned()));
+    }
+    let has_start = matches!(place, Place::Parameters | Place::Inputs | Place::States);
     let starts = match start {
-        Some(_) if !has_start => return Err("it is calculated, so it has no start value".to_owned()),
-        None if has_start => return Err("it needs a start value".to_owned()),
+        Some(_) if !has_start => {
+            return Err(("start", "it is calculated, so it has no start value".to_owned()));
+        }
+        None if has_start => return Err(("start", "it needs a start value".to_owned())),
         None => None,
         Some(start) => {
             let mut starts = Vec::new();
-            flatten(&json.dimensions, start, &mut |value| {
-                starts.push(start_value(model, json, data_type, value)?);
+            let values = flatten(&variable.dimensions, start, &mut |value| {
+                starts.push(start_value(declaration, variable, data_type, value)?);
                 Ok(())
-            })?;
+            });
+            values.map_err(|reason| ("start", reason))?;
             Some(starts)
         }
     };
-    Ok(Checked { role, data_type, variability, initial, starts })
+    Ok(Checked { place, data_type, variability, initial, starts })
 }
 
-fn data_type(model: &json::Model, json: &json::Variable) -> Result<DataType, String> {
-    Ok(match json.data_type.as_str() {
+const BUILT_IN_TYPES: [&str; 4] = ["Real", "Integer", "Boolean", "String"];
+
+fn data_type(declaration: &Declaration, variable: &VariableDeclaration) -> Result<DataType, String> {
+    let enumerations = || declaration.enumerations.iter().map(|enumeration| &enumeration.name);
+    Ok(match variable.data_type.as_str() {
         "Real" => DataType::Real,
         "Integer" => DataType::Integer,
         "Boolean" => DataType::Boolean,
         "String" => DataType::String,
-        name => {
-            let position = model.enumerations.iter().position(|enumeration| enumeration.name == name);
-            let unknown =
-                || format!("type '{name}' is not one of Real, Integer, Boolean, String and the enumerations");
-            DataType::Enumeration(position.ok_or_else(unknown)?)
-        }
+        name => DataType::Enumeration(enumerations().position(|known| known == name).ok_or_else(|| {
+            let known = BUILT_IN_TYPES.map(str::to_owned).into_iter().chain(enumerations().cloned());
+            let nearest = nearest(name, known);
+            format!("'{name}' is not one of Real, Integer, Boolean, String and the enumerations{nearest}")
+        })?),
     })
 }
 
 /// The combinations of causality and variability that FMI 2.0.5 allows (section 2.2.7).
-fn role(json: &json::Variable, data_type: DataType) -> Result<(Role, Variability), String> {
-    let causality = json.causality;
+fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, Variability), Blame> {
+    let causality = variable.causality;
     let of_parameter = matches!(causality, Causality::Parameter | Causality::CalculatedParameter);
     let default = match data_type {
         _ if of_parameter => Variability::Fixed,
         DataType::Real => Variability::Continuous,
         _ => Variability::Discrete,
     };
-    let variability = json.variability.unwrap_or(default);
+    let variability = variable.variability.unwrap_or(default);
     let changes = matches!(variability, Variability::Discrete | Variability::Continuous);
     let allowed = match causality {
         Causality::Parameter | Causality::CalculatedParameter => !changes,
@@ -243,122 +268,126 @@ fn role(json: &json::Variable, data_type: DataType) -> Result<(Role, Variability
         Causality::Local => true,
     };
     if !allowed {
-        let name = |value: &dyn std::fmt::Debug| {
-            let name = format!("{value:?}");
-            name[..1].to_lowercase() + &name[1..]
-        };
-        return Err(format!(
-            "FMI allows no causality '{}' with variability '{}'",
-            name(&causality),
-            name(&variability)
-        ));
+        let (causality, variability) = (xml::causality(Some(causality)), xml::variability(variability));
+        let reason = format!("FMI allows no variability '{variability}' with the causality '{causality}'");
+        return Err(("variability", reason));
     }
     if variability == Variability::Continuous && data_type != DataType::Real {
-        return Err(format!("only a Real is continuous, not {}", json.data_type));
+        return Err(("variability", format!("only a Real is continuous, not {}", variable.data_type)));
     }
-    let role = match causality {
-        Causality::Local if json.derivative.is_some() => Role::State,
-        Causality::Parameter => Role::Parameter,
-        Causality::CalculatedParameter => Role::CalculatedParameter,
-        Causality::Input => Role::Input,
-        Causality::Output => Role::Output,
-        Causality::Local => Role::Local,
+    let is_state = variable.derivative.is_some();
+    if is_state
+        && (variability != Variability::Continuous
+            || !matches!(causality, Causality::Local | Causality::Output))
+    {
+        return Err(("derivative", "only a continuous Real that is local or an output has one".to_owned()));
+    }
+    let place = match causality {
+        _ if is_state => Place::States,
+        Causality::Parameter => Place::Parameters,
+        Causality::Input => Place::Inputs,
+        Causality::Output => Place::Outputs,
+        Causality::CalculatedParameter | Causality::Local => Place::Locals,
     };
-    if json.derivative.is_some() && (role != Role::State || variability != Variability::Continuous) {
-        return Err("only a local continuous Real has a 'derivative'".to_owned());
-    }
-    Ok((role, variability))
+    Ok((place, variability))
 }
 
-/// How the start comes about: for all but states there is only one possibility.
-fn initial(json: &json::Variable, role: Role) -> Result<Option<Initial>, String> {
-    let (default, allowed): (_, &[_]) = match role {
-        Role::Input | Role::Independent => (None, &[]),
-        Role::Parameter => (Some(Initial::Exact), &[Initial::Exact]),
-        Role::State => (Some(Initial::Approx), &[Initial::Approx, Initial::Exact]),
-        _ => (Some(Initial::Calculated), &[Initial::Calculated]),
+/// How the start comes about: for all but states there is only one possibility. The standard's default,
+/// `calculated`, is not for a variable with a start value, which every state has.
+fn initial(variable: &VariableDeclaration, place: Place) -> Result<Option<Initial>, String> {
+    let (default, allowed, reason): (_, &[_], _) = match place {
+        Place::Inputs => (None, &[], "an input has none"),
+        Place::Parameters => (Some(Initial::Exact), &[Initial::Exact], "a parameter's is 'exact'"),
+        Place::States => {
+            let computed = variable.initial_reads.is_some();
+            let default = if computed { Initial::Approx } else { Initial::Exact };
+            (Some(default), &[Initial::Approx, Initial::Exact], "a state's is 'approx' or 'exact'")
+        }
+        _ => (
+            Some(Initial::Calculated),
+            &[Initial::Calculated],
+            "that of a calculated variable other than a state is 'calculated'",
+        ),
     };
-    match json.initial {
+    match variable.initial {
         None => Ok(default),
         Some(initial) if allowed.contains(&initial) => Ok(Some(initial)),
-        Some(_) => Err(match role {
-            Role::Input | Role::Independent => "an input has no 'initial'".to_owned(),
-            Role::Parameter => "a parameter's 'initial' is 'exact'".to_owned(),
-            Role::State => "a state's 'initial' is 'approx' or 'exact'".to_owned(),
-            _ => "the 'initial' of what is calculated and no state is 'calculated'".to_owned(),
-        }),
+        Some(_) => Err(reason.to_owned()),
     }
 }
 
-/// Whether the dependencies are declared, exactly where there are any.
-fn reads(json: &json::Variable, role: Role, initial: Option<Initial>) -> Result<(), String> {
-    let (reads, initial_reads) = (json.reads.is_some(), json.initial_reads.is_some());
-    let reason = match role {
-        Role::Parameter | Role::Input | Role::Independent if reads || initial_reads => {
-            "it is set from outside, so it reads nothing"
+/// Whether dependencies are declared only where there are any.
+fn reads(variable: &VariableDeclaration, place: Place, initial: Option<Initial>) -> Result<(), Blame> {
+    let (reads, initial_reads) = (variable.reads.is_some(), variable.initial_reads.is_some());
+    let blame = match place {
+        Place::Parameters | Place::Inputs if reads => {
+            ("reads", "it is set from outside, so it reads nothing")
         }
-        Role::State if reads => "it is a state: what its equation reads belongs to its 'derivative'",
-        Role::State if initial == Some(Initial::Exact) && initial_reads => {
-            "its start is exact, so it reads nothing in initialization"
+        Place::Parameters | Place::Inputs if initial_reads => {
+            ("initial_reads", "it is set from outside, so it reads nothing")
         }
-        Role::State if initial != Some(Initial::Exact) && !initial_reads => {
-            "it is a state whose start is computed, and has no 'initial_reads'"
+        Place::States if reads => {
+            ("reads", "of a state, what its equation reads belongs to its 'derivative'")
         }
-        Role::Output | Role::Local | Role::CalculatedParameter if !reads => {
-            "it is calculated from dependencies that are not declared: 'reads' is missing"
+        Place::States if initial == Some(Initial::Exact) && initial_reads => {
+            ("initial_reads", "its start is exact, so it reads nothing in initialization")
         }
         _ => return Ok(()),
     };
-    Err(reason.to_owned())
+    Err((blame.0, blame.1.to_owned()))
 }
 
-/// Unit, min, max and nominal, as far as the type has them.
-fn bounds(json: &json::Variable, data_type: DataType) -> Result<(), String> {
-    if data_type == DataType::Real {
-        match (&json.unit, &json.display_unit) {
-            (None, Some(display_unit)) => {
-                return Err(format!("display unit '{display_unit}' without a unit"));
-            }
-            (None, None) => return Err("a Real needs a unit ('1' when it has no dimension)".to_owned()),
-            (Some(json::Units::Each(units)), display_unit) => {
-                let elements: usize = json.dimensions.iter().product();
-                if json.dimensions.is_empty() || units.len() != elements {
-                    return Err(format!(
-                        "{} units are listed; an array of as many elements has one for each",
-                        units.len()
-                    ));
-                }
-                if display_unit.is_some() {
-                    return Err("a display unit needs one unit, not a list".to_owned());
-                }
-            }
-            (Some(json::Units::All(_)), _) => {}
-        }
-        if json.nominal.is_some_and(|nominal| nominal <= 0.0) {
-            return Err("nominal is not greater than 0".to_owned());
-        }
-    } else if json.unit.is_some() || json.display_unit.is_some() || json.nominal.is_some() {
-        return Err(format!("unit, display_unit and nominal are for Real, not {}", json.data_type));
+/// Unit, display unit and nominal are a Real's.
+fn unit(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Blame> {
+    if data_type != DataType::Real {
+        let used = [
+            ("unit", variable.unit.is_some()),
+            ("display_unit", variable.display_unit.is_some()),
+            ("nominal", variable.nominal.is_some()),
+        ];
+        return match used.into_iter().find(|(_, used)| *used) {
+            Some((key, _)) => Err((key, format!("it is for a Real, not for {}", variable.data_type))),
+            None => Ok(()),
+        };
     }
-    let bounds = [json.min, json.max];
-    match data_type {
-        DataType::Real => {}
-        DataType::Integer => {
-            let integers = f64::from(i32::MIN)..=f64::from(i32::MAX);
-            let is_integer = |bound: f64| bound.fract() == 0.0 && integers.contains(&bound);
-            if let Some(bound) = bounds.into_iter().flatten().find(|&bound| !is_integer(bound)) {
-                return Err(format!("the bound {bound:?} is not of type Integer"));
+    match &variable.unit {
+        None => return Err(("unit", "a Real needs one; '1' when it has no dimension".to_owned())),
+        Some(UnitNames::Each(units)) => {
+            let elements: usize = variable.dimensions.iter().product();
+            if variable.dimensions.is_empty() {
+                return Err(("unit", "a list of units is for an array".to_owned()));
+            }
+            if units.len() != elements {
+                return Err(("unit", format!("the list has {} units for {elements} elements", units.len())));
+            }
+            if variable.display_unit.is_some() {
+                return Err(("display_unit", "it needs one unit, not a list".to_owned()));
             }
         }
-        _ if bounds != [None, None] => {
-            return Err(format!("min and max are for Real and Integer, not {}", json.data_type));
-        }
-        _ => {}
+        Some(UnitNames::All(_)) => {}
     }
-    if let [Some(min), Some(max)] = bounds
+    if variable.nominal.is_some_and(|nominal| nominal <= 0.0) {
+        return Err(("nominal", "it is not greater than 0".to_owned()));
+    }
+    Ok(())
+}
+
+/// Min and max, as far as the type has them.
+fn bounds(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Blame> {
+    for (key, bound) in [("min", variable.min), ("max", variable.max)] {
+        let Some(bound) = bound else { continue };
+        let integers = f64::from(i32::MIN)..=f64::from(i32::MAX);
+        match data_type {
+            DataType::Real => {}
+            DataType::Integer if bound.fract() == 0.0 && integers.contains(&bound) => {}
+            DataType::Integer => return Err((key, format!("{bound} is not of type Integer"))),
+            _ => return Err((key, format!("it is for Real and Integer, not for {}", variable.data_type))),
+        }
+    }
+    if let (Some(min), Some(max)) = (variable.min, variable.max)
         && min > max
     {
-        return Err(format!("min {min:?} is greater than max {max:?}"));
+        return Err(("min", format!("{min} is greater than max {max}")));
     }
     Ok(())
 }
@@ -377,26 +406,23 @@ fn flatten(
             values.iter().try_for_each(|value| flatten(inner, value, take))
         }
         Value::Array(values) => {
-            Err(format!("start has {} elements where the dimensions ask for {size}", values.len()))
+            Err(format!("it has {} elements where the dimensions ask for {size}", values.len()))
         }
-        _ => Err(format!("start is {start} where the dimensions ask for an array of {size}")),
+        _ => Err(format!("{start} is not an array of {size} elements, as the dimensions ask for")),
     }
 }
 
 fn start_value(
-    model: &json::Model,
-    json: &json::Variable,
+    declaration: &Declaration,
+    variable: &VariableDeclaration,
     data_type: DataType,
     value: &Value,
 ) -> Result<Start, String> {
-    let mismatch = || format!("start {value} is not of type {}", json.data_type);
-    let within = |value: f64| {
-        if json.min.is_some_and(|min| value < min) || json.max.is_some_and(|max| value > max) {
-            let min = json.min.unwrap_or(f64::NEG_INFINITY);
-            let max = json.max.unwrap_or(f64::INFINITY);
-            return Err(format!("start {value:?} is outside {min:?}..{max:?}"));
-        }
-        Ok(())
+    let mismatch = || format!("{value} is not of type {}", variable.data_type);
+    let within = |number: f64| match (variable.min, variable.max) {
+        (Some(min), _) if number < min => Err(format!("{value} is less than min {min}")),
+        (_, Some(max)) if number > max => Err(format!("{value} is greater than max {max}")),
+        _ => Ok(()),
     };
     match data_type {
         DataType::Real => {
@@ -413,134 +439,131 @@ fn start_value(
         DataType::String => {
             let text = value.as_str().ok_or_else(mismatch)?;
             if !survives_xml(text) {
-                return Err(
-                    "start contains a character that XML does not keep, such as a line break".to_owned()
-                );
+                return Err("it contains a character that XML does not keep, such as a line break".to_owned());
             }
             Ok(Start::String(text.to_owned()))
         }
         DataType::Enumeration(position) => {
             let name = value.as_str().ok_or_else(mismatch)?;
-            let items = &model.enumerations[position].items;
+            let items = &declaration.enumerations[position].items;
             let item = items.iter().position(|item| item.name == name);
-            item.map(Start::Item)
-                .ok_or_else(|| format!("start '{name}' is not an item of {}", json.data_type))
+            item.map(Start::Item).ok_or_else(|| {
+                let nearest = nearest(name, items.iter().map(|item| item.name.clone()));
+                format!("'{name}' is not an item of {}{nearest}", variable.data_type)
+            })
         }
     }
-}
-
-/// The units that the variables use, in the order of their file.
-pub(crate) fn units<'a>(
-    model: &json::Model,
-    variables: &[Variable],
-    units: &'a [json::Unit],
-) -> Result<Vec<&'a json::Unit>, Refusal> {
-    let file = &model.units;
-    let mut used = BTreeSet::new();
-    for variable in variables {
-        let Some(name) = variable.unit.as_deref() else {
-            continue;
-        };
-        let refuse = |reason: String| Err(Refusal::of(&variable.name, reason));
-        let Some(position) = units.iter().position(|unit| unit.name == name) else {
-            return refuse(format!("unit '{name}' is not defined in {file}"));
-        };
-        used.insert(position);
-        if let Some(name) = variable.display_unit.as_deref() {
-            let unit = &units[position];
-            if !unit.display_units.iter().any(|display| display.name == name) {
-                return refuse(format!("unit '{}' has no display unit '{name}' in {file}", unit.name));
-            }
-        }
-    }
-    Ok(used.into_iter().map(|position| &units[position]).collect())
 }
 
 /// The checks of the file of units by itself.
-pub(crate) fn unit_file(units: &[json::Unit]) -> Result<(), Refusal> {
-    unique("unit", units.iter().map(|unit| unit.name.as_str()))?;
-    for unit in units {
-        let name = &unit.name;
-        one_line(name).map_err(|reason| Refusal::new(format!("unit '{name}': {reason}")))?;
-        for display in &unit.display_units {
-            one_line(&display.name).map_err(|reason| {
-                Refusal::new(format!("unit '{name}', display unit '{}': {reason}", display.name))
-            })?;
+pub(crate) fn units(units: &[UnitDeclaration], refusals: &mut Refusals) {
+    let mut names = BTreeSet::new();
+    for (number, unit) in units.iter().enumerate() {
+        let (name, key) = (&unit.name, format!("[{number}]"));
+        let mut refuse = |key: String, reason: &str| refusals.add(key, format!("'{name}': {reason}"));
+        if !names.insert(name) {
+            refuse(format!("{key}.name"), "it is declared twice");
         }
-        unique(
-            &format!("unit '{name}': display unit"),
-            unit.display_units.iter().map(|unit| unit.name.as_str()),
-        )?;
-        if unit.factor == 0.0 || unit.display_units.iter().any(|display| display.factor == 0.0) {
-            return Err(Refusal::new(format!("unit '{name}': a factor is 0")));
+        if let Err(reason) = one_line(name) {
+            refuse(format!("{key}.name"), &reason);
+        }
+        if unit.factor == 0.0 {
+            refuse(format!("{key}.factor"), "it is 0");
         }
         if unit.base.is_none() && (unit.factor.to_bits() != 1.0_f64.to_bits() || unit.offset != 0.0) {
-            return Err(Refusal::new(format!(
-                "unit '{name}': a factor or offset needs a 'base' to refer to"
-            )));
+            refuse(key.clone(), "a factor or offset needs a 'base' to refer to");
+        }
+        let mut display_names = BTreeSet::new();
+        for (number, display) in unit.display_units.iter().enumerate() {
+            let key = format!("{key}.display_units[{number}]");
+            if !display_names.insert(display.name()) {
+                refuse(key.clone(), &format!("'{}' is declared twice", display.name()));
+            }
+            if let Err(reason) = one_line(display.name()) {
+                refuse(key.clone(), &reason);
+            }
+            if let DisplayUnitDeclaration::New { factor: 0.0, .. } = display {
+                refuse(format!("{key}.factor"), "it is 0");
+            }
+        }
+        if let Err(reason) = Units::new(units).find(name) {
+            refusals.add(format!("{key}.display_units"), reason);
         }
     }
-    Ok(())
 }
 
 /// Each state belongs to one of the groups, where there are any, and each group has states.
-pub(crate) fn state_groups(model: &json::Model, parts: &[Part<'_>]) -> Result<(), Refusal> {
-    let state = |part: &Part<'_>| {
-        part.fields.iter().find(|field| field.role == Role::State).map(|field| field.json.name.clone())
-    };
+pub(crate) fn state_groups(
+    declaration: &Declaration,
+    parts: &[Part<'_>],
+    scalars: &[Scalar],
+    refusals: &mut Refusals,
+) {
+    let groups = &declaration.state_groups;
     for part in parts {
+        let state = part.fields.iter().find(|field| field.place == Place::States);
         let component = part.name.unwrap_or_default();
-        match (part.state_group, state(part)) {
-            (Some(group), _) if model.state_groups.iter().all(|known| known.name != group) => {
-                return Err(Refusal::new(format!(
-                    "component '{component}': state_group '{group}' is not among the state_groups"
-                )));
+        match (part.state_group, state) {
+            (Some(group), _) if groups.iter().all(|known| known.name != group) => {
+                let nearest = nearest(group, groups.iter().map(|known| known.name.clone()));
+                let reason = format!("{component}: '{group}' is not one of the state_groups{nearest}");
+                refusals.add(format!("{}.state_group", part.key), reason);
             }
             (Some(group), None) => {
-                return Err(Refusal::new(format!(
-                    "component '{component}': it is in the state group '{group}', but has no states"
-                )));
+                let reason = format!("{component}: it is in the state group '{group}', but has no states");
+                refusals.add(format!("{}.state_group", part.key), reason);
             }
-            (None, Some(state)) if !model.state_groups.is_empty() => {
-                let name = part.name.map_or(state.clone(), |component| format!("{component}.{state}"));
-                return Err(Refusal::of(name, "it is a state whose component has no 'state_group'"));
+            (None, Some(state)) if !groups.is_empty() => {
+                let Scalar { name, key, .. } = &scalars[state.positions[0]];
+                refusals.add(key, format!("{name}: it is a state, but its component has no 'state_group'"));
             }
             _ => {}
         }
     }
-    let is_empty = |name: &str| parts.iter().all(|part| part.state_group != Some(name));
-    match model.state_groups.iter().find(|group| is_empty(&group.name)) {
-        Some(group) => Err(Refusal::new(format!("state group '{}' has no component", group.name))),
-        None => Ok(()),
+    for (number, group) in groups.iter().enumerate() {
+        if parts.iter().all(|part| part.state_group != Some(&group.name)) {
+            let reason = format!("no component is in the state group '{}'", group.name);
+            refusals.add(format!("state_groups[{number}]"), reason);
+        }
     }
 }
 
 /// The generated types must have different names.
-pub(crate) fn type_names(model: &json::Model, parts: &[Part<'_>]) -> Result<(), Refusal> {
-    let mut names: Vec<_> = model.enumerations.iter().map(|enumeration| enumeration.name.clone()).collect();
-    names.extend(rust::struct_names(model, parts));
-    names.extend(rust::FIXED_NAMES.map(str::to_owned));
-    unique("the generated type", names.iter().map(String::as_str))
+pub(crate) fn type_names(declaration: &Declaration, parts: &[Part<'_>], refusals: &mut Refusals) {
+    let mut names: BTreeSet<_> = rust::FIXED_NAMES.map(str::to_owned).into();
+    let enumerations = declaration.enumerations.iter().enumerate();
+    let enumerations =
+        enumerations.map(|(number, known)| (format!("enumerations[{number}].name"), known.name.clone()));
+    for (key, name) in rust::struct_names(declaration, parts).into_iter().chain(enumerations) {
+        if names.contains(&name) {
+            refusals.add(key, format!("two generated types would be called '{name}'"));
+        }
+        names.insert(name);
+    }
 }
 
 /// A co-simulation unit without outputs computes nothing for anyone.
-pub(crate) fn outputs(variables: &[Variable]) -> Result<(), Refusal> {
-    if variables.iter().any(|variable| variable.role == Role::Output) {
-        Ok(())
-    } else {
-        Err(Refusal::new("there is no variable with causality 'output'"))
+pub(crate) fn outputs(scalars: &[Scalar], refusals: &mut Refusals) {
+    if scalars.iter().all(|scalar| scalar.causality != Some(Causality::Output)) {
+        refusals.add("variables", "there is no variable with the causality 'output'");
     }
 }
 
 /// A calculated parameter changes with parameters only.
-pub(crate) fn calculated_parameters(variables: &[Variable]) -> Result<(), Refusal> {
-    for variable in variables.iter().filter(|variable| variable.role == Role::CalculatedParameter) {
-        let allowed = |role| matches!(role, Role::Parameter | Role::CalculatedParameter);
-        let others = variable.reads.iter().chain(variable.reads_in_initialization());
-        if let Some(read) = others.map(|&read| &variables[read]).find(|read| !allowed(read.role)) {
-            let reason = format!("a calculatedParameter reads '{}', which is not a parameter", read.name);
-            return Err(Refusal::of(&variable.name, reason));
+pub(crate) fn calculated_parameters(scalars: &[Scalar], refusals: &mut Refusals) {
+    let of_parameter = |scalar: &Scalar| {
+        matches!(scalar.causality, Some(Causality::Parameter | Causality::CalculatedParameter))
+    };
+    for scalar in scalars.iter().filter(|scalar| scalar.causality == Some(Causality::CalculatedParameter)) {
+        for (list, reads) in [("reads", &scalar.reads), ("initial_reads", &scalar.initial_reads)] {
+            let read = reads.iter().flatten().map(|&read| &scalars[read]).find(|read| !of_parameter(read));
+            if let Some(read) = read {
+                let (name, read) = (&scalar.name, &read.name);
+                let reason =
+                    format!("{name}: a calculatedParameter reads '{read}', which is not a parameter");
+                refusals.add(format!("{}.{list}", scalar.key), reason);
+                break;
+            }
         }
     }
-    Ok(())
 }

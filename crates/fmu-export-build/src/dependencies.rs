@@ -4,8 +4,9 @@
 //! find algebraic loops between FMUs they ask which *inputs* an output depends on, through whatever
 //! stands between. Each dependency named here is one that exists, and none is left out.
 
-use super::error::Refusal;
-use super::resolve::{Role, Variable};
+use crate::declaration::Causality;
+use crate::error::Refusals;
+use crate::model::{Place, Reads, Scalar};
 
 /// The lists of the XML's `ModelStructure`.
 pub(crate) struct Structure {
@@ -17,77 +18,76 @@ pub(crate) struct Structure {
     pub(crate) initial_unknowns: Vec<Unknown>,
 }
 
-/// A variable and the knowns it depends on, as ascending positions.
+/// A variable and the knowns it depends on, as ascending positions; none where it may depend on each.
 pub(crate) struct Unknown {
-    pub(crate) variable: usize,
-    pub(crate) dependencies: Vec<usize>,
+    pub(crate) scalar: usize,
+    pub(crate) dependencies: Option<Vec<usize>>,
 }
 
 impl Structure {
-    pub(crate) fn new(variables: &[Variable]) -> Self {
-        let positions = |wanted: fn(&Variable) -> bool| {
-            (0..variables.len()).filter(move |&position| wanted(&variables[position]))
+    pub(crate) fn new(scalars: &[Scalar]) -> Self {
+        let unknowns = |wanted: fn(&Scalar) -> bool,
+                        known: fn(&Scalar) -> bool,
+                        reads: fn(&Scalar) -> &Reads| {
+            let wanted = (0..scalars.len()).filter(|&position| wanted(&scalars[position]));
+            let unknown = |scalar| Unknown { scalar, dependencies: closure(scalars, scalar, known, reads) };
+            wanted.map(unknown).collect()
         };
-        let in_steps = |variable| Unknown {
-            variable,
-            dependencies: closure(variables, variable, Variable::known_in_steps, |variable| &variable.reads),
-        };
+        let in_steps = |wanted| unknowns(wanted, Scalar::known_in_steps, |scalar| &scalar.reads);
         Self {
-            outputs: positions(|variable| variable.role == Role::Output).map(in_steps).collect(),
-            derivatives: positions(|variable| variable.role == Role::Derivative).map(in_steps).collect(),
-            initial_unknowns: positions(Variable::unknown_in_initialization)
-                .map(|variable| Unknown {
-                    variable,
-                    dependencies: closure(
-                        variables,
-                        variable,
-                        Variable::known_in_initialization,
-                        Variable::reads_in_initialization,
-                    ),
-                })
-                .collect(),
+            outputs: in_steps(|scalar| scalar.causality == Some(Causality::Output)),
+            derivatives: in_steps(|scalar| scalar.place == Place::Derivatives),
+            initial_unknowns: unknowns(
+                Scalar::unknown_in_initialization,
+                Scalar::known_in_initialization,
+                |scalar| &scalar.initial_reads,
+            ),
         }
     }
 }
 
-/// The knowns that are reached from a variable through the variables in between.
+/// The knowns that are reached from a variable through the variables in between. A state that is an output
+/// depends on itself.
 fn closure(
-    variables: &[Variable],
+    scalars: &[Scalar],
     from: usize,
-    known: fn(&Variable) -> bool,
-    reads: fn(&Variable) -> &[usize],
-) -> Vec<usize> {
-    let mut reached = vec![false; variables.len()];
-    let mut pending = reads(&variables[from]).to_vec();
+    known: fn(&Scalar) -> bool,
+    reads: fn(&Scalar) -> &Reads,
+) -> Option<Vec<usize>> {
+    let mut reached = vec![false; scalars.len()];
+    let mut pending = vec![from];
     while let Some(position) = pending.pop() {
-        if !reached[position] {
+        if known(&scalars[position]) {
             reached[position] = true;
-            if !known(&variables[position]) {
-                pending.extend_from_slice(reads(&variables[position]));
+            continue;
+        }
+        for &read in reads(&scalars[position]).as_ref()? {
+            if !reached[read] {
+                reached[read] = true;
+                pending.push(read);
             }
         }
     }
-    (0..variables.len()).filter(|&position| reached[position] && known(&variables[position])).collect()
+    Some((0..scalars.len()).filter(|&position| reached[position] && known(&scalars[position])).collect())
 }
 
 /// Refuses variables that read each other in a circle without a state in between: no order of the
 /// equations computes them. (In initialization states may be solved for together, so a circle through
 /// `initial_reads` is a system of equations and allowed.)
-pub(crate) fn refuse_cycles(variables: &[Variable]) -> Result<(), Refusal> {
-    let mut finished = vec![false; variables.len()];
-    for position in 0..variables.len() {
-        if let Some(cycle) = find_cycle(variables, position, &mut Vec::new(), &mut finished) {
-            let names: Vec<_> = cycle.iter().map(|&position| variables[position].name.as_str()).collect();
-            let reason = format!("it reads itself: {} -> {}", names.join(" -> "), names[0]);
-            return Err(Refusal::of(names[0], reason));
+pub(crate) fn refuse_cycles(scalars: &[Scalar], refusals: &mut Refusals) {
+    let mut finished = vec![false; scalars.len()];
+    for position in 0..scalars.len() {
+        if let Some(cycle) = find_cycle(scalars, position, &mut Vec::new(), &mut finished) {
+            let names: Vec<_> = cycle.iter().map(|&position| scalars[position].name.as_str()).collect();
+            let reason = format!("{} reads itself: {} -> {}", names[0], names.join(" -> "), names[0]);
+            return refusals.add(format!("{}.reads", scalars[cycle[0]].key), reason);
         }
     }
-    Ok(())
 }
 
 /// Searches in depth; `path` holds the variables between the first one and this one.
 fn find_cycle(
-    variables: &[Variable],
+    scalars: &[Scalar],
     position: usize,
     path: &mut Vec<usize>,
     finished: &mut [bool],
@@ -97,8 +97,8 @@ fn find_cycle(
     }
     if !finished[position] {
         path.push(position);
-        let reads = &variables[position].reads;
-        let found = reads.iter().find_map(|&read| find_cycle(variables, read, path, finished));
+        let reads = scalars[position].reads.iter().flatten();
+        let found = reads.copied().find_map(|read| find_cycle(scalars, read, path, finished));
         if found.is_some() {
             return found;
         }

@@ -1,72 +1,235 @@
-//! What `generate` says when a model's description is refused.
+//! What is wrong in a declaration, and where.
 
 use std::fmt;
+use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Why no interface was generated: the file, the variable where one is to blame, and the reason.
+use jsonc_parser::ast;
+use jsonc_parser::common::Ranged as _;
+use serde::de::DeserializeOwned;
+
+/// Why nothing was generated: one or more findings, each with file, line and key.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Error {
+pub struct Error(Vec<Finding>);
+
+/// One thing that is wrong.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Finding {
     file: PathBuf,
-    refusal: Refusal,
+    line: Option<usize>,
+    key: String,
+    reason: String,
 }
 
 impl Error {
-    pub(crate) fn new(file: &Path, refusal: impl Into<Refusal>) -> Self {
-        Self { file: file.to_owned(), refusal: refusal.into() }
+    /// What is wrong with a file as a whole.
+    pub(crate) fn of_file(file: &Path, reason: impl fmt::Display) -> Self {
+        Self(vec![Finding {
+            file: file.to_owned(),
+            line: None,
+            key: String::new(),
+            reason: reason.to_string(),
+        }])
     }
 
-    /// The file that has to be mended.
-    #[must_use]
-    pub fn file(&self) -> &Path {
-        &self.file
+    /// What is wrong in a line of a file.
+    pub(crate) fn of_line(file: &Path, line: usize, reason: impl fmt::Display) -> Self {
+        let reason = reason.to_string();
+        Self(vec![Finding { file: file.to_owned(), line: Some(line), key: String::new(), reason }])
     }
 
-    /// The variable that the reason is about, when it is about a single one.
+    /// Everything that is wrong, in the order in which it was found.
     #[must_use]
-    pub fn variable(&self) -> Option<&str> {
-        self.refusal.variable.as_deref()
-    }
-
-    /// What is wrong.
-    #[must_use]
-    pub fn reason(&self) -> &str {
-        &self.refusal.reason
+    pub fn findings(&self) -> &[Finding] {
+        &self.0
     }
 }
 
 impl fmt::Display for Error {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{}: ", self.file.display())?;
-        if let Some(variable) = &self.refusal.variable {
-            write!(formatter, "variable '{variable}': ")?;
+        let lines: Vec<_> = self.0.iter().map(Finding::to_string).collect();
+        formatter.write_str(&lines.join("\n"))
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{}:", self.file.display())?;
+        if let Some(line) = self.line {
+            write!(formatter, "{line}:")?;
         }
-        formatter.write_str(&self.refusal.reason)
+        if !self.key.is_empty() {
+            write!(formatter, " {}:", self.key)?;
+        }
+        write!(formatter, " {}", self.reason)
     }
 }
 
 impl std::error::Error for Error {}
 
-/// An error before it is known which file is being read.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// What a check refuses: the path of the key to blame, such as `variables[3].unit`, and the reason.
+#[derive(Debug)]
 pub(crate) struct Refusal {
-    variable: Option<String>,
+    key: String,
     reason: String,
 }
 
 impl Refusal {
-    /// A reason that concerns the model as a whole.
-    pub(crate) fn new(reason: impl Into<String>) -> Self {
-        Self { variable: None, reason: reason.into() }
-    }
-
-    /// A reason that concerns one variable.
-    pub(crate) fn of(variable: impl Into<String>, reason: impl Into<String>) -> Self {
-        Self { variable: Some(variable.into()), reason: reason.into() }
+    pub(crate) fn new(key: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self { key: key.into(), reason: reason.into() }
     }
 }
 
-impl From<String> for Refusal {
-    fn from(reason: String) -> Self {
-        Self::new(reason)
+/// Refusals that are collected, to be told all at once: of each key the first, as what is wrong in a component type
+/// is wrong in all its components.
+#[derive(Debug, Default)]
+pub(crate) struct Refusals(Vec<Refusal>);
+
+impl Refusals {
+    pub(crate) fn add(&mut self, key: impl Into<String>, reason: impl Into<String>) {
+        self.push(Refusal::new(key, reason));
     }
+
+    fn push(&mut self, refusal: Refusal) {
+        if self.0.iter().all(|known| known.key != refusal.key) {
+            self.0.push(refusal);
+        }
+    }
+
+    /// The value of what was not refused.
+    pub(crate) fn take<T>(&mut self, result: Result<T, Refusal>) -> Option<T> {
+        result.map_err(|refusal| self.push(refusal)).ok()
+    }
+
+    /// Ends a round of checks whose results the next ones need.
+    pub(crate) fn check(&mut self) -> Result<(), Self> {
+        if self.0.is_empty() { Ok(()) } else { Err(std::mem::take(self)) }
+    }
+}
+
+impl IntoIterator for Refusals {
+    type Item = Refusal;
+    type IntoIter = std::vec::IntoIter<Refusal>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.0.into_iter()
+    }
+}
+
+/// A file of JSON that was read.
+pub(crate) struct Source {
+    file: PathBuf,
+    text: String,
+}
+
+impl Source {
+    /// Reads a file of the schema `T`.
+    pub(crate) fn read<T: DeserializeOwned>(file: &Path) -> Result<(T, Self), Error> {
+        let text = fs::read_to_string(file).map_err(|error| Error::of_file(file, error))?;
+        let deserializer = &mut serde_json::Deserializer::from_str(&text);
+        let value = serde_path_to_error::deserialize(&mut *deserializer).map_err(|error| {
+            let key = error.path().to_string();
+            (key, error.into_inner())
+        });
+        let value = value.and_then(|value| match deserializer.end() {
+            Ok(()) => Ok(value),
+            Err(error) => Err((String::new(), error)),
+        });
+        let source = Self { file: file.to_owned(), text };
+        match value {
+            Ok(value) => Ok((value, source)),
+            Err((key, error)) => {
+                // The position has a place of its own in a finding.
+                let position = format!(" at line {} column {}", error.line(), error.column());
+                let reason = error.to_string();
+                let reason = reason.strip_suffix(&position).unwrap_or(&reason);
+                let reason = plain(reason);
+                if error.is_data() {
+                    let key = key.trim_end_matches(".?").trim_start_matches(['.', '?']);
+                    return Err(source.error([Refusal::new(key, reason)]));
+                }
+                // Not JSON: there are no keys yet.
+                Err(Error::of_line(file, error.line(), reason))
+            }
+        }
+    }
+
+    /// Refusals of this file's content.
+    pub(crate) fn error(&self, refusals: impl IntoIterator<Item = Refusal>) -> Error {
+        let parsed = jsonc_parser::parse_to_ast(
+            &self.text,
+            &jsonc_parser::CollectOptions::default(),
+            &jsonc_parser::ParseOptions::default(),
+        );
+        let root = parsed.ok().and_then(|parsed| parsed.value);
+        let findings = refusals.into_iter().map(|Refusal { key, reason }| {
+            let before = root.as_ref().map(|root| &self.text[..offset(root, &key)]);
+            let line = before.map(|before| 1 + before.matches('\n').count());
+            Finding { file: self.file.clone(), line, key, reason }
+        });
+        let mut findings: Vec<_> = findings.collect();
+        findings.sort_by_key(|finding| finding.line);
+        Error(findings)
+    }
+}
+
+/// Where in a text the value of a path stands, or else the innermost one around it that is there.
+fn offset(root: &ast::Value<'_>, path: &str) -> usize {
+    let (mut value, mut start) = (root, root.start());
+    for segment in path.split(['.', '[']) {
+        let next = match (value, segment.strip_suffix(']')) {
+            (ast::Value::Array(array), Some(index)) => index
+                .parse()
+                .ok()
+                .and_then(|index: usize| array.elements.get(index))
+                .map(|next| (next, next.start())),
+            (ast::Value::Object(object), None) => {
+                object.get(segment).map(|property| (&property.value, property.start()))
+            }
+            _ => None,
+        };
+        let Some(found) = next else { break };
+        (value, start) = found;
+    }
+    start
+}
+
+/// Serde's reason in the words of those who write JSON, with the word that is likely meant by an unknown one.
+fn plain(reason: &str) -> String {
+    let words: Vec<_> = reason.split('`').skip(1).step_by(2).collect();
+    if let ([word, known @ ..], Some((unknown, _))) = (&words[..], reason.split_once(", expected "))
+        && unknown.starts_with("unknown ")
+    {
+        let nearest = nearest(word, known.iter().map(|known| (*known).to_owned()));
+        let reason = if nearest.is_empty() { reason.to_owned() } else { format!("{unknown}{nearest}") };
+        return reason.replace("unknown field", "unknown key").replace("unknown variant", "unknown value");
+    }
+    let reason = reason.replace("missing field", "missing key");
+    let found = reason.strip_prefix("invalid type: ").or_else(|| reason.strip_prefix("invalid value: "));
+    let Some((found, expected)) = found.and_then(|found| found.rsplit_once(", expected ")) else {
+        return reason;
+    };
+    let expected = match expected {
+        "a sequence" => "a list",
+        "f64" => "a number",
+        "u32" => "a whole number from 0 to 4294967295",
+        "usize" => "a whole number that is not negative",
+        "i32" => "a whole number",
+        _ if expected.starts_with("struct ") => "an object",
+        _ => expected,
+    };
+    format!("expected {expected}, found {}", found.replace("sequence", "list").replace("map", "object"))
+}
+
+/// The known name that is most like one, as the end of a message; nothing where none is like it.
+pub(crate) fn nearest(name: &str, known: impl Iterator<Item = String>) -> String {
+    let distance = |other: &str| {
+        let lower = strsim::osa_distance(&name.to_lowercase(), &other.to_lowercase());
+        (lower, strsim::osa_distance(name, other), other.len())
+    };
+    let is_like = |other: &str| 3 * distance(other).0 <= name.chars().count().max(other.chars().count()) + 1;
+    known
+        .filter(|known| is_like(known))
+        .min_by_key(|known| distance(known))
+        .map_or_else(String::new, |known| format!("; the nearest is '{known}'"))
 }

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion, escape};
 
-use super::error::{Error, Refusal};
+use crate::error::{Error, nearest};
 
 /// A fragment that is ready for the page.
 #[derive(Default)]
@@ -59,7 +59,7 @@ struct Place {
 
 impl Place {
     fn refuse(&self, reason: &str) -> Error {
-        Error::new(&self.file, format!("line {}: {reason}", self.line))
+        Error::of_line(&self.file, self.line, reason)
     }
 }
 
@@ -75,7 +75,7 @@ struct Reading<'a> {
 impl Reading<'_> {
     /// Appends the content of a file: the fragment itself, or a picture with what it is called.
     fn include(&mut self, file: &Path, picture: Option<&str>) -> Result<(), Error> {
-        let text = fs::read_to_string(file).map_err(|error| Error::new(file, error.to_string()))?;
+        let text = fs::read_to_string(file).map_err(|error| Error::of_file(file, error))?;
         self.fragment.files.push(file.to_owned());
         let mut reader = Reader::from_str(&text);
         reader.config_mut().expand_empty_elements = true;
@@ -143,8 +143,8 @@ impl Reading<'_> {
             return Err(place.refuse("<var> is for the name of a variable"));
         };
         let anchor = self.anchors.get(&*name).ok_or_else(|| {
-            let reason = format!("line {} names it, but the model has no such variable", place.line);
-            Error::new(&place.file, Refusal::of(&*name, reason))
+            let nearest = nearest(&name, self.anchors.keys().cloned());
+            place.refuse(&format!("the model has no variable '{}'{nearest}", &*name))
         })?;
         self.fragment.markup += &format!("<a href=\"#{anchor}\"><var>");
         self.text(&name.replace('.', ".<wbr/>"), open);

@@ -1,6 +1,6 @@
 //! The page for people: `documentation/index.html` of the FMU (FMI 2.0.5, section 2.3).
 //!
-//! It says what modelDescription.xml says, from the same resolved model, and takes in the fragment that the
+//! It says what modelDescription.xml says, from the same model, and takes in the fragment that the
 //! model's author wrote. The page is whole by itself, readable without scripts, the same bytes for the same
 //! model, and XML as well as HTML: every element is closed, so that a parser of either reads the same.
 
@@ -9,37 +9,59 @@ use std::fmt::Write as _;
 
 use quick_xml::escape::escape;
 
-use super::dependencies::Structure;
-use super::fragment::Fragment;
-use super::json::{self, Units};
-use super::resolve::{DataType, Field, Part, Resolved, Role, Start};
-use super::xml;
+use crate::declaration::{Causality, UnitNames, VariableDeclaration};
+use crate::dependencies::Structure;
+use crate::fragment::Fragment;
+use crate::model::{DataType, Field, Model, Part, Place, Start};
+use crate::xml;
 
-/// The tables of variables in their order on the page: id, title, and whose variables.
-const TABLES: [(&str, &str, Role); 6] = [
-    ("page-inputs", "Inputs", Role::Input),
-    ("page-outputs", "Outputs", Role::Output),
-    ("page-parameters", "Parameters", Role::Parameter),
-    ("page-calculated-parameters", "Calculated parameters", Role::CalculatedParameter),
-    ("page-states", "States", Role::State),
-    ("page-locals", "Local variables", Role::Local),
+/// A table of variables on the page.
+#[derive(Clone, Copy)]
+struct Table {
+    id: &'static str,
+    title: &'static str,
+    causality: Causality,
+    /// Of the local variables, whether they are states; an output that is a state is with the outputs.
+    of_states: bool,
+}
+
+impl Table {
+    const fn new(id: &'static str, title: &'static str, causality: Causality) -> Self {
+        Self { id, title, causality, of_states: false }
+    }
+
+    fn has(&self, field: &Field<'_>) -> bool {
+        let is_state = field.place == Place::States;
+        self.causality == field.declaration.causality
+            && (self.causality != Causality::Local || self.of_states == is_state)
+    }
+}
+
+/// The tables in their order.
+const TABLES: [Table; 6] = [
+    Table::new("page-inputs", "Inputs", Causality::Input),
+    Table::new("page-outputs", "Outputs", Causality::Output),
+    Table::new("page-parameters", "Parameters", Causality::Parameter),
+    Table::new("page-calculated-parameters", "Calculated parameters", Causality::CalculatedParameter),
+    Table { of_states: true, ..Table::new("page-states", "States", Causality::Local) },
+    Table::new("page-locals", "Local variables", Causality::Local),
 ];
 
 /// The id on the page of each name that a variable or an enumeration goes by: an array's elements are in its
 /// row.
-pub(crate) fn anchors(model: &Resolved<'_>) -> BTreeMap<String, String> {
-    let others = model.model.enumerations.iter().map(|enumeration| enumeration.name.as_str());
+pub(crate) fn anchors(model: &Model<'_>) -> BTreeMap<String, String> {
+    let others = model.declaration.enumerations.iter().map(|enumeration| enumeration.name.as_str());
     let mut anchors: BTreeMap<String, String> =
         others.chain(["time"]).map(|name| (name.to_owned(), name.to_owned())).collect();
     for (part, field) in fields(model) {
         let name = name(part, field);
         for &position in &field.positions {
-            anchors.insert(model.variables[position].name.clone(), name.clone());
-            if field.role == Role::State {
-                anchors.insert(model.variables[position + 1].name.clone(), derivative(&name));
+            anchors.insert(model.scalars[position].name.clone(), name.clone());
+            if field.place == Place::States {
+                anchors.insert(model.scalars[position + 1].name.clone(), derivative(&name));
             }
         }
-        if field.role == Role::State {
+        if field.place == Place::States {
             anchors.insert(derivative(&name), derivative(&name));
         }
         anchors.insert(name.clone(), name);
@@ -49,17 +71,20 @@ pub(crate) fn anchors(model: &Resolved<'_>) -> BTreeMap<String, String> {
 
 /// Writes the page.
 pub(crate) fn write(
-    model: &Resolved<'_>,
+    model: &Model<'_>,
     structure: &Structure,
     guid: &str,
     fragment: Option<&Fragment>,
 ) -> String {
     let page = Page { model, structure, anchors: anchors(model) };
-    let json = model.model;
+    let description = model.description.iter().map(|description| format!(": {description}"));
+    let title = model.identifier.clone() + &description.collect::<String>();
     format!(
         include_str!("page/page.html"),
-        name = escape(&json.model_identifier),
-        description = escape(&json.description),
+        name = escape(&model.identifier),
+        title = escape(&title),
+        description = escape(model.description.as_deref().unwrap_or_default()),
+        time = model.scalars[0].value_reference,
         style = include_str!("page/style.css"),
         script = include_str!("page/filter.js"),
         contents = page.contents(fragment),
@@ -67,9 +92,9 @@ pub(crate) fn write(
         capabilities = page.capabilities(),
         commands = page.commands(),
         model = fragment.map(model_section).unwrap_or_default(),
-        tables = TABLES.map(|table| page.table(table)).concat(),
+        tables = TABLES.map(|table| page.table(&table)).concat(),
         enumerations = page.enumerations(),
-        log_categories = lines(json.log_categories.iter().map(|category| {
+        log_categories = lines(model.log_categories.iter().map(|category| {
             let (name, meaning) = (escape(&category.name), escape(&category.description));
             format!("<tr><th scope=\"row\"><code>{name}</code></th><td>{meaning}</td></tr>")
         })),
@@ -82,14 +107,14 @@ fn model_section(fragment: &Fragment) -> String {
 }
 
 /// Every declared variable, with the part that it belongs to.
-fn fields<'m, 'a>(model: &'m Resolved<'a>) -> impl Iterator<Item = (&'m Part<'a>, &'m Field<'a>)> {
+fn fields<'m, 'a>(model: &'m Model<'a>) -> impl Iterator<Item = (&'m Part<'a>, &'m Field<'a>)> {
     model.parts.iter().flat_map(|part| part.fields.iter().map(move |field| (part, field)))
 }
 
 /// The name of a declared variable, without subscripts.
 fn name(part: &Part<'_>, field: &Field<'_>) -> String {
     let component = part.name.map(|name| format!("{name}.")).unwrap_or_default();
-    format!("{component}{}", field.json.name)
+    format!("{component}{}", field.declaration.name)
 }
 
 fn derivative(name: &str) -> String {
@@ -97,15 +122,15 @@ fn derivative(name: &str) -> String {
 }
 
 struct Page<'m, 'a> {
-    model: &'m Resolved<'a>,
+    model: &'m Model<'a>,
     structure: &'m Structure,
     anchors: BTreeMap<String, String>,
 }
 
 impl<'m, 'a> Page<'m, 'a> {
-    /// The declared variables of a role.
-    fn of(&self, role: Role) -> impl Iterator<Item = (&'m Part<'a>, &'m Field<'a>)> + use<'m, 'a> {
-        fields(self.model).filter(move |(_, field)| field.role == role)
+    /// The declared variables in a place.
+    fn of(&self, place: Place) -> impl Iterator<Item = (&'m Part<'a>, &'m Field<'a>)> + use<'m, 'a> {
+        fields(self.model).filter(move |(_, field)| field.place == place)
     }
 
     fn contents(&self, fragment: Option<&Fragment>) -> String {
@@ -117,10 +142,10 @@ impl<'m, 'a> Page<'m, 'a> {
             let headings = fragment.headings.iter().map(|(id, title)| entry(id, title, "")).collect();
             entries.push(entry("page-model", "Model", &below(headings)));
         }
-        let tables = TABLES.iter().filter(|(_, _, role)| self.of(*role).next().is_some());
-        let tables = tables.map(|(id, title, _)| entry(id, title, "")).collect();
+        let tables = TABLES.iter().filter(|table| fields(self.model).any(|(_, field)| table.has(field)));
+        let tables = tables.map(|table| entry(table.id, table.title, "")).collect();
         entries.push(entry("page-variables", "Variables", &below(tables)));
-        if !self.model.model.enumerations.is_empty() {
+        if !self.model.declaration.enumerations.is_empty() {
             entries.push(entry("page-enumerations", "Enumerations", ""));
         }
         entries.push(entry("page-log-categories", "Log categories", ""));
@@ -128,40 +153,40 @@ impl<'m, 'a> Page<'m, 'a> {
     }
 
     fn facts(&self, guid: &str) -> String {
-        let json = self.model.model;
-        let experiment = &json.default_experiment;
-        let counts = TABLES.iter().filter_map(|(_, title, role)| {
-            let count = self.model.of_role(*role).count();
-            (count > 0).then(|| format!("{count} {}", title.to_lowercase()))
+        let model = self.model;
+        let counts = TABLES.iter().filter_map(|table| {
+            let fields = fields(model).filter(|(_, field)| table.has(field));
+            let count: usize = fields.map(|(_, field)| field.positions.len()).sum();
+            (count > 0).then(|| format!("{count} {}", table.title.to_lowercase()))
         });
+        let counts = counts.collect::<Vec<_>>().join(", ");
+        let experiment = self.experiment();
         let facts = [
-            ("Interface", "FMI 2.0 for co-simulation"),
-            ("Version", self.model.version),
-            ("Author", &json.author),
-            ("Copyright", &json.copyright),
-            ("License", &json.license),
-            ("Generation tool", xml::GENERATION_TOOL),
-            ("GUID", guid),
-            (
-                "Default experiment",
-                &format!(
-                    "{} s to {} s in steps of {} s",
-                    number(experiment.start_time),
-                    number(experiment.stop_time),
-                    number(experiment.step_size)
-                ),
-            ),
-            ("Scalar variables", &counts.collect::<Vec<_>>().join(", ")),
+            ("Interface", Some("FMI 2.0 for co-simulation")),
+            ("Version", Some(model.version)),
+            ("Author", model.author.as_deref()),
+            ("Copyright", model.declaration.copyright.as_deref()),
+            ("License", model.license.as_deref()),
+            ("Generation tool", Some(xml::GENERATION_TOOL)),
+            ("GUID", Some(guid)),
+            ("Default experiment", experiment.as_deref()),
+            ("Scalar variables", Some(&counts)),
         ];
-        lines(
-            facts
-                .into_iter()
-                .map(|(term, text)| format!("<div><dt>{term}</dt><dd>{}</dd></div>", escape(text))),
-        )
+        let facts = facts.into_iter().filter_map(|(term, text)| Some((term, text?)));
+        lines(facts.map(|(term, text)| format!("<div><dt>{term}</dt><dd>{}</dd></div>", escape(text))))
+    }
+
+    /// What is declared of the default experiment: `0 s to 10 s in steps of 0.1 s`.
+    fn experiment(&self) -> Option<String> {
+        let experiment = self.model.declaration.default_experiment.as_ref()?;
+        let from = experiment.start_time.or(experiment.stop_time.and(Some(0.0)));
+        let parts = [("", from), ("to ", experiment.stop_time), ("in steps of ", experiment.step_size)];
+        let parts = parts.into_iter().filter_map(|(word, time)| Some(format!("{word}{} s", number(time?))));
+        Some(parts.collect::<Vec<_>>().join(" ")).filter(|text| !text.is_empty())
     }
 
     fn capabilities(&self) -> String {
-        let has = &self.model.model.capabilities;
+        let has = &self.model.declaration.capabilities;
         let capabilities = [
             (
                 "canHandleVariableCommunicationStepSize",
@@ -198,24 +223,25 @@ impl<'m, 'a> Page<'m, 'a> {
 
     /// What to type for a run in FMPy, and the inputs as a file.
     fn commands(&self) -> String {
-        let name = &self.model.model.model_identifier;
+        let name = &self.model.identifier;
         let run = |options: &str| format!("fmpy simulate {name}.fmu{options} --output-file result.csv\n");
         let mut commands = format!("fmpy info {name}.fmu\nfmpy validate {name}.fmu\n") + &run("");
-        let experiment = &self.model.model.default_experiment;
-        let (mut header, mut values) = ("\"time\"".to_owned(), number(experiment.start_time));
-        for (part, field) in self.of(Role::Input) {
+        let experiment = self.model.declaration.default_experiment.as_ref();
+        let start_time = experiment.and_then(|experiment| experiment.start_time).unwrap_or(0.0);
+        let (mut header, mut values) = ("\"time\"".to_owned(), number(start_time));
+        for (part, field) in self.of(Place::Inputs) {
             if let Some(value) = self.typed_start(field) {
                 let _ = write!(header, ",\"{}\"", self::name(part, field));
                 let _ = write!(values, ",{value}");
             }
         }
-        let parameters = self.of(Role::Parameter);
+        let parameters = self.of(Place::Parameters);
         let mut settings =
             parameters.filter_map(|(part, field)| Some((self::name(part, field), self.typed_start(field)?)));
         if let Some((parameter, value)) = settings.next() {
             commands += &run(&format!(" --start-values {parameter} {value}"));
         }
-        if self.of(Role::Input).next().is_none() {
+        if self.of(Place::Inputs).next().is_none() {
             return format!("<pre>{commands}</pre>");
         }
         commands += &run(" --input-file inputs.csv");
@@ -229,8 +255,8 @@ impl<'m, 'a> Page<'m, 'a> {
     /// The start value of a scalar as FMPy's command line and its files of inputs take it; no text, which
     /// they would need quoted.
     fn typed_start(&self, field: &Field<'_>) -> Option<String> {
-        let start = self.model.variables[field.positions[0]].start.as_ref();
-        match start.filter(|_| field.json.dimensions.is_empty())? {
+        let start = self.model.scalars[field.positions[0]].start.as_ref();
+        match start.filter(|_| field.declaration.dimensions.is_empty())? {
             Start::Boolean(value) => Some(u8::from(*value).to_string()),
             Start::String(_) => None,
             Start::Real(value) => Some(number(*value)),
@@ -238,10 +264,11 @@ impl<'m, 'a> Page<'m, 'a> {
         }
     }
 
-    /// The variables of a role, by component.
-    fn table(&self, (id, title, role): (&str, &str, Role)) -> String {
+    /// The variables of a table, by component.
+    fn table(&self, table: &Table) -> String {
+        let Table { id, title, .. } = table;
         let parts = self.model.parts.iter().map(|part| {
-            let fields: Vec<_> = part.fields.iter().filter(|field| field.role == role).collect();
+            let fields: Vec<_> = part.fields.iter().filter(|field| table.has(field)).collect();
             (part, fields)
         });
         let parts: Vec<_> = parts.filter(|(_, fields)| !fields.is_empty()).collect();
@@ -250,8 +277,9 @@ impl<'m, 'a> Page<'m, 'a> {
             return String::new();
         }
         let columns = Columns {
-            start: matches!(role, Role::Input | Role::Parameter | Role::State),
-            range: all().any(|field| field.json.min.is_some() || field.json.max.is_some()),
+            start: all().any(|field| self.model.scalars[field.positions[0]].start.is_some()),
+            initial: table.of_states,
+            range: all().any(|field| field.declaration.min.is_some() || field.declaration.max.is_some()),
         };
         let mut text = format!("<section id=\"{id}\">\n<h3>{title}</h3>\n<table class=\"variables\">\n");
         let head = [
@@ -260,7 +288,7 @@ impl<'m, 'a> Page<'m, 'a> {
             (true, "unit", "Unit or type"),
             (columns.start, "start", "Start"),
             (columns.range, "range", "Range"),
-            (true, "kind", if role == Role::State { "Initial" } else { "Variability" }),
+            (true, "kind", if columns.initial { "Initial" } else { "Variability" }),
             (true, "description", "Description"),
         ];
         let head: Vec<_> = head.into_iter().filter(|(shown, _, _)| *shown).collect();
@@ -275,12 +303,12 @@ impl<'m, 'a> Page<'m, 'a> {
                     text,
                     "<tr class=\"component\"><th colspan=\"{}\" scope=\"rowgroup\"><code>{component}</code> {}</th></tr>",
                     head.len(),
-                    escape(part.description)
+                    escape(part.description.unwrap_or_default())
                 );
             }
             for field in fields {
                 text += &self.row(part, field, &columns);
-                if let [_, width] = field.json.dimensions[..]
+                if let [_, width] = field.declaration.dimensions[..]
                     && columns.start
                 {
                     let matrix = self.matrix(field, width);
@@ -294,22 +322,23 @@ impl<'m, 'a> Page<'m, 'a> {
 
     fn row(&self, part: &Part<'_>, field: &Field<'_>, columns: &Columns) -> String {
         let name = name(part, field);
-        let first = &self.model.variables[field.positions[0]];
-        let dimensions: Vec<_> = field.json.dimensions.iter().map(usize::to_string).collect();
+        let first = &self.model.scalars[field.positions[0]];
+        let dimensions: Vec<_> = field.declaration.dimensions.iter().map(usize::to_string).collect();
         let dimensions =
             if dimensions.is_empty() { String::new() } else { format!("[{}]", dimensions.join(",")) };
         let mut text =
             format!("<tr id=\"{name}\"><th scope=\"row\">{}", code(&format!("{name}{dimensions}")));
-        let mut reference = references(field, 0);
+        let mut reference = self.references(field, 0);
         let mut unit = self.unit_or_type(field);
-        let mut description = escape(&field.json.description).into_owned();
-        if let Some(json) = &field.json.derivative {
-            let rate = &self.model.variables[field.positions[0] + 1];
+        let description = field.declaration.description.as_deref().unwrap_or_default();
+        let mut description = escape(description).into_owned();
+        if let Some(declared) = &field.declaration.derivative {
+            let rate = &self.model.scalars[field.positions[0] + 1];
             let name = derivative(&name);
             let _ = write!(text, "<span id=\"{name}\">{}</span>", code(&format!("{name}{dimensions}")));
-            let _ = write!(reference, "<span>{}</span>", references(field, 1));
+            let _ = write!(reference, "<span>{}</span>", self.references(field, 1));
             let _ = write!(unit, "<span>{}</span>", escape(rate.unit.as_deref().unwrap_or_default()));
-            let derived = json.description.as_deref().unwrap_or("time derivative");
+            let derived = declared.description.as_deref().unwrap_or("time derivative");
             let _ = write!(description, "<span>{}</span>", escape(derived));
         }
         let _ = write!(text, "</th><td class=\"reference\">{reference}</td><td class=\"unit\">{unit}</td>");
@@ -317,40 +346,52 @@ impl<'m, 'a> Page<'m, 'a> {
             let _ = write!(text, "<td class=\"start\">{}</td>", self.start(field));
         }
         if columns.range {
-            let _ = write!(text, "<td class=\"range\">{}</td>", range(field.json));
+            let _ = write!(text, "<td class=\"range\">{}</td>", range(field.declaration));
         }
         let kind = match first.initial {
-            Some(initial) if field.role == Role::State => xml::initial(initial),
+            Some(initial) if columns.initial => xml::initial(initial),
             _ => xml::variability(first.variability),
         };
-        if field.role == Role::Output {
+        if field.place == Place::Outputs {
             description += &self.dependencies(field);
         }
         let _ = writeln!(text, "<td class=\"kind\">{kind}</td><td>{description}</td></tr>");
         text
     }
 
+    /// The value references of a variable's elements, or (1) of their derivatives.
+    fn references(&self, field: &Field<'_>, offset: usize) -> String {
+        let scalars = field.positions.iter().map(|position| &self.model.scalars[position + offset]);
+        let references: Vec<_> = scalars.map(|scalar| scalar.value_reference).collect();
+        match references[..] {
+            [first, .., last] if references.windows(2).all(|pair| pair[1] == pair[0] + 1) => {
+                format!("{first} … {last}")
+            }
+            _ => references.iter().map(u32::to_string).collect::<Vec<_>>().join(", "),
+        }
+    }
+
     fn unit_or_type(&self, field: &Field<'_>) -> String {
         match field.data_type {
             DataType::Real => {
-                let unit = match &field.json.unit {
-                    Some(Units::All(unit)) => unit.clone(),
-                    Some(Units::Each(units)) => units.join(", "),
+                let unit = match &field.declaration.unit {
+                    Some(UnitNames::All(unit)) => unit.clone(),
+                    Some(UnitNames::Each(units)) => units.join(", "),
                     None => String::new(),
                 };
                 escape(&unit).into_owned()
             }
             DataType::Enumeration(enumeration) => {
-                let name = &self.model.model.enumerations[enumeration].name;
+                let name = &self.model.declaration.enumerations[enumeration].name;
                 format!("<a href=\"#{name}\">{name}</a>")
             }
-            _ => field.json.data_type.clone(),
+            _ => field.declaration.data_type.clone(),
         }
     }
 
     /// The start values of a scalar or a list, in the display unit, too; a matrix has a table of its own.
     fn start(&self, field: &Field<'_>) -> String {
-        if let [_, _] = field.json.dimensions[..] {
+        if let [_, _] = field.declaration.dimensions[..] {
             return "below".to_owned();
         }
         let starts: Vec<_> = self.starts(field).collect();
@@ -363,12 +404,16 @@ impl<'m, 'a> Page<'m, 'a> {
 
     fn starts(&self, field: &Field<'_>) -> impl Iterator<Item = String> {
         let starts =
-            field.positions.iter().filter_map(|&position| self.model.variables[position].start.as_ref());
+            field.positions.iter().filter_map(|&position| self.model.scalars[position].start.as_ref());
         starts.map(|start| match (start, field.data_type) {
             (Start::Real(value), _) => number(*value),
             (Start::String(text), _) => format!("“{}”", escape(text)),
             (Start::Item(item), DataType::Enumeration(enumeration)) => {
-                format!("{} ({})", self.model.model.enumerations[enumeration].items[*item].name, item + 1)
+                format!(
+                    "{} ({})",
+                    self.model.declaration.enumerations[enumeration].items[*item].name,
+                    item + 1
+                )
             }
             (value, _) => xml::start(value),
         })
@@ -376,7 +421,7 @@ impl<'m, 'a> Page<'m, 'a> {
 
     /// A scalar's start value in its display unit.
     fn displayed(&self, field: &Field<'_>) -> Option<String> {
-        let variable = &self.model.variables[field.positions[0]];
+        let variable = &self.model.scalars[field.positions[0]];
         let [_] = field.positions[..] else { return None };
         let wanted = variable.display_unit.as_ref()?;
         let Some(Start::Real(start)) = variable.start else { return None };
@@ -398,20 +443,24 @@ impl<'m, 'a> Page<'m, 'a> {
         format!(
             "<details><summary>Start values of <code>{}</code></summary><div class=\"wide\"><table class=\"matrix\">\n\
             <thead><tr><td></td>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody></table></div></details>",
-            field.json.name
+            field.declaration.name
         )
     }
 
     /// What an output depends on at the same instant: inputs and states.
     fn dependencies(&self, field: &Field<'_>) -> String {
         let unknowns =
-            self.structure.outputs.iter().filter(|unknown| field.positions.contains(&unknown.variable));
-        let mut knowns: Vec<_> = unknowns.flat_map(|unknown| unknown.dependencies.clone()).collect();
+            self.structure.outputs.iter().filter(|unknown| field.positions.contains(&unknown.scalar));
+        let knowns: Option<Vec<_>> = unknowns.map(|unknown| unknown.dependencies.as_deref()).collect();
+        let Some(knowns) = knowns else {
+            return "<span>may depend at once on every input and state</span>".to_owned();
+        };
+        let mut knowns: Vec<_> = knowns.concat();
         knowns.sort_unstable();
         knowns.dedup();
         let mut links: Vec<_> = knowns
             .iter()
-            .map(|&position| &self.anchors[&self.model.variables[position].name])
+            .map(|&position| &self.anchors[&self.model.scalars[position].name])
             .map(|anchor| format!("<a href=\"#{anchor}\">{}</a>", code(anchor)))
             .collect();
         links.dedup();
@@ -420,7 +469,7 @@ impl<'m, 'a> Page<'m, 'a> {
     }
 
     fn enumerations(&self) -> String {
-        let enumerations = &self.model.model.enumerations;
+        let enumerations = &self.model.declaration.enumerations;
         if enumerations.is_empty() {
             return String::new();
         }
@@ -442,19 +491,8 @@ impl<'m, 'a> Page<'m, 'a> {
 struct Columns {
     start: bool,
     range: bool,
-}
-
-/// The value references of a variable's elements, or (1) of their derivatives.
-fn references(field: &Field<'_>, offset: usize) -> String {
-    match field.positions[..] {
-        [only] => (only + offset).to_string(),
-        [first, .., last] if field.role != Role::State => format!("{first} … {last}"),
-        // Each is followed by its derivative.
-        _ => {
-            let references = field.positions.iter().map(|position| (position + offset).to_string());
-            references.collect::<Vec<_>>().join(", ")
-        }
-    }
+    /// How the start value comes about, in place of the variability.
+    initial: bool,
 }
 
 /// A name that may break after its dots.
@@ -462,7 +500,7 @@ fn code(name: &str) -> String {
     format!("<code>{}</code>", name.replace('.', ".<wbr/>"))
 }
 
-fn range(variable: &json::Variable) -> String {
+fn range(variable: &VariableDeclaration) -> String {
     match (variable.min, variable.max) {
         (Some(min), Some(max)) => format!("{} … {}", number(min), number(max)),
         (Some(min), None) => format!("≥ {}", number(min)),

@@ -8,8 +8,8 @@ mod access;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-use super::json;
-use super::resolve::{DataType, Field, Part, Resolved, Role, Start};
+use crate::declaration::{Declaration, Described, EnumerationDeclaration, UnitNames};
+use crate::model::{DataType, Field, Model, Part, Place, Start};
 
 /// The types that are always generated.
 pub(crate) const FIXED_NAMES: [&str; 6] =
@@ -18,39 +18,16 @@ pub(crate) const FIXED_NAMES: [&str; 6] =
 /// The type that holds all groups of states, where there are any.
 const STATE_GROUPS: &str = "StateGroups";
 
-/// The lints that generated code need not obey.
-const ALLOW: &str = "#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]\n";
+/// The places that have structs of their own; the derivatives are in those of the states.
+const PLACES: [Place; 5] = [Place::Parameters, Place::Inputs, Place::States, Place::Locals, Place::Outputs];
 
-/// The structs by which variables are grouped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Group {
-    Parameters,
-    Inputs,
-    States,
-    Locals,
-    Outputs,
-}
-
-const GROUPS: [Group; 5] = [Group::Parameters, Group::Inputs, Group::States, Group::Locals, Group::Outputs];
-
-impl Group {
-    /// The group of a declared variable.
-    fn of(role: Role) -> Self {
-        match role {
-            Role::Parameter => Self::Parameters,
-            Role::Input => Self::Inputs,
-            Role::State => Self::States,
-            Role::Output => Self::Outputs,
-            Role::Local | Role::CalculatedParameter | Role::Independent | Role::Derivative => Self::Locals,
-        }
-    }
-
+impl Place {
     fn type_name(self) -> &'static str {
         match self {
             Self::Parameters => "Parameters",
             Self::Inputs => "Inputs",
-            Self::States => "States",
-            Self::Locals => "Locals",
+            Self::States | Self::Derivatives => "States",
+            Self::Locals | Self::Time => "Locals",
             Self::Outputs => "Outputs",
         }
     }
@@ -59,21 +36,21 @@ impl Group {
         match self {
             Self::Parameters => "The parameters",
             Self::Inputs => "The inputs",
-            Self::States => "The continuous-time states",
-            Self::Locals => "The local variables that are no states",
-            Self::Outputs => "The outputs",
+            Self::States | Self::Derivatives => "The continuous-time states",
+            Self::Locals | Self::Time => "The local variables other than states",
+            Self::Outputs => "The outputs other than states",
         }
     }
 
     fn fields<'p, 'a>(self, part: &'p Part<'a>) -> impl Iterator<Item = &'p Field<'a>> {
-        part.fields.iter().filter(move |field| Self::of(field.role) == self)
+        part.fields.iter().filter(move |field| field.place == self)
     }
 
     fn is_in(self, part: &Part<'_>) -> bool {
         self.fields(part).next().is_some()
     }
 
-    /// Whether a part has Real variables of the group.
+    /// Whether a part has Real variables in this place.
     fn is_real_in(self, part: &Part<'_>) -> bool {
         self.fields(part).any(|field| field.data_type == DataType::Real)
     }
@@ -88,24 +65,29 @@ impl Group {
     }
 }
 
-/// The names of the structs for the variables of components and for groups of states.
-pub(crate) fn struct_names(model: &json::Model, parts: &[Part<'_>]) -> Vec<String> {
+/// The names of the structs for the variables of components and for groups of states, each with the path of what
+/// it is named after.
+pub(crate) fn struct_names(declaration: &Declaration, parts: &[Part<'_>]) -> Vec<(String, String)> {
     let first_of_type = |&(position, part): &(usize, &Part<'_>)| {
         part.component_type.is_none()
             || parts[..position].iter().all(|other| other.component_type != part.component_type)
     };
     let own = parts.iter().enumerate().filter(|(_, part)| part.name.is_some()).filter(first_of_type);
+    let groups = declaration.state_groups.iter().enumerate();
     own.flat_map(|(_, part)| {
-        GROUPS.into_iter().filter(|group| group.is_in(part)).map(|group| group.struct_name(part))
+        let places = PLACES.into_iter().filter(|place| place.is_in(part));
+        places.map(|place| (format!("{}.name", part.key), place.struct_name(part)))
     })
-    .chain(model.state_groups.iter().map(|group| states_name(&group.name)))
-    .chain((!model.state_groups.is_empty()).then(|| STATE_GROUPS.to_owned()))
+    .chain(groups.map(|(number, group)| (format!("state_groups[{number}].name"), states_name(&group.name))))
+    .chain(
+        (!declaration.state_groups.is_empty()).then(|| ("state_groups".to_owned(), STATE_GROUPS.to_owned())),
+    )
     .collect()
 }
 
 /// The struct that holds the states of a group.
 fn states_name(group: &str) -> String {
-    pascal_case(group) + Group::States.type_name()
+    pascal_case(group) + Place::States.type_name()
 }
 
 /// `hp_compressor` as `HpCompressor`.
@@ -120,25 +102,33 @@ pub(crate) fn pascal_case(name: &str) -> String {
 }
 
 /// The text of `variables.rs`.
-pub(crate) fn generate(model: &Resolved<'_>, guid: &str) -> String {
+pub(crate) fn generate(model: &Model<'_>, guid: &str) -> String {
     let generator = Generator { model };
     let mut text = format!(
-        "// Generated by fmu-export from the description of {}. Do not edit.\n",
-        model.model.model_identifier
+        "// Generated by fmu-export-build from the declaration of {}. Do not edit.
+
+#[allow(unused_imports)]
+pub use generated::*;
+
+#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+mod generated {{
+use ::fmu_export::description as fmi;
+",
+        model.identifier
     );
-    for enumeration in &model.model.enumerations {
+    for enumeration in &model.declaration.enumerations {
         text += &enumeration_text(enumeration);
     }
     let mut written = BTreeSet::new();
-    for group in GROUPS {
-        for part in model.parts.iter().filter(|part| part.name.is_some() && group.is_in(part)) {
-            if written.insert(group.struct_name(part)) {
-                text += &generator.component_struct(group, part);
+    for place in PLACES {
+        for part in model.parts.iter().filter(|part| part.name.is_some() && place.is_in(part)) {
+            if written.insert(place.struct_name(part)) {
+                text += &generator.component_struct(place, part);
             }
         }
-        let parts: Vec<_> = model.parts.iter().filter(|part| group.is_in(part)).collect();
-        let description = format!("{} of the model.", group.description());
-        text += &generator.group_struct(group, group.type_name(), &description, &parts);
+        let parts: Vec<_> = model.parts.iter().filter(|part| place.is_in(part)).collect();
+        let description = format!("{} of the model.", place.description());
+        text += &generator.place_struct(place, place.type_name(), &description, &parts);
     }
     text += &generator.states_impl();
     text += &generator.state_groups();
@@ -146,10 +136,10 @@ pub(crate) fn generate(model: &Resolved<'_>, guid: &str) -> String {
     text += &generator.inputs_impl();
     text += &generator.variables_impl();
     text += &generator.description(guid);
-    text
+    text + "}\n"
 }
 
-/// The struct that holds all groups.
+/// The struct that holds all places.
 const VARIABLES: &str = "
 /// All variables of the model.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -164,9 +154,9 @@ pub struct Variables {
     pub states: States,
     /// The time derivatives of the states.
     pub derivatives: States,
-    /// The local variables that are no states.
+    /// The local variables other than states.
     pub locals: Locals,
-    /// The outputs.
+    /// The outputs other than states.
     pub outputs: Outputs,
 }
 
@@ -175,161 +165,125 @@ pub struct Variables {
 });
 ";
 
-fn enumeration_text(enumeration: &json::Enumeration) -> String {
+fn enumeration_text(enumeration: &EnumerationDeclaration) -> String {
     let name = &enumeration.name;
-    let mut text = format!("\n/// {}\n", markdown(&enumeration.description));
-    text += ALLOW;
-    text += "#[derive(Clone, Copy, Debug, PartialEq, Eq)]\n";
-    text += &format!("pub enum {name} {{\n");
-    let mut arms = String::new();
+    let (mut items, mut values) = (String::new(), Vec::new());
     for (item, value) in enumeration.items.iter().zip(1..) {
         let value: i32 = value;
         let variant = pascal_case(&item.name);
-        let _ = writeln!(text, "    /// {}\n    {variant} = {value},", markdown(&item.description));
-        let _ = writeln!(arms, "            {value} => Some(Self::{variant}),");
+        let _ = writeln!(items, "    /// {}\n    {variant} = {value},", markdown(&item.description));
+        values.push(format!("{variant} = {value}"));
     }
-    text += "}\n\n";
-    text += ALLOW;
-    text += &format!(
-        "impl {name} {{
-    /// The item of a value.
-    #[must_use]
-    pub fn from_value(value: i32) -> Option<Self> {{
-        match value {{
-{arms}            _ => None,
-        }}
-    }}
+    format!(
+        "
+/// {}
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum {name} {{
+{items}}}
 
-    /// The value by which FMI knows the item.
-    #[must_use]
-    pub fn value(self) -> i32 {{
-        self as i32
-    }}
-}}
-
-{ALLOW}impl ::fmu_export::persistence::Persistent for {name} {{
-    fn persist(
-        &mut self,
-        archive: &mut ::fmu_export::persistence::Archive<'_>,
-    ) -> Result<(), ::fmu_export::Error> {{
-        let mut value = self.value();
-        value.persist(archive)?;
-        *self = Self::from_value(value)
-            .ok_or_else(|| ::fmu_export::Error::new(format!(\"{{value}} is no item of {name}\")))?;
-        Ok(())
-    }}
-}}
-"
-    );
-    text
+::fmu_export::enumeration!({name} {{ {} }});
+",
+        markdown(&enumeration.description),
+        values.join(", ")
+    )
 }
 
 struct Generator<'m, 'a> {
-    model: &'m Resolved<'a>,
+    model: &'m Model<'a>,
 }
 
 impl Generator<'_, '_> {
     /// The struct for the variables of a component, or of all components of a type.
-    fn component_struct(&self, group: Group, part: &Part<'_>) -> String {
-        let name = group.struct_name(part);
-        let of = match part.component_type {
-            Some(component_type) => format!("a `{component_type}`"),
-            None => format!("a component: {}", markdown(part.description)),
+    fn component_struct(&self, place: Place, part: &Part<'_>) -> String {
+        let name = place.struct_name(part);
+        let of = match (part.component_type, part.name) {
+            (Some(component_type), _) => format!("a `{component_type}`"),
+            (None, name) => described(part.description, name.unwrap_or_default()),
         };
-        let mut text = format!("\n/// {} of {of}.\n", group.description());
-        text += ALLOW;
-        let generic = group.is_real_in(part);
-        text += &derive(group.fields(part));
-        text += &format!("pub struct {name}{} {{\n", if generic { "<T = f64>" } else { "" });
-        for field in group.fields(part) {
-            text += &self.field(field);
-        }
-        text += "}\n";
-        text += &persistent(&name, group.fields(part).map(|field| field.json.name.as_str()));
-        if generic {
-            text += &combination(&name, &group.fields(part).map(combined).collect::<String>());
-        }
-        // Components of one type may start from different values; then there is no default for the type.
-        let alike =
-            self.model.parts.iter().filter(|other| {
-                other.name.is_some() && group.is_in(other) && group.struct_name(other) == name
-            });
-        let start = |position| self.start(position);
-        let body = |part: &Part<'_>| values(group, part, "            ", start);
-        if alike.map(body).collect::<BTreeSet<_>>().len() == 1 {
-            text += &default(&name, &body(part));
+        let title = format!("{} of {of}.", place.description());
+        let fields = place.fields(part).map(|field| self.field(field)).collect();
+        let mut text = structure(&name, &title, fields);
+        if self.has_default(&name, place) {
+            text += &default(&name, &values(place, part, |position| self.start(position)));
         }
         text
     }
 
-    /// The struct for the variables of some parts.
-    fn group_struct(&self, group: Group, name: &str, description: &str, parts: &[&Part<'_>]) -> String {
-        let mut text = format!("\n/// {description}\n");
-        text += ALLOW;
-        let generic = parts.iter().any(|part| group.is_real_in(part));
-        text += &derive(parts.iter().flat_map(|part| group.fields(part)));
-        text += &format!("pub struct {name}{} {{\n", if generic { "<T = f64>" } else { "" });
-        let mut combinations = String::new();
-        for part in parts {
-            let Some(component) = part.name else {
-                for field in group.fields(part) {
-                    text += &self.field(field);
-                }
-                combinations.extend(group.fields(part).map(combined));
-                continue;
-            };
-            let part_name = group.struct_name(part);
-            let (of, combined) = if group.is_real_in(part) {
-                ("<T>", format!("self.{component}.combine(&other.{component}, function)"))
-            } else {
-                ("", format!("self.{component}.clone()"))
-            };
-            let _ = writeln!(combinations, "            {component}: {combined},");
-            let _ = writeln!(
-                text,
-                "    /// {}\n    pub {component}: {part_name}{of},",
-                markdown(part.description)
-            );
-        }
-        text += "}\n";
-        text += &persistent(
-            name,
-            parts.iter().flat_map(|part| match part.name {
-                Some(component) => vec![component],
-                None => group.fields(part).map(|field| field.json.name.as_str()).collect(),
-            }),
-        );
-        if generic {
-            text += &combination(name, &combinations);
-        }
-        text + &default(name, &nested_values(group, parts, |position| self.start(position)))
+    /// Whether all components of a struct start from the same values; if not, there is no default for the struct.
+    fn has_default(&self, name: &str, place: Place) -> bool {
+        let alike = self.model.parts.iter().filter(|part| part.name.is_some() && place.is_in(part));
+        let alike = alike.filter(|part| place.struct_name(part) == name);
+        let starts = alike.map(|part| values(place, part, |position| self.start(position)));
+        starts.collect::<BTreeSet<_>>().len() == 1
     }
 
-    fn field(&self, field: &Field<'_>) -> String {
-        let unit = match &field.json.unit {
-            Some(json::Units::All(unit)) if unit != "1" => format!(" (`{unit}`)"),
-            Some(json::Units::Each(units)) => format!(" (`{}`)", units.join("`, `")),
+    /// The struct for the variables of some parts.
+    fn place_struct(&self, place: Place, name: &str, title: &str, parts: &[&Part<'_>]) -> String {
+        let (mut fields, mut starts) = (Vec::new(), Vec::new());
+        for part in parts {
+            let Some(component) = part.name else {
+                fields.extend(place.fields(part).map(|field| self.field(field)));
+                starts.push(values(place, part, |position| self.start(position)));
+                continue;
+            };
+            let part_name = place.struct_name(part);
+            let is_generic = place.is_real_in(part);
+            let generic = if is_generic { "<T>" } else { "" };
+            fields.push(StructField {
+                name: component.to_owned(),
+                description: described(part.description, component),
+                data_type: format!("{part_name}{generic}"),
+                kind: if is_generic { Kind::Nested } else { Kind::Other },
+                is_copy: place.fields(part).all(|field| field.data_type != DataType::String),
+            });
+            let start = if self.has_default(&part_name, place) {
+                format!("{component}: {part_name}::default()")
+            } else {
+                format!(
+                    "{component}: {part_name} {{ {} }}",
+                    values(place, part, |position| self.start(position))
+                )
+            };
+            starts.push(start);
+        }
+        structure(name, title, fields) + &default(name, &starts.join(",\n            "))
+    }
+
+    fn field(&self, field: &Field<'_>) -> StructField {
+        let declaration = field.declaration;
+        let unit = match &declaration.unit {
+            Some(UnitNames::All(unit)) if unit != "1" => format!(" (`{unit}`)"),
+            Some(UnitNames::Each(units)) => format!(" (`{}`)", units.join("`, `")),
             _ => String::new(),
         };
-        let description = markdown(&field.json.description);
         let mut data_type = match field.data_type {
             DataType::Real => "T",
             DataType::Integer => "i32",
             DataType::Boolean => "bool",
             DataType::String => "String",
-            DataType::Enumeration(enumeration) => &self.model.model.enumerations[enumeration].name,
+            DataType::Enumeration(enumeration) => &self.model.declaration.enumerations[enumeration].name,
         }
         .to_owned();
-        for size in field.json.dimensions.iter().rev() {
+        for size in declaration.dimensions.iter().rev() {
             data_type = format!("[{data_type}; {size}]");
         }
-        format!("    /// {description}{unit}\n    pub {}: {data_type},\n", field.json.name)
+        StructField {
+            name: declaration.name.clone(),
+            description: described(declaration.description.as_deref(), &declaration.name) + &unit,
+            data_type,
+            kind: if field.data_type == DataType::Real {
+                Kind::Number(declaration.dimensions.clone())
+            } else {
+                Kind::Other
+            },
+            is_copy: field.data_type != DataType::String,
+        }
     }
 
     /// A variable's start value, or where it is calculated, one that stands until then.
     fn start(&self, position: usize) -> String {
-        let variable = &self.model.variables[position];
-        match (&variable.start, variable.data_type) {
+        let scalar = &self.model.scalars[position];
+        match (&scalar.start, scalar.data_type) {
             (Some(Start::Real(value)), _) => format!("{value:?}"),
             (Some(Start::Integer(value)), _) => value.to_string(),
             (Some(Start::Boolean(value)), _) => value.to_string(),
@@ -344,28 +298,28 @@ impl Generator<'_, '_> {
     }
 
     fn item(&self, enumeration: usize, item: usize) -> String {
-        let enumeration = &self.model.model.enumerations[enumeration];
+        let enumeration = &self.model.declaration.enumerations[enumeration];
         format!("{}::{}", enumeration.name, pascal_case(&enumeration.items[item].name))
     }
 
     /// All states as an array, for solvers.
     fn states_impl(&self) -> String {
-        let parts: Vec<_> = self.model.parts.iter().filter(|part| Group::States.is_in(part)).collect();
-        self.arrays(Group::States.type_name(), &parts, "")
+        let parts: Vec<_> = self.model.parts.iter().filter(|part| Place::States.is_in(part)).collect();
+        self.arrays(Place::States.type_name(), &parts, "")
     }
 
     /// The structs that hold the states of a group each.
     fn state_groups(&self) -> String {
-        let groups = &self.model.model.state_groups;
+        let groups = &self.model.declaration.state_groups;
         let mut text = String::new();
         let (mut members, mut fields) = (String::new(), vec![String::new(); self.model.parts.len()]);
-        for json::Described { name: group, description } in groups {
+        for Described { name: group, description } in groups {
             let name = states_name(group);
             let is_member = |part: &Part<'_>| part.state_group == Some(group);
             let parts: Vec<_> = self.model.parts.iter().filter(|part| is_member(part)).collect();
             let nominal =
-                |position: usize| format!("{:?}", self.model.variables[position].nominal.unwrap_or(1.0));
-            let min = |position: usize| match self.model.variables[position].min {
+                |position: usize| format!("{:?}", self.model.scalars[position].nominal.unwrap_or(1.0));
+            let min = |position: usize| match self.model.scalars[position].min {
                 Some(min) => format!("{min:?}"),
                 None => "f64::NEG_INFINITY".to_owned(),
             };
@@ -373,33 +327,34 @@ impl Generator<'_, '_> {
                 "
     /// The states' nominal values; 1 where none is declared.
     pub const NOMINAL: Self = Self {{
-{}    }};
+            {}
+    }};
 
     /// The smallest values that are declared.
     pub const MIN: Self = Self {{
-{}    }};
+            {}
+    }};
 ",
-                nested_values(Group::States, &parts, nominal),
-                nested_values(Group::States, &parts, min),
+                nested_values(Place::States, &parts, nominal),
+                nested_values(Place::States, &parts, min),
             );
             let title = format!("The states of a group: {}.", markdown(description));
-            text += &self.group_struct(Group::States, &name, &title, &parts);
+            text += &self.place_struct(Place::States, &name, &title, &parts);
             text += &self.arrays(&name, &parts, &constants);
             let own: Vec<_> = parts.iter().filter_map(|part| part.name).collect();
-            let of: Vec<_> = own.iter().map(|own| format!("            {own}: states.{own},\n")).collect();
+            let of: Vec<_> = own.iter().map(|own| format!("{own}: states.{own}")).collect();
             let _ = write!(
                 text,
                 "
-{ALLOW}impl<T: Copy> {name}<T> {{
+impl<T: Copy> {name}<T> {{
     /// Those among all states.
     #[must_use]
     pub fn of(states: &States<T>) -> Self {{
-        Self {{
-{}        }}
+        Self {{ {} }}
     }}
 }}
 ",
-                of.concat()
+                of.join(", ")
             );
             let _ = writeln!(members, "    /// {}\n    pub {group}: {name}<T>,", markdown(description));
             for (field, part) in fields.iter_mut().zip(&self.model.parts).filter(|(_, part)| is_member(part))
@@ -413,11 +368,11 @@ impl Generator<'_, '_> {
                 text,
                 "
 /// All states by their groups.
-{ALLOW}#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct {STATE_GROUPS}<T = f64> {{
 {members}}}
 
-{ALLOW}impl<T: Copy> States<T> {{
+impl<T: Copy> States<T> {{
     /// All states, from their groups.
     #[must_use]
     pub fn from_groups(groups: {STATE_GROUPS}<T>) -> Self {{
@@ -434,136 +389,133 @@ pub struct {STATE_GROUPS}<T = f64> {{
 
     /// The states of some parts as an array, with further constants.
     fn arrays(&self, name: &str, parts: &[&Part<'_>], constants: &str) -> String {
-        let fields = parts.iter().flat_map(|part| Group::States.fields(part));
+        let fields = parts.iter().flat_map(|part| Place::States.fields(part));
         let positions: Vec<_> = fields.flat_map(|field| field.positions.iter().copied()).collect();
-        let states: Vec<_> = positions.iter().map(|&position| &self.model.variables[position]).collect();
-        let names: Vec<_> = states.iter().map(|state| format!("        {:?},\n", state.name)).collect();
-        let values: Vec<_> =
-            states.iter().map(|state| format!("            self.{},\n", state.path)).collect();
+        let states: Vec<_> = positions.iter().map(|&position| &self.model.scalars[position]).collect();
+        let names: Vec<_> = states.iter().map(|state| format!("{:?}", state.name)).collect();
+        let values: Vec<_> = states.iter().map(|state| format!("self.{}", state.path)).collect();
         let element = |position| {
             let place = positions.iter().position(|&other| other == position).expect("it is one of them");
             format!("values[{place}]")
         };
-        let fields = nested_values(Group::States, parts, element);
+        let fields = nested_values(Place::States, parts, element);
         let argument = if states.is_empty() { "_" } else { "values" };
         let (of, to, real) = if states.is_empty() { ("", "", "f64") } else { ("<T: Copy>", "<T>", "T") };
         let count = states.len();
         format!(
             "
-{ALLOW}impl {name} {{
+impl {name} {{
     /// The number of states.
     pub const COUNT: usize = {count};
 
     /// The names of the states, in the order of the arrays.
-    pub const NAMES: [&'static str; Self::COUNT] = [
-{names}    ];
+    pub const NAMES: [&'static str; Self::COUNT] = [{names}];
 {constants}}}
 
-{ALLOW}impl{of} {name}{to} {{
+impl{of} {name}{to} {{
     /// The states from an array, in the order of declaration.
     #[must_use]
     pub fn from_array({argument}: [{real}; {count}]) -> Self {{
         Self {{
-{fields}        }}
+            {fields}
+        }}
     }}
 
     /// The states as an array, in the order of declaration.
     #[must_use]
     pub const fn to_array(&self) -> [{real}; {count}] {{
-        [
-{values}        ]
+        [{values}]
     }}
 }}
 ",
-            names = names.concat(),
-            values = values.concat(),
+            names = names.join(", "),
+            values = values.join(", "),
         )
     }
 }
 
 /// A part's variables as the fields of a struct expression, from the values of their scalars.
-fn values(group: Group, part: &Part<'_>, indent: &str, value: impl Fn(usize) -> String) -> String {
-    let mut text = String::new();
-    for field in group.fields(part) {
+fn values(place: Place, part: &Part<'_>, value: impl Fn(usize) -> String) -> String {
+    let fields = place.fields(part).map(|field| {
         let values: Vec<_> = field.positions.iter().map(|&position| value(position)).collect();
-        let _ = writeln!(text, "{indent}{}: {},", field.json.name, nest(&field.json.dimensions, &values));
-    }
-    text
+        format!("{}: {}", field.declaration.name, nest(&field.declaration.dimensions, &values))
+    });
+    fields.collect::<Vec<_>>().join(", ")
 }
 
 /// The same for several parts, each component in a struct of its own.
-fn nested_values(group: Group, parts: &[&Part<'_>], value: impl Fn(usize) -> String) -> String {
-    let mut text = String::new();
-    for part in parts {
+fn nested_values(place: Place, parts: &[&Part<'_>], value: impl Fn(usize) -> String) -> String {
+    let parts = parts.iter().map(|part| {
+        let values = values(place, part, &value);
         match part.name {
-            None => text += &values(group, part, "            ", &value),
-            Some(component) => {
-                let name = group.struct_name(part);
-                let inner = values(group, part, "                ", &value);
-                let _ = writeln!(text, "            {component}: {name} {{\n{inner}            }},");
-            }
+            None => values,
+            Some(component) => format!("{component}: {} {{ {values} }}", place.struct_name(part)),
         }
+    });
+    parts.collect::<Vec<_>>().join(",\n            ")
+}
+
+/// A field of a generated struct.
+struct StructField {
+    name: String,
+    description: String,
+    data_type: String,
+    kind: Kind,
+    is_copy: bool,
+}
+
+/// What a field is to the macro `numbers!`.
+enum Kind {
+    /// A Real, or an array of these sizes.
+    Number(Vec<usize>),
+    /// A struct that is generic over the number type.
+    Nested,
+    Other,
+}
+
+/// A struct, generic over its number type where it has Reals, with what its kind can do.
+fn structure(name: &str, title: &str, fields: Vec<StructField>) -> String {
+    let generic = fields.iter().any(|field| !matches!(field.kind, Kind::Other));
+    let copy = if fields.iter().all(|field| field.is_copy) { "Copy, " } else { "" };
+    let parameter = if generic { "<T = f64>" } else { "" };
+    let (mut members, mut kinds, mut names) = (String::new(), Vec::new(), Vec::new());
+    for StructField { name, description, data_type, kind, .. } in fields {
+        let _ = writeln!(members, "    /// {description}\n    pub {name}: {data_type},");
+        kinds.push(match kind {
+            Kind::Number(sizes) => {
+                let sizes = sizes.iter().map(|size| format!("[{size}]"));
+                format!("number {name}{}", sizes.collect::<String>())
+            }
+            Kind::Nested => format!("nested {name}"),
+            Kind::Other => format!("other {name}"),
+        });
+        names.push(name);
+    }
+    let mut text = format!(
+        "
+/// {title}
+#[derive(Clone, {copy}Debug, PartialEq)]
+pub struct {name}{parameter} {{
+{members}}}
+
+::fmu_export::persistent!({name} {{ {} }});
+",
+        names.join(", ")
+    );
+    if generic {
+        let _ = writeln!(text, "::fmu_export::numbers!({name} {{ {} }});", kinds.join(", "));
     }
     text
-}
-
-/// A field of a struct whose numbers are combined from two others'; what is no Real is the first one's.
-fn combined(field: &Field<'_>) -> String {
-    let name = &field.json.name;
-    if field.data_type != DataType::Real {
-        return format!("            {name}: self.{name}.clone(),\n");
-    }
-    let dimensions = field.json.dimensions.len();
-    let indices: Vec<_> = (0..dimensions).map(|dimension| format!("[i{dimension}]")).collect();
-    let indices = indices.concat();
-    let element = format!("function(self.{name}{indices}, other.{name}{indices})");
-    let value = (0..dimensions)
-        .rev()
-        .fold(element, |inner, dimension| format!("::core::array::from_fn(|i{dimension}| {inner})"));
-    format!("            {name}: {value},\n")
-}
-
-/// What makes structs over one number type from those over others.
-fn combination(name: &str, fields: &str) -> String {
-    format!(
-        "
-{ALLOW}impl<T: Copy> {name}<T> {{
-    /// Each number from this one's and the other's.
-    #[must_use]
-    pub fn combine<S: Copy, U>(&self, other: &{name}<S>, function: &mut impl FnMut(T, S) -> U) -> {name}<U> {{
-        {name} {{
-{fields}        }}
-    }}
-
-    /// Each number from this one's.
-    #[must_use]
-    pub fn map<U>(&self, mut function: impl FnMut(T) -> U) -> {name}<U> {{
-        self.combine(self, &mut |number, _| function(number))
-    }}
-}}
-"
-    )
-}
-
-/// The derives of a struct with these fields: a String is the one type that is not Copy.
-fn derive<'f, 'a: 'f>(mut fields: impl Iterator<Item = &'f Field<'a>>) -> String {
-    let copy = if fields.any(|field| field.data_type == DataType::String) { "" } else { "Copy, " };
-    format!("#[derive(Clone, {copy}Debug, PartialEq)]\n")
-}
-
-/// A struct's fields as bytes.
-fn persistent<'n>(name: &str, fields: impl Iterator<Item = &'n str>) -> String {
-    let fields: Vec<_> = fields.collect();
-    format!("\n::fmu_export::persistent!({name} {{ {} }});\n", fields.join(", "))
 }
 
 fn default(name: &str, fields: &str) -> String {
     format!(
         "
-{ALLOW}impl Default for {name} {{
+impl Default for {name} {{
     fn default() -> Self {{
         Self {{
-{fields}        }}
+            {fields}
+        }}
     }}
 }}
 "
@@ -581,6 +533,11 @@ fn nest(dimensions: &[usize], elements: &[String]) -> String {
             format!("[{}]", rows.join(", "))
         }
     }
+}
+
+/// A description for rustdoc; without one, the name.
+fn described(description: Option<&str>, name: &str) -> String {
+    description.map_or_else(|| format!("`{name}`"), markdown)
 }
 
 /// A description as rustdoc shall show it: what would be markup is escaped.

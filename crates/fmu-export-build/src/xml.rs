@@ -8,9 +8,9 @@ use std::io;
 use quick_xml::events::{BytesText, Event};
 use uuid::Uuid;
 
-use super::dependencies::{Structure, Unknown};
-use super::json::{self, Causality, Initial, Variability};
-use super::resolve::{DataType, Resolved, Role, Start, Variable};
+use crate::declaration::{Causality, Declaration, Described, Initial, Variability};
+use crate::dependencies::{Structure, Unknown};
+use crate::model::{DataType, Model, Scalar, Start};
 use fmu_xml::{Attributes, XmlWriter, conversion, document, element, empty, float};
 
 /// What made the FMU.
@@ -23,7 +23,7 @@ pub(crate) struct Description {
 }
 
 impl Description {
-    pub(crate) fn new(model: &Resolved<'_>, structure: &Structure) -> Self {
+    pub(crate) fn new(model: &Model<'_>, structure: &Structure) -> Self {
         let without_guid = write(model, structure, "");
         let guid = format!("{{{}}}", Uuid::new_v5(&Uuid::NAMESPACE_OID, without_guid.as_bytes()));
         let text = write(model, structure, &guid);
@@ -31,51 +31,57 @@ impl Description {
     }
 }
 
-fn write(resolved: &Resolved<'_>, structure: &Structure, guid: &str) -> String {
-    let model = resolved.model;
-    let attributes = vec![
-        ("fmiVersion", "2.0".to_owned()),
-        ("modelName", model.model_identifier.clone()),
-        ("guid", guid.to_owned()),
+fn write(model: &Model<'_>, structure: &Structure, guid: &str) -> String {
+    let declaration = model.declaration;
+    let attributes = [
+        ("fmiVersion", Some("2.0".to_owned())),
+        ("modelName", Some(model.identifier.clone())),
+        ("guid", Some(guid.to_owned())),
         ("description", model.description.clone()),
         ("author", model.author.clone()),
-        ("version", resolved.version.to_owned()),
-        ("copyright", model.copyright.clone()),
+        ("version", Some(model.version.to_owned())),
+        ("copyright", declaration.copyright.clone()),
         ("license", model.license.clone()),
-        ("generationTool", GENERATION_TOOL.to_owned()),
-        ("variableNamingConvention", "structured".to_owned()),
+        ("generationTool", Some(GENERATION_TOOL.to_owned())),
+        ("variableNamingConvention", Some("structured".to_owned())),
     ];
+    let attributes = given(attributes);
     document(|writer| {
         element(writer, "fmiModelDescription", attributes, |writer| {
             write_co_simulation(writer, model)?;
-            write_units(writer, resolved)?;
-            write_types(writer, model)?;
+            write_units(writer, model)?;
+            write_types(writer, declaration)?;
             element(writer, "LogCategories", vec![], |writer| {
                 model
                     .log_categories
                     .iter()
                     .try_for_each(|category| empty(writer, "Category", described(category)))
             })?;
-            let experiment = &model.default_experiment;
-            let attributes = vec![
-                ("startTime", float(experiment.start_time)),
-                ("stopTime", float(experiment.stop_time)),
-                ("stepSize", float(experiment.step_size)),
-            ];
-            empty(writer, "DefaultExperiment", attributes)?;
+            if let Some(experiment) = &declaration.default_experiment {
+                let attributes = given([
+                    ("startTime", experiment.start_time.map(float)),
+                    ("stopTime", experiment.stop_time.map(float)),
+                    ("stepSize", experiment.step_size.map(float)),
+                ]);
+                empty(writer, "DefaultExperiment", attributes)?;
+            }
             element(writer, "ModelVariables", vec![], |writer| {
-                (0..resolved.variables.len())
-                    .try_for_each(|position| write_variable(writer, resolved, position))
+                (0..model.scalars.len()).try_for_each(|position| write_variable(writer, model, position))
             })?;
             write_structure(writer, structure)
         })
     })
 }
 
-fn write_co_simulation(writer: &mut XmlWriter, model: &json::Model) -> io::Result<()> {
-    let capabilities = &model.capabilities;
+/// The attributes that have a value.
+fn given<const N: usize>(attributes: [(&'static str, Option<String>); N]) -> Attributes {
+    attributes.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
+}
+
+fn write_co_simulation(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
+    let capabilities = &model.declaration.capabilities;
     let attributes = vec![
-        ("modelIdentifier", model.model_identifier.clone()),
+        ("modelIdentifier", model.identifier.clone()),
         ("needsExecutionTool", false.to_string()),
         ("canHandleVariableCommunicationStepSize", capabilities.variable_communication_step_size.to_string()),
         ("canInterpolateInputs", capabilities.interpolate_inputs.to_string()),
@@ -90,7 +96,7 @@ fn write_co_simulation(writer: &mut XmlWriter, model: &json::Model) -> io::Resul
     empty(writer, "CoSimulation", attributes)
 }
 
-fn write_units(writer: &mut XmlWriter, model: &Resolved<'_>) -> io::Result<()> {
+fn write_units(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
     element(writer, "UnitDefinitions", vec![], |writer| {
         for unit in &model.units {
             let name = vec![("name", unit.name.clone())];
@@ -100,13 +106,12 @@ fn write_units(writer: &mut XmlWriter, model: &Resolved<'_>) -> io::Result<()> {
             }
             element(writer, "Unit", name, |writer| {
                 if let Some(base) = &unit.base {
-                    let exponents = base.iter().filter(|(_, exponent)| **exponent != 0);
                     let mut attributes: Attributes =
-                        exponents.map(|(unit, exponent)| (unit.symbol(), exponent.to_string())).collect();
+                        base.iter().map(|(unit, exponent)| (unit.symbol(), exponent.to_string())).collect();
                     attributes.extend(conversion(unit.factor, unit.offset));
                     empty(writer, "BaseUnit", attributes)?;
                 }
-                // Also those that no variable asks for: importers let their users choose among them.
+                // Also those of the file that no variable asks for: importers let their users choose among them.
                 unit.display_units.iter().try_for_each(|display| {
                     let mut attributes = vec![("name", display.name.clone())];
                     attributes.extend(conversion(display.factor, display.offset));
@@ -118,12 +123,12 @@ fn write_units(writer: &mut XmlWriter, model: &Resolved<'_>) -> io::Result<()> {
     })
 }
 
-fn write_types(writer: &mut XmlWriter, model: &json::Model) -> io::Result<()> {
-    if model.enumerations.is_empty() {
+fn write_types(writer: &mut XmlWriter, declaration: &Declaration) -> io::Result<()> {
+    if declaration.enumerations.is_empty() {
         return Ok(());
     }
     element(writer, "TypeDefinitions", vec![], |writer| {
-        model.enumerations.iter().try_for_each(|enumeration| {
+        declaration.enumerations.iter().try_for_each(|enumeration| {
             let attributes =
                 vec![("name", enumeration.name.clone()), ("description", enumeration.description.clone())];
             element(writer, "SimpleType", attributes, |writer| {
@@ -142,50 +147,50 @@ fn write_types(writer: &mut XmlWriter, model: &json::Model) -> io::Result<()> {
     })
 }
 
-fn write_variable(writer: &mut XmlWriter, model: &Resolved<'_>, position: usize) -> io::Result<()> {
-    let variable = &model.variables[position];
+fn write_variable(writer: &mut XmlWriter, model: &Model<'_>, position: usize) -> io::Result<()> {
+    let scalar = &model.scalars[position];
     writer.write_event(Event::Comment(BytesText::new(&format!(" index {} ", index(position)))))?;
-    let mut attributes = vec![
-        ("name", variable.name.clone()),
-        ("valueReference", position.to_string()),
-        ("description", variable.description.clone()),
-        ("causality", causality(variable.role).to_owned()),
-        ("variability", variability(variable.variability).to_owned()),
-    ];
-    attributes.extend(variable.initial.map(|value| ("initial", initial(value).to_owned())));
+    let attributes = given([
+        ("name", Some(scalar.name.clone())),
+        ("valueReference", Some(scalar.value_reference.to_string())),
+        ("description", scalar.description.clone()),
+        ("causality", Some(causality(scalar.causality).to_owned())),
+        ("variability", Some(variability(scalar.variability).to_owned())),
+        ("initial", scalar.initial.map(|value| initial(value).to_owned())),
+    ]);
     element(writer, "ScalarVariable", attributes, |writer| {
-        let (name, attributes) = type_element(model, variable);
+        let (name, attributes) = type_element(model, scalar);
         empty(writer, name, attributes)
     })
 }
 
 /// The element that names a variable's type, with its attributes in the order of the schema.
-fn type_element(model: &Resolved<'_>, variable: &Variable) -> (&'static str, Attributes) {
+fn type_element(model: &Model<'_>, scalar: &Scalar) -> (&'static str, Attributes) {
     let mut attributes = Vec::new();
-    let name = match variable.data_type {
+    let name = match scalar.data_type {
         DataType::Real => {
-            attributes.extend(variable.unit.clone().map(|unit| ("unit", unit)));
-            attributes.extend(variable.display_unit.clone().map(|unit| ("displayUnit", unit)));
-            attributes.extend(variable.min.map(|min| ("min", float(min))));
-            attributes.extend(variable.max.map(|max| ("max", float(max))));
-            attributes.extend(variable.nominal.map(|nominal| ("nominal", float(nominal))));
+            attributes.extend(scalar.unit.clone().map(|unit| ("unit", unit)));
+            attributes.extend(scalar.display_unit.clone().map(|unit| ("displayUnit", unit)));
+            attributes.extend(scalar.min.map(|min| ("min", float(min))));
+            attributes.extend(scalar.max.map(|max| ("max", float(max))));
+            attributes.extend(scalar.nominal.map(|nominal| ("nominal", float(nominal))));
             "Real"
         }
         DataType::Integer => {
             // The checks let whole numbers through only, and `Display` prints them without a fraction.
-            attributes.extend(variable.min.map(|min| ("min", min.to_string())));
-            attributes.extend(variable.max.map(|max| ("max", max.to_string())));
+            attributes.extend(scalar.min.map(|min| ("min", min.to_string())));
+            attributes.extend(scalar.max.map(|max| ("max", max.to_string())));
             "Integer"
         }
         DataType::Boolean => "Boolean",
         DataType::String => "String",
         DataType::Enumeration(enumeration) => {
-            attributes.push(("declaredType", model.model.enumerations[enumeration].name.clone()));
+            attributes.push(("declaredType", model.declaration.enumerations[enumeration].name.clone()));
             "Enumeration"
         }
     };
-    attributes.extend(variable.start.as_ref().map(|value| ("start", start(value))));
-    attributes.extend(variable.state.map(|state| ("derivative", index(state).to_string())));
+    attributes.extend(scalar.start.as_ref().map(|value| ("start", start(value))));
+    attributes.extend(scalar.state.map(|state| ("derivative", index(state).to_string())));
     (name, attributes)
 }
 
@@ -205,13 +210,17 @@ fn write_structure(writer: &mut XmlWriter, structure: &Structure) -> io::Result<
     })
 }
 
-/// An empty list of dependencies is written as well: without it the variable would depend on all.
+/// An empty list of dependencies is written as well: without one the variable depends on all.
 fn write_unknown(writer: &mut XmlWriter, unknown: &Unknown) -> io::Result<()> {
-    let dependencies: Vec<_> =
-        unknown.dependencies.iter().map(|&position| index(position).to_string()).collect();
-    let attributes =
-        vec![("index", index(unknown.variable).to_string()), ("dependencies", dependencies.join(" "))];
-    empty(writer, "Unknown", attributes)
+    let indices = |positions: &Vec<usize>| {
+        let indices: Vec<_> = positions.iter().map(|&position| index(position).to_string()).collect();
+        indices.join(" ")
+    };
+    let attributes = [
+        ("index", Some(index(unknown.scalar).to_string())),
+        ("dependencies", unknown.dependencies.as_ref().map(indices)),
+    ];
+    empty(writer, "Unknown", given(attributes))
 }
 
 /// FMI counts variables from 1 in `ModelStructure`, whatever their value references.
@@ -229,8 +238,8 @@ pub(crate) fn start(start: &Start) -> String {
     }
 }
 
-fn causality(role: Role) -> &'static str {
-    match role.causality() {
+pub(crate) fn causality(causality: Option<Causality>) -> &'static str {
+    match causality {
         None => "independent",
         Some(Causality::Parameter) => "parameter",
         Some(Causality::CalculatedParameter) => "calculatedParameter",
@@ -257,6 +266,6 @@ pub(crate) fn initial(initial: Initial) -> &'static str {
     }
 }
 
-fn described(described: &json::Described) -> Attributes {
+fn described(described: &Described) -> Attributes {
     vec![("name", described.name.clone()), ("description", described.description.clone())]
 }

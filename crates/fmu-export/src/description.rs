@@ -1,10 +1,9 @@
-//! What the runtime knows of a model's variables: static tables that the `build` feature generates
-//! from the model's JSON, indexed by value reference. They say the same as the modelDescription.xml
-//! that is generated beside them (FMI 2.0.5, section 2.2).
+//! What the runtime knows of a model's variables: static tables that the build generates from the model's
+//! declaration. They say the same as the modelDescription.xml that is generated beside them (FMI 2.0.5, section 2.2).
 
 use std::fmt;
 
-/// The handle by which an importer names a variable; it indexes [`ModelDescription::variables`].
+/// The handle by which an importer names a variable.
 pub type ValueReference = u32;
 
 /// A model as its modelDescription.xml describes it.
@@ -14,7 +13,7 @@ pub struct ModelDescription {
     pub model_identifier: &'static str,
     /// The hash of the XML's content that the importer hands back to `fmi2Instantiate`.
     pub guid: &'static str,
-    /// Every variable; the position is its value reference.
+    /// Every variable, in the order of their value references.
     pub variables: &'static [VariableDescription],
     /// The names of the declared log categories.
     pub log_categories: &'static [&'static str],

@@ -380,7 +380,7 @@ fn check_finite<V: Variables>(variables: &V, time: f64) -> Result<(), Error> {
 fn not_finite<V: Variables>(variables: &V, reference: ValueReference, time: f64) -> Error {
     Error::new(format!(
         "the variable {} became {} at the time {} s",
-        V::DESCRIPTION.variables[reference as usize].name,
+        V::description(reference).map_or("", |variable| variable.name),
         Shown(variables.real(reference)),
         Shown(time)
     ))

@@ -28,6 +28,7 @@ pub mod persistence;
 mod saved_states;
 mod serialized_state;
 mod simulation;
+mod typed;
 
 pub use error::Error;
 #[cfg(feature = "derive")]

@@ -5,7 +5,7 @@
 
 use std::fmt;
 
-use crate::description::{ModelDescription, ValueReference};
+use crate::description::{ModelDescription, ValueReference, VariableDescription};
 use crate::error::Error;
 use crate::inputs::{InputSignal, Inputs};
 use crate::logger;
@@ -21,9 +21,32 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     type Inputs: Inputs;
     /// The tables for this model.
     const DESCRIPTION: &'static ModelDescription;
+    /// The value references of the described variables, ascending; nothing where they are 0, 1, 2, ….
+    const VALUE_REFERENCES: &'static [ValueReference] = &[];
     /// The text of the modelDescription.xml. A library that does not use it does not hold it.
     const MODEL_DESCRIPTION_XML: &'static str;
 
+    /// The position of a variable in the description, if there is one of this value reference.
+    #[must_use]
+    fn position(reference: ValueReference) -> Option<usize> {
+        match Self::VALUE_REFERENCES {
+            [] => Some(reference as usize).filter(|position| *position < Self::DESCRIPTION.variables.len()),
+            references => references.binary_search(&reference).ok(),
+        }
+    }
+    /// The description of a variable, if there is one of this value reference.
+    #[must_use]
+    fn description(reference: ValueReference) -> Option<&'static VariableDescription> {
+        Self::position(reference).map(|position| &Self::DESCRIPTION.variables[position])
+    }
+    /// The value reference of the variable at a position in the description.
+    #[must_use]
+    fn value_reference(position: usize) -> ValueReference {
+        let declared = Self::VALUE_REFERENCES.get(position).copied();
+        declared.unwrap_or_else(|| {
+            ValueReference::try_from(position).expect("there are fewer variables than numbers")
+        })
+    }
     /// The inputs as the importer set them, not clamped.
     fn inputs(&self) -> &Self::Inputs;
     /// The value of a Real variable.

@@ -40,7 +40,7 @@ pub struct Arguments {
     /// Other boost references of the grid's rows (Pa), ascending
     #[arg(long, value_name = "PA,...", value_delimiter = ',')]
     boost_references: Option<Vec<f64>>,
-    /// The time constant asked of the closed loop (s) [default: the controller's]
+    /// The desired time constant of the closed loop (s) [default: the controller's]
     #[arg(long, value_name = "SECONDS")]
     lambda: Option<f64>,
     /// The folder to write schedule.ssv, report.html and report.json to, and the journal that an interrupted

@@ -3,8 +3,8 @@
 //!
 //! Four fits follow each other: eq. (7) from the chamber's pressure at rest (`valve`), eq. (6) from the
 //! tank's pressure (`valve`), spring and friction from the positions at rest (`rod`), and the valve's
-//! areas, its delays, mass and damping from the transients after steps (`motion`). What the data do not tell
-//! is told by name, and stays as the plant has it.
+//! areas, its delays, mass and damping from the transients after steps (`motion`). Parameters that the data do not
+//! determine are listed by name and keep the plant's values.
 
 mod data;
 mod motion;
@@ -33,10 +33,10 @@ pub use self::report::{html, json};
 use crate::importer::Fmu;
 use crate::plot::Figure;
 
-/// A fit with larger residuals, in terms of the measurement's noise, is one to be looked at.
+/// Larger residuals, relative to the measurement's noise, lead to a note.
 const MOST_RESIDUAL: f64 = 1.5;
 
-/// A parameter of the plant that the data tell.
+/// A parameter of the plant that the data determine.
 #[derive(Clone, Debug, Serialize)]
 pub struct ParameterEstimate {
     pub name: String,
@@ -45,11 +45,11 @@ pub struct ParameterEstimate {
     pub standard_error: f64,
     /// The unit, the plant's.
     pub unit: String,
-    /// What the plant has without it.
+    /// The plant's value without the identification.
     pub plant_value: f64,
 }
 
-/// A parameter that the data do not tell.
+/// A parameter that the data do not determine.
 #[derive(Clone, Debug, Serialize)]
 pub struct Unidentified {
     pub name: String,
@@ -61,7 +61,7 @@ impl Unidentified {
         Self { name: name.to_owned(), reason: reason.to_owned() }
     }
 
-    /// For a standard error that is too large a part of the parameter.
+    /// For a standard error that is too large relative to the parameter.
     fn uncertain(name: &str, relative_error: f64) -> Self {
         Self::new(name, &format!("its standard error would be {:.0} % of it", 100.0 * relative_error))
     }
@@ -78,7 +78,7 @@ pub struct Fit {
     pub parameters: Vec<ParameterEstimate>,
 }
 
-/// A fit, with those of its parameters that it does not tell.
+/// A fit, with those of its parameters that the data do not determine.
 type FitOutcome = Result<(Fit, Vec<Unidentified>)>;
 
 /// How far measurements are from a fit.
@@ -95,7 +95,7 @@ pub struct Residuals {
     pub noise: Option<f64>,
 }
 
-/// What is known of the plant before.
+/// What is known of the plant beforehand.
 #[derive(Clone, Debug, Serialize)]
 pub struct Known {
     gas_constant: f64,
@@ -116,7 +116,7 @@ pub struct Known {
     /// The actuation with these parameters.
     #[serde(skip)]
     system: System,
-    /// What the plant has for the parameters that are sought, with their units.
+    /// The plant's values of the parameters that are identified, with their units.
     #[serde(skip)]
     sought: BTreeMap<&'static str, (f64, String)>,
 }
@@ -165,7 +165,7 @@ impl Known {
         Ok(known)
     }
 
-    /// What the plant has for a parameter that is sought.
+    /// The plant's value of a parameter that is identified.
     fn value(&self, name: &str) -> f64 {
         self.sought[name].0
     }
@@ -206,7 +206,7 @@ pub struct Identification {
     phases_at_rest: usize,
     /// The fits, in the order in which they were made.
     pub fits: Vec<Fit>,
-    /// What the data do not tell.
+    /// The parameters that the data do not determine.
     pub unidentified: Vec<Unidentified>,
     /// What a reader of the results must know.
     pub notes: Vec<String>,
@@ -233,7 +233,7 @@ pub fn identify(
         }
     }
     if data.pump.is_none() {
-        notes.push("The data do not say when the pump runs: taken as never.".to_owned());
+        notes.push("The data do not say when the pump runs: assumed to be always off.".to_owned());
     }
     if data.position_is_relative {
         for position in &mut data.position {
@@ -270,8 +270,8 @@ pub fn identify(
         let Residuals { name, tuning: Some(tuning), noise: Some(noise), .. } = residuals else { continue };
         if *tuning > MOST_RESIDUAL * noise {
             identification.notes.push(format!(
-                "{}: the residuals of the {name} are {:.1} times its noise at rest. The model is not what was measured, \
-                 or the fit began too far from it; the errors may be larger than they say.",
+                "{}: the residuals of the {name} are {:.1} times its noise at rest. The model does not describe \
+                 the measurement, or the fit started too far from it; the errors may be larger than stated.",
                 fit.title,
                 tuning / noise
             ));
@@ -317,7 +317,7 @@ impl Identification {
         self.fits.iter().flat_map(|fit| &fit.parameters)
     }
 
-    /// What was found, for the plant.
+    /// The parameter set for the plant.
     pub fn parameter_set(&self, plant: &Fmu) -> ParameterSet {
         let parameter = |estimate: &ParameterEstimate| Parameter {
             name: estimate.name.clone(),

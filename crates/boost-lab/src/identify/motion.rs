@@ -1,9 +1,9 @@
-//! What moves: the valve's areas, proportional band and time constant, and the rod's mass and damping, from the
+//! The dynamics: the valve's areas, proportional band and time constant, and the rod's mass and damping, from the
 //! transients after steps of the duty or the supply.
 //!
 //! The chamber's pressure and the rod's position are computed from eqs. (1) to (5) and (8) with the measured
-//! duty, supply and tank pressure, and compared with the measured ones. Spring and friction are free within what
-//! the rod at rest tells of them, so that their uncertainty is in the standard errors.
+//! duty, supply and tank pressure, and compared with the measured ones. Spring and friction are free within
+//! the uncertainty of their estimates at rest, which thereby enters the standard errors.
 
 use std::ops::Range;
 
@@ -28,20 +28,20 @@ pub const NAMES: [&str; 6] = [
     "actuator.damping",
     "actuator.mass",
 ];
-/// So many of these are fitted before all: the areas, and then the valve.
+/// How many of these are fitted first: the areas, then the valve.
 const STAGES: [usize; 2] = [2, 4];
-/// How long a transient is looked at (s).
+/// How much of a transient is used (s).
 const DURATION: f64 = 0.6;
-/// The least change of the chamber's pressure (Pa) in a transient that tells something.
+/// The least change of the chamber's pressure (Pa) in a transient that is used.
 const LEAST_CHANGE: f64 = 3000.0;
 /// The longest step of the integration (s).
 const LONGEST_STEP: f64 = 0.6e-3;
-/// How long a step is at most over the fastest eigenvalue: the method of Runge and Kutta bears 2.7.
+/// The largest product of step and fastest eigenvalue: the method of Runge and Kutta is stable up to 2.7.
 const STABLE: f64 = 2.5;
-/// How often a step is halved at most: a fit that wants a rod of a few grams has gone astray.
+/// How often a step is halved at most: a fit that arrives at a rod of a few grams has failed.
 const MOST_HALVINGS: f64 = 3.0;
-/// No measurement is better than that, whatever it shows at rest: a converter's steps may hide the noise, and
-/// the model itself errs.
+/// The noise that is assumed at least: a converter's steps may hide the noise, and the model has errors
+/// of its own.
 const LEAST_NOISE: MeasurementNoise = MeasurementNoise { chamber: 10.0, position: 1e-6 };
 /// The horizontal axis of the drawing.
 const TIME: &str = "time after the step (s)";
@@ -95,7 +95,7 @@ impl Model<'_> {
         } else {
             position
         };
-        // The mean: noise of the supply would shake the rod, and make its friction seem less than it is.
+        // The mean: noise of the supply would shake the rod, and make its friction appear too small.
         let commanded = plunger_duty(data, transient.rows.clone(), self.known);
         let longest = self.longest_step();
         let inputs = Inputs {

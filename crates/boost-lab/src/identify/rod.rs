@@ -1,7 +1,7 @@
 //! The rod at rest: spring and friction from the balance of forces, eq. (4), over the positions that it came to.
 //!
-//! Friction is Dahl's, eq. (5) with α = 1: over the way x it approaches the Coulomb force of the direction,
-//! `F(x) = ±F_c + (F(0) ∓ F_c)·exp(−σ|x|/F_c)`. So what the positions tell depends on where the rod came from.
+//! Friction is Dahl's, eq. (5) with α = 1: over the distance x it approaches the Coulomb force of the direction,
+//! `F(x) = ±F_c + (F(0) ∓ F_c)·exp(−σ|x|/F_c)`. So the force at a position depends on where the rod came from.
 
 use anyhow::{Context, Result, bail};
 use boost_fmu::plant::STIFFEST_FRICTION;
@@ -27,7 +27,7 @@ pub const NAMES: [&str; 5] = [
 pub const STOPS: f64 = 0.02;
 /// After so many lengths `F_c/σ` the friction has forgotten where it began.
 const FORGOTTEN: f64 = 5.0;
-/// In standard deviations of the position, what is a turn of the rod and no noise.
+/// In standard deviations of the position, what is a turn of the rod rather than noise.
 const TURN: f64 = 5.0;
 
 /// An actuator with the spring and friction of a fit.
@@ -64,7 +64,7 @@ impl Prior {
 /// keep it above zero.
 const SCALES: [f64; 3] = [10.0, 1e3, 1e15];
 
-/// A stand of the rod, and the way to it from the one before: positions of turns, and its own last.
+/// The rod at rest, and its path from the position before: the positions of its turns, and its own last.
 struct Stand<'a> {
     rest: &'a Rest,
     way: Vec<f64>,
@@ -113,7 +113,7 @@ fn stands<'a>(data: &Data, rests: &[&'a Rest], noise: MeasurementNoise) -> Vec<S
     stands
 }
 
-/// Spring and friction, and what the fit of the motion needs of them.
+/// Spring and friction, with what the fit of the motion needs of them.
 pub fn identify(
     data: &Data,
     rests: &[&Rest],
@@ -138,7 +138,7 @@ pub fn identify(
 struct Balance<'a> {
     known: &'a Known,
     stands: &'a [Stand<'a>],
-    /// The stands that count: between the stops, their friction told by the way.
+    /// The stands that count: between the stops, with known friction.
     used: Vec<usize>,
 }
 
@@ -210,7 +210,7 @@ impl<'a> Balance<'a> {
         Ok((Prior { free, parameters, solution: Some(solution) }, unidentified))
     }
 
-    /// What can be told at all: friction where the rod came from either side.
+    /// The parameters that can be determined: friction only where the rod came from either side.
     fn free(&self, start: &[f64]) -> (Vec<usize>, Vec<Unidentified>) {
         const LEAST_EACH_WAY: usize = 3;
         let tuning = self.tuning();

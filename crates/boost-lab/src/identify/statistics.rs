@@ -20,7 +20,7 @@ const DEPENDENT: f64 = 1e-9;
 /// zero whatever the errors were, and show nothing.
 const ALONE: f64 = 1.0 - 1e-6;
 
-/// A parameter whose standard error is a larger part of it than this is not told by the data.
+/// A parameter with a larger relative standard error is not determined by the data.
 const MOST_RELATIVE_ERROR: f64 = 0.5;
 
 /// How far a solution is sought, relative to the sum of squares and to the parameters: far below any standard
@@ -199,7 +199,7 @@ fn covariance(
         let gradient = phase.transpose() * residuals.rows(first, rows);
         // A fit follows the phases that tell much, so their residuals are less than the errors were.
         let SymmetricEigen { eigenvectors, eigenvalues } = (phase.transpose() * &phase).symmetric_eigen();
-        let grown = eigenvalues.map(|told| if told < ALONE { (1.0 - told).sqrt().recip() } else { 0.0 });
+        let grown = eigenvalues.map(|share| if share < ALONE { (1.0 - share).sqrt().recip() } else { 0.0 });
         let change = root * (&eigenvectors * grown.component_mul(&eigenvectors.tr_mul(&gradient)));
         by_phases += &change * change.transpose();
         first += rows;

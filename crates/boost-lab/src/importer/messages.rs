@@ -92,7 +92,7 @@ pub struct CallFailed {
     pub function: &'static str,
     /// The variables that it was called for, where there are few.
     pub variables: Vec<String>,
-    /// The time that the instance had reached (s); none before it was told one.
+    /// The time that the instance had reached (s); none before `fmi2SetupExperiment`.
     pub time: Option<f64>,
     /// What the function returned; none where it returned no instance.
     pub status: Option<Status>,

@@ -5,10 +5,9 @@
 //! numbers of any type in one go and allocates nothing. The error of a call that fails is a [`CallFailed`]: the
 //! function, the time, and the FMU's messages.
 //!
-//! This is the only room that knows how FMUs are called. Why it calls them itself: of the crates that import
-//! FMI 2.0, `fmi` needs libclang to be built and crashes on messages without a category, and `fmi-rs` (0.3.4)
-//! crashes with FMUs that keep the pointer to the callbacks, as many do, and with a status that the standard
-//! does not know.
+//! Only this module calls FMUs. It does so itself because, of the crates that import FMI 2.0, `fmi` needs libclang
+//! to be built and crashes on messages without a category, and `fmi-rs` (0.3.4) crashes with FMUs that keep the
+//! pointer to the callbacks, as many do, and with a status that the standard does not define.
 
 mod c_boundary;
 mod folder;

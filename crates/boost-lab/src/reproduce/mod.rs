@@ -1,7 +1,7 @@
 //! The paper's figures from the FMUs: each is one or more scenarios, what is measured in them, and a drawing
 //! laid out as the paper's.
 //!
-//! A [`Claim`] is a statement of the paper with the number that the FMUs give, the range that bears the
+//! A [`Claim`] is a statement of the paper with the number that the FMUs give, the range that confirms the
 //! statement out, and whether the number is a prediction of the model or was put into it.
 
 mod figure_1;

@@ -62,7 +62,7 @@ pub fn html(figures: &[Reproduced], fmus: &[String]) -> String {
         "<h1>Boost pressure control with system voltage disturbance rejection: the paper's figures from the FMUs</h1>\n\
          <p>The experiments of Criscuolo, Leufvén, Thomasson and Eriksson, \u{201c}Model-based boost pressure control \
          with system voltage disturbance rejection\u{201d} (IFAC 2011), run with {}. Under each drawing stand the \
-         paper's statements, the number that the FMUs give, and whether it bears the statement out.</p>\n\
+         paper's statements, the number that the FMUs give, and whether it confirms the statement.</p>\n\
          <p>The engine's and turbochargers' parameters are not published. Where they were chosen so that a figure is \
          met, the number is called a <em>calibration</em>; a <em>prediction</em> follows from parameters that were \
          chosen by something else; a <em>construction</em> follows from how the controller is built.</p>\n\

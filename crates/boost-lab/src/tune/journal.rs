@@ -22,7 +22,7 @@ pub struct TuningJournal {
 }
 
 impl TuningJournal {
-    /// Opens a journal, or begins it where there is none.
+    /// Opens or creates a journal.
     pub fn open(path: &Path, settings: &Settings) -> Result<Self> {
         let (journal, finished) = journal::Journal::open(path, settings)?;
         Ok(Self { journal, finished })

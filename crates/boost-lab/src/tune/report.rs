@@ -103,7 +103,7 @@ fn introduction(tuning: &Tuning<'_>, title: &str) -> String {
         ("Plant", task.plant.description().attribute("modelName").to_owned()),
         ("Parameters of the plant", task.plant_parameters_written()),
         ("Controller", task.schedule.controller.clone()),
-        ("\u{3bb}, the time constant asked of the closed loop", format!("{} s", task.schedule.lambda)),
+        ("\u{3bb}, the desired time constant of the closed loop", format!("{} s", task.schedule.lambda)),
         ("Supply voltage", format!("{} V", task.schedule.nominal_voltage)),
         ("Sample time", format!("{} ms", 1e3 * task.schedule.sample_time)),
         ("Step of the duty", format!("\u{b1}{} %", procedure.duty_step)),

@@ -9,7 +9,7 @@ use fmu_package::{FmuDescription, FmuVariable, Value, like};
 /// The names of the axes: engine speeds of columns, boost references of rows.
 pub(super) const ENGINE_SPEED: &str = "schedule.engine_speed";
 pub(super) const BOOST_REFERENCE: &str = "schedule.boost_reference";
-/// The controller's parameter for the time constant that is asked of the closed loop.
+/// The controller's parameter for the desired time constant of the closed loop.
 pub(super) const LAMBDA: &str = "lambda";
 /// The controller's parameter for the least duty, below which its reference model does not go either.
 pub(super) const LEAST_DUTY: &str = "pwm_min";
@@ -63,7 +63,7 @@ pub struct Schedule {
     pub nominal_voltage: f64,
     /// The controller's sample time (s).
     pub sample_time: f64,
-    /// The time constant that the controller asks of the closed loop (s).
+    /// The desired time constant of the closed loop (s).
     pub lambda: f64,
     /// The ranges that the controller takes of the maps, in the order of [`ScheduleTable::ALL`].
     ranges: [(f64, f64); 4],

@@ -3,23 +3,24 @@
 
 use std::fmt::Write as _;
 
-use super::super::resolve::{DataType, Role, Variable};
-use super::{ALLOW, Generator, Group};
+use super::Generator;
+use crate::model::{DataType, Place, Scalar};
+use crate::xml;
 
 impl Generator<'_, '_> {
     pub(crate) fn inputs_impl(&self) -> String {
         let (mut bounds, mut getters, mut setters) = (String::new(), String::new(), String::new());
         for (place, position) in self.real_inputs().enumerate() {
-            let variable = &self.model.variables[position];
-            let (min, max) = self.bounds(variable);
-            let path = &variable.path;
+            let scalar = &self.model.scalars[position];
+            let (min, max) = self.bounds(scalar);
+            let path = &scalar.path;
             let _ = writeln!(bounds, "        ::fmu_export::RealInput {{ min: {min}, max: {max} }},");
             let _ = writeln!(getters, "            {place} => self.{path},");
             let _ = writeln!(setters, "        self.{path} = value({place});");
         }
         format!(
             "
-{ALLOW}impl ::fmu_export::Inputs for Inputs {{
+impl ::fmu_export::Inputs for Inputs {{
     const REALS: &'static [::fmu_export::RealInput] = &[
 {bounds}    ];
 
@@ -49,13 +50,13 @@ impl Generator<'_, '_> {
             let (getters, setters) = self.accessors(name);
             format!(
                 "
-    fn {name}(&self, reference: ::fmu_export::description::ValueReference) -> {value_type} {{
+    fn {name}(&self, reference: fmi::ValueReference) -> {value_type} {{
         match reference {{
 {getters}            _ => {default},
         }}
     }}
 
-    fn set_{name}(&mut self, reference: ::fmu_export::description::ValueReference, value: {argument_type}) {{
+    fn set_{name}(&mut self, reference: fmi::ValueReference, value: {argument_type}) {{
         let _ = value;
         match reference {{
 {setters}            _ => {{}}
@@ -67,23 +68,23 @@ impl Generator<'_, '_> {
         .collect();
         // What goes wrong first is a state; derivatives and outputs follow from it.
         let (mut sums, mut reals) = ([const { String::new() }; 4], String::new());
-        for role in [Role::State, Role::Derivative, Role::Output] {
-            for position in self.model.of_role(role) {
-                let variable = &self.model.variables[position];
-                if variable.data_type == DataType::Real {
-                    let place = place(variable);
-                    let _ = write!(sums[reals.lines().count() % 4], " + self.{place}.abs()");
-                    let _ = writeln!(reals, "                ({position}, variables.{place}),");
+        for place in [Place::States, Place::Derivatives, Place::Outputs] {
+            for position in self.model.in_place(place) {
+                let scalar = &self.model.scalars[position];
+                if scalar.data_type == DataType::Real {
+                    let (path, reference) = (full_path(scalar), scalar.value_reference);
+                    let _ = write!(sums[reals.lines().count() % 4], " + self.{path}.abs()");
+                    let _ = writeln!(reals, "                ({reference}, variables.{path}),");
                 }
             }
         }
         format!(
             "
-{ALLOW}impl ::fmu_export::Variables for Variables {{
+impl ::fmu_export::Variables for Variables {{
     type Inputs = Inputs;
-    const DESCRIPTION: &'static ::fmu_export::description::ModelDescription = &DESCRIPTION;
+    const DESCRIPTION: &'static fmi::ModelDescription = &DESCRIPTION;
     const MODEL_DESCRIPTION_XML: &'static str = include_str!(\"modelDescription.xml\");
-
+{value_references}
     fn inputs(&self) -> &Inputs {{
         &self.inputs
     }}
@@ -109,7 +110,7 @@ impl Generator<'_, '_> {
         Self {{ start: self.derivatives, ..Self::zero() }}
     }}
 
-    fn first_non_finite(&self) -> Option<::fmu_export::description::ValueReference> {{
+    fn first_non_finite(&self) -> Option<fmi::ValueReference> {{
         // Quickly, where their sum is finite; in four parts, which do not wait for each other.
         let sums: [f64; 4] = [
 {sums}        ];
@@ -117,7 +118,7 @@ impl Generator<'_, '_> {
             return None;
         }}
         #[cold]
-        fn find(variables: &Variables) -> Option<::fmu_export::description::ValueReference> {{
+        fn find(variables: &Variables) -> Option<fmi::ValueReference> {{
             let reals: &[(_, f64)] = &[
 {reals}            ];
             reals.iter().find(|(_, value)| !value.is_finite()).map(|&(reference, _)| reference)
@@ -126,20 +127,21 @@ impl Generator<'_, '_> {
     }}
 }}
 ",
+            value_references = self.value_references(),
             accessors = accessors.concat(),
             sums = sums.map(|sum| format!("            0.0{sum},\n")).concat(),
-            zero_parameters = self.zero(Group::Parameters),
-            zero_inputs = self.zero(Group::Inputs),
-            zero_states = self.zero(Group::States),
-            zero_locals = self.zero(Group::Locals),
-            zero_outputs = self.zero(Group::Outputs),
+            zero_parameters = self.zero(Place::Parameters),
+            zero_inputs = self.zero(Place::Inputs),
+            zero_states = self.zero(Place::States),
+            zero_locals = self.zero(Place::Locals),
+            zero_outputs = self.zero(Place::Outputs),
         )
     }
 
-    /// The variables of a group without changes, from its default, which bears the group's name.
-    fn zero(&self, group: Group) -> String {
-        let name = group.type_name().to_lowercase();
-        if self.model.parts.iter().any(|part| group.is_real_in(part)) {
+    /// The variables of a place without changes, from its default, which bears the place's name.
+    fn zero(&self, place: Place) -> String {
+        let name = place.type_name().to_lowercase();
+        if self.model.parts.iter().any(|part| place.is_real_in(part)) {
             format!("{name}.map(|_| 0.0)")
         } else {
             name
@@ -149,8 +151,8 @@ impl Generator<'_, '_> {
     /// The arms of the getter and the setter of a type.
     fn accessors(&self, accessor: &str) -> (String, String) {
         let (mut getters, mut setters) = (String::new(), String::new());
-        for (position, variable) in self.model.variables.iter().enumerate().skip(1) {
-            let of_type = match variable.data_type {
+        for scalar in &self.model.scalars[1..] {
+            let of_type = match scalar.data_type {
                 DataType::Real => "real",
                 DataType::Integer | DataType::Enumeration(_) => "integer",
                 DataType::Boolean => "boolean",
@@ -159,15 +161,16 @@ impl Generator<'_, '_> {
             if of_type != accessor {
                 continue;
             }
-            let from = place(variable);
-            let to = match variable.role {
-                Role::State => Some(format!("start.{}", variable.path)),
-                Role::Parameter | Role::Input => Some(from.clone()),
+            let reference = scalar.value_reference;
+            let from = full_path(scalar);
+            let to = match scalar.place {
+                Place::States => Some(format!("start.{}", scalar.path)),
+                Place::Parameters | Place::Inputs => Some(from.clone()),
                 _ => None,
             };
-            let (get, set) = match variable.data_type {
+            let (get, set) = match scalar.data_type {
                 DataType::Enumeration(enumeration) => {
-                    let name = &self.model.model.enumerations[enumeration].name;
+                    let name = &self.model.declaration.enumerations[enumeration].name;
                     let item = format!("if let Some(item) = {name}::from_value(value)");
                     let set = to.map(|to| format!("{{\n                {item} {{\n                    self.{to} = item;\n                }}\n            }}"));
                     (format!("self.{from} as i32"), set)
@@ -177,9 +180,9 @@ impl Generator<'_, '_> {
                 }
                 _ => (format!("self.{from}"), to.map(|to| format!("self.{to} = value,"))),
             };
-            let _ = writeln!(getters, "            {position} => {get},");
+            let _ = writeln!(getters, "            {reference} => {get},");
             if let Some(set) = set {
-                let _ = writeln!(setters, "            {position} => {set}");
+                let _ = writeln!(setters, "            {reference} => {set}");
             }
         }
         (getters, setters)
@@ -187,109 +190,106 @@ impl Generator<'_, '_> {
 
     /// The tables for the runtime.
     pub(crate) fn description(&self, guid: &str) -> String {
-        let model = self.model.model;
+        let model = self.model;
         let categories: Vec<_> =
-            model.log_categories.iter().map(|category| format!("        {:?},\n", category.name)).collect();
+            model.log_categories.iter().map(|category| format!("{:?}", category.name)).collect();
         let mut variables = String::new();
-        let mut real_inputs = self.real_inputs().zip(0..).peekable();
-        for (position, variable) in self.model.variables.iter().enumerate() {
-            let place: Option<(usize, i32)> = real_inputs.next_if(|&(input, _)| input == position);
-            let (min, max) = self.bounds(variable);
+        let real_inputs: Vec<_> = self.real_inputs().collect();
+        for position in self.by_value_reference() {
+            let scalar = &model.scalars[position];
+            let (min, max) = self.bounds(scalar);
             let _ = writeln!(
                 variables,
-                "        VariableDescription {{
-            name: {:?},
-            data_type: DataType::{},
-            causality: Causality::{},
-            variability: Variability::{:?},
-            initial: Initial::{},
-            min: {min},
-            max: {max},
-            real_input: {:?},
-        }},",
-                variable.name,
-                match variable.data_type {
+                "        fmi::VariableDescription {{ name: {:?}, data_type: fmi::DataType::{}, causality: fmi::Causality::{}, \
+                 variability: fmi::Variability::{:?}, initial: fmi::Initial::{}, min: {min}, max: {max}, real_input: {:?} }},",
+                scalar.name,
+                match scalar.data_type {
                     DataType::Real => "Real",
                     DataType::Integer => "Integer",
                     DataType::Boolean => "Boolean",
                     DataType::String => "String",
                     DataType::Enumeration(_) => "Enumeration",
                 },
-                variable
-                    .role
-                    .causality()
-                    .map_or("Independent".to_owned(), |causality| format!("{causality:?}")),
-                variable.variability,
-                variable.initial.map_or("None".to_owned(), |initial| format!("{initial:?}")),
-                place.map(|(_, place)| place),
+                super::pascal_case(xml::causality(scalar.causality)),
+                scalar.variability,
+                scalar.initial.map_or("None".to_owned(), |initial| format!("{initial:?}")),
+                real_inputs.iter().position(|&input| input == position),
             );
         }
+        let capabilities = &model.declaration.capabilities;
         format!(
             "
-{ALLOW}static DESCRIPTION: ::fmu_export::description::ModelDescription = {{
-    use ::fmu_export::description::{{
-        Capabilities, Causality, DataType, Initial, ModelDescription, VariableDescription, Variability,
-    }};
-    static VARIABLES: [VariableDescription; {}] = [
-{variables}    ];
-    static LOG_CATEGORIES: [&str; {}] = [
-{categories}    ];
-    ModelDescription {{
-        model_identifier: {:?},
-        guid: {guid:?},
-        variables: &VARIABLES,
-        log_categories: &LOG_CATEGORIES,
-        capabilities: Capabilities {{
-            interpolate_inputs: {},
-            get_and_set_state: {},
-            serialize_state: {},
-            directional_derivatives: {},
-        }},
-    }}
+static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
+    model_identifier: {:?},
+    guid: {guid:?},
+    variables: &[
+{variables}    ],
+    log_categories: &[{categories}],
+    capabilities: fmi::Capabilities {{
+        interpolate_inputs: {},
+        get_and_set_state: {},
+        serialize_state: {},
+        directional_derivatives: {},
+    }},
 }};
 ",
-            self.model.variables.len(),
-            model.log_categories.len(),
-            model.model_identifier,
-            model.capabilities.interpolate_inputs,
-            model.capabilities.get_and_set_state,
-            model.capabilities.serialize_state,
-            model.capabilities.directional_derivatives,
-            categories = categories.concat(),
+            model.identifier,
+            capabilities.interpolate_inputs,
+            capabilities.get_and_set_state,
+            capabilities.serialize_state,
+            capabilities.directional_derivatives,
+            categories = categories.join(", "),
         )
+    }
+
+    /// The positions of the variables, in the order of their value references.
+    fn by_value_reference(&self) -> Vec<usize> {
+        let mut positions: Vec<_> = (0..self.model.scalars.len()).collect();
+        positions.sort_by_key(|&position| self.model.scalars[position].value_reference);
+        positions
+    }
+
+    /// Their value references, unless these are 0, 1, 2, ….
+    fn value_references(&self) -> String {
+        let scalars = self.by_value_reference().into_iter().map(|position| &self.model.scalars[position]);
+        let references: Vec<_> = scalars.map(|scalar| scalar.value_reference).collect();
+        if (0..).zip(&references).all(|(position, reference)| position == *reference) {
+            return String::new();
+        }
+        format!("    const VALUE_REFERENCES: &'static [fmi::ValueReference] = &{references:?};\n")
     }
 
     fn real_inputs(&self) -> impl Iterator<Item = usize> {
         self.model
-            .of_role(Role::Input)
-            .filter(|&position| self.model.variables[position].data_type == DataType::Real)
+            .in_place(Place::Inputs)
+            .filter(|&position| self.model.scalars[position].data_type == DataType::Real)
     }
 
     /// The bounds of a variable, as Rust's text.
-    fn bounds(&self, variable: &Variable) -> (String, String) {
+    fn bounds(&self, scalar: &Scalar) -> (String, String) {
         let text = |bound: Option<f64>, open: &str| match bound {
             Some(bound) => format!("{bound:?}"),
             None => open.to_owned(),
         };
-        match variable.data_type {
+        match scalar.data_type {
             DataType::Enumeration(enumeration) => {
-                let items = self.model.model.enumerations[enumeration].items.len();
+                let items = self.model.declaration.enumerations[enumeration].items.len();
                 ("1.0".to_owned(), format!("{items}.0"))
             }
-            _ => (text(variable.min, "f64::NEG_INFINITY"), text(variable.max, "f64::INFINITY")),
+            _ => (text(scalar.min, "f64::NEG_INFINITY"), text(scalar.max, "f64::INFINITY")),
         }
     }
 }
 
 /// Where a variable is in `Variables`.
-fn place(variable: &Variable) -> String {
-    let group = match variable.role {
-        Role::Parameter => "parameters",
-        Role::Input => "inputs",
-        Role::State => "states",
-        Role::Derivative => "derivatives",
-        Role::Output => "outputs",
-        Role::CalculatedParameter | Role::Local | Role::Independent => "locals",
+fn full_path(scalar: &Scalar) -> String {
+    let place = match scalar.place {
+        Place::Parameters => "parameters",
+        Place::Inputs => "inputs",
+        Place::States => "states",
+        Place::Derivatives => "derivatives",
+        Place::Outputs => "outputs",
+        Place::Locals | Place::Time => "locals",
     };
-    format!("{group}.{}", variable.path)
+    format!("{place}.{}", scalar.path)
 }

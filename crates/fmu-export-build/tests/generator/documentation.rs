@@ -9,7 +9,7 @@ use quick_xml::events::Event;
 use quick_xml::{Reader, XmlVersion};
 use serde_json::Value;
 
-use super::{folder, folder_with_model, generate, read};
+use super::{folder, folder_with_model, generate, package, read};
 
 /// The values of an attribute in a page, which is read as XML: so every element is closed.
 fn values(page: &str, wanted: &str) -> Vec<String> {
@@ -113,7 +113,7 @@ fn generated(
     for (name, content) in beside {
         fs::write(folder.join(name), content).expect("the folder for tests is writable");
     }
-    generate_into(&file, &folder, "1.2.3").map_err(|error| {
+    generate_into(&file, &folder, &package()).map_err(|error| {
         assert!(!folder.join("Vessels").exists(), "{name}: something was written");
         error.to_string().replace(&format!("{}{}", folder.display(), std::path::MAIN_SEPARATOR), "")
     })
@@ -162,7 +162,8 @@ fn documentation_and_icon_may_be_absent_and_enter_no_guid() {
 #[test]
 fn an_icon_that_the_json_no_longer_names_is_removed() {
     let folder = folder_with_model("icon");
-    let again = || generate_into(&folder.join("vessels.json"), &folder, "1").expect("nothing is wrong").icon;
+    let again =
+        || generate_into(&folder.join("vessels.json"), &folder, &package()).expect("nothing is wrong").icon;
     let icon = again().expect("the JSON names one");
     assert!(icon.exists());
     let without = read(&folder.join("vessels.json")).replace("\"icon\": \"vessels.png\",", "");
@@ -186,33 +187,30 @@ fn refusal(fragment: &str) -> String {
 fn a_fragment_names_existing_variables() {
     assert_eq!(
         refusal("<p>It\nfollows <var>first.mas</var></p>"),
-        "vessels.html: variable 'first.mas': line 2 names it, but the model has no such variable"
+        "vessels.html:2: the model has no variable 'first.mas'; the nearest is 'first.mass'"
     );
     assert_eq!(
         refusal("<var>settings.table[3,1]</var>"),
-        "vessels.html: variable 'settings.table[3,1]': line 1 names it, but the model has no such variable"
+        "vessels.html:1: the model has no variable 'settings.table[3,1]'; the nearest is 'settings.table[1,1]'"
     );
     for nameless in ["<var/>", "<var></var>", "<var><b>level</b></var>"] {
-        assert_eq!(refusal(nameless), "vessels.html: line 1: <var> is for the name of a variable");
+        assert_eq!(refusal(nameless), "vessels.html:1: <var> is for the name of a variable");
     }
     assert_eq!(
         refusal("<a href=\"#balance\">there</a>"),
-        "vessels.html: line 1: it links to '#balance', which is not on the page"
+        "vessels.html:1: it links to '#balance', which is not on the page"
     );
     for id in ["level", "page-states", "FillMode"] {
         assert_eq!(
             refusal(&format!("<p id=\"{id}\">twice</p>")),
-            format!("vessels.html: line 1: another element has the id '{id}'")
+            format!("vessels.html:1: another element has the id '{id}'")
         );
     }
     assert_eq!(
         refusal("<p id=\"a\"></p>\n<p id=\"a\"></p>"),
-        "vessels.html: line 2: another element has the id 'a'"
+        "vessels.html:2: another element has the id 'a'"
     );
-    assert_eq!(
-        refusal("<h3>Balance</h3>"),
-        "vessels.html: line 1: <h3> needs an id, for the page's contents"
-    );
+    assert_eq!(refusal("<h3>Balance</h3>"), "vessels.html:1: <h3> needs an id, for the page's contents");
 }
 
 #[test]
@@ -220,7 +218,7 @@ fn a_fragment_refers_to_no_other_file() {
     for element in ["script", "style", "link", "iframe", "h1", "body"] {
         assert_eq!(
             refusal(&format!("<{element}></{element}>")),
-            format!("vessels.html: line 1: <{element}> has no place within a page that is whole by itself")
+            format!("vessels.html:1: <{element}> has no place within a page that is whole by itself")
         );
     }
     for (markup, attribute) in [
@@ -229,22 +227,22 @@ fn a_fragment_refers_to_no_other_file() {
         ("<svg><use xlink:href=\"other.svg#a\"/></svg>", "xlink:href=\"other.svg#a\""),
         ("<p style=\"background: url(a.png)\"></p>", "style=\"background: url(a.png)\""),
     ] {
-        assert_eq!(refusal(markup), format!("vessels.html: line 1: {attribute} is loaded from elsewhere"));
+        assert_eq!(refusal(markup), format!("vessels.html:1: {attribute} is loaded from elsewhere"));
     }
-    assert_eq!(refusal("<p onclick=\"f()\"></p>"), "vessels.html: line 1: onclick is a script");
+    assert_eq!(refusal("<p onclick=\"f()\"></p>"), "vessels.html:1: onclick is a script");
     assert_eq!(refusal("<p><a href=\"https://example.org\">a link</a></p>"), "nothing was refused");
-    assert_eq!(refusal("<img src=\"vessels.svg\"/>"), "vessels.html: line 1: <img> needs an alt");
-    assert_eq!(refusal("<img src=\"text.svg\" alt=\"\"/>"), "text.svg: line 1: it is not an SVG");
+    assert_eq!(refusal("<img src=\"vessels.svg\"/>"), "vessels.html:1: <img> needs an alt");
+    assert_eq!(refusal("<img src=\"text.svg\" alt=\"\"/>"), "text.svg:1: it is not an SVG");
 }
 
 #[test]
 fn a_fragment_is_xml() {
-    assert_eq!(refusal("<p>a&nbsp;b</p>"), "vessels.html: line 1: write the character itself, not &nbsp;");
-    assert_eq!(refusal("<p>\n<b>open</p>").split(": ").next(), Some("vessels.html"));
-    assert!(refusal("<p>\n<b>open</p>").contains("line 2: "), "{}", refusal("<p>\n<b>open</p>"));
-    assert_eq!(refusal("<p>\nopen"), "vessels.html: line 2: it ends within <p>");
-    assert_eq!(refusal("<![CDATA[x]]>"), "vessels.html: line 1: HTML has no CDATA");
-    assert!(refusal("<p class=a></p>").starts_with("vessels.html: line 1: "));
+    assert_eq!(refusal("<p>a&nbsp;b</p>"), "vessels.html:1: write the character itself, not &nbsp;");
+    assert_eq!(refusal("<p>\n<b>open</p>").split(": ").next(), Some("vessels.html:2"));
+    assert!(refusal("<p>\n<b>open</p>").contains("vessels.html:2: "), "{}", refusal("<p>\n<b>open</p>"));
+    assert_eq!(refusal("<p>\nopen"), "vessels.html:2: it ends within <p>");
+    assert_eq!(refusal("<![CDATA[x]]>"), "vessels.html:1: HTML has no CDATA");
+    assert!(refusal("<p class=a></p>").starts_with("vessels.html:1: "));
 }
 
 #[test]
@@ -255,7 +253,7 @@ fn missing_files_are_refused_by_name() {
     };
     for (key, file) in [("documentation", "nowhere.html"), ("icon", "nowhere.png")] {
         let refusal = missing(key, file);
-        assert!(refusal.starts_with(&format!("{file}: ")), "{refusal}");
+        assert_eq!(refusal, format!("vessels.json:1: {key}: there is no file {file}"));
     }
     assert_eq!(missing("icon", "vessels.svg"), "vessels.svg: it is not a PNG");
     let refusal = refusal("<img src=\"nowhere.svg\" alt=\"nothing\"/>");

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use fmu_export::description::{Causality, DataType, Initial, Variability};
 use fmu_export::{Inputs as _, Variables as _};
-use fmu_export_build::{Generated, generate_into};
+use fmu_export_build::{Generated, Package, generate_into};
 
 mod documentation;
 mod refusals;
@@ -48,12 +48,18 @@ fn folder_with_model(name: &str) -> PathBuf {
     folder
 }
 
+/// The package that the small model belongs to.
+fn package() -> Package {
+    Package { name: "small-model".to_owned(), version: "1.2.3".to_owned(), ..Package::default() }
+}
+
 fn read(file: &Path) -> String {
     fs::read_to_string(file).unwrap_or_else(|error| panic!("{}: {error}", file.display()))
 }
 
 fn generate(out_dir: &Path) -> Generated {
-    generate_into(&sources().join("vessels.json"), out_dir, "1.2.3").unwrap_or_else(|error| panic!("{error}"))
+    generate_into(&sources().join("vessels.json"), out_dir, &package())
+        .unwrap_or_else(|error| panic!("{error}"))
 }
 
 #[test]
@@ -218,7 +224,8 @@ fn xml_says_what_the_json_says() {
 fn guid_follows_the_content() {
     let guid = |version: &str, name: &str| {
         let out_dir = folder(name);
-        let generated = generate_into(&sources().join("vessels.json"), &out_dir, version);
+        let package = Package { version: version.to_owned(), ..package() };
+        let generated = generate_into(&sources().join("vessels.json"), &out_dir, &package);
         let xml = read(&generated.expect("the model is sound").model_description);
         let (_, rest) = xml.split_once("guid=\"{").expect("there is a guid");
         rest[..36].to_owned()

@@ -8,7 +8,7 @@ use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 use serde_json::{Value, json};
 
-use super::{folder_with_model, read, sources};
+use super::{folder_with_model, package, read, sources};
 
 /// An element with its attributes.
 struct Element {
@@ -58,7 +58,7 @@ fn generated(name: &str, edit: impl FnOnce(&mut Value, &mut Value)) -> Vec<Eleme
     for (file, value) in [("vessels.json", &model), ("units.json", &units)] {
         fs::write(folder.join(file), value.to_string()).expect("the folder for tests is writable");
     }
-    let generated = generate_into(&folder.join("vessels.json"), &folder, "1.2.3");
+    let generated = generate_into(&folder.join("vessels.json"), &folder, &package());
     elements(&read(&generated.unwrap_or_else(|error| panic!("{error}")).model_description))
 }
 

@@ -36,7 +36,7 @@ impl<M: Model> Instance<M> {
             }
         }
         let (status, derivatives) = self.differentiate(&direction)?;
-        copy_derivatives(&derivatives, unknowns, sensitivities)?;
+        self.copy_derivatives(&derivatives, direction, unknowns, sensitivities)?;
         Ok(status)
     }
 
@@ -63,13 +63,14 @@ impl<M: Model> Instance<M> {
         let status = self.compute_values()?;
         // Along the direction in which states and inputs change.
         let mut direction = self.memory.variables.along_derivatives();
-        for (reference, variable) in (0..).zip(Self::DESCRIPTION.variables) {
+        for (position, variable) in Self::DESCRIPTION.variables.iter().enumerate() {
             if let Some(input) = variable.real_input {
+                let reference = M::Variables::value_reference(position);
                 direction.set_real(reference, self.memory.inputs.slope(input));
             }
         }
         let (_, derivatives) = self.differentiate(&direction)?;
-        copy_derivatives(&derivatives, references, values)?;
+        self.copy_derivatives(&derivatives, direction, references, values)?;
         Ok(status)
     }
 
@@ -85,7 +86,7 @@ impl<M: Model> Instance<M> {
     fn check_unknown(&self, variable: &VariableDescription) -> Result<(), Error> {
         let calculated = match variable.causality {
             Causality::Output => true,
-            // A state is an unknown of the initialization and a known of the steps.
+            // A local state is an unknown of the initialization and a known of the steps.
             Causality::Local => {
                 self.memory.phase == Phase::InitializationMode && variable.initial != Initial::Exact
                     || variable.initial == Initial::Calculated
@@ -105,7 +106,7 @@ impl<M: Model> Instance<M> {
     /// What can be differentiated with respect to: inputs; in initialization mode the parameters and exact
     /// start values, later the states.
     fn check_known(&self, variable: &VariableDescription) -> Result<(), Error> {
-        let is_state = variable.causality == Causality::Local
+        let is_state = matches!(variable.causality, Causality::Local | Causality::Output)
             && matches!(variable.initial, Initial::Exact | Initial::Approx);
         let initializing = self.memory.phase == Phase::InitializationMode;
         let known = match variable.causality {
@@ -133,20 +134,26 @@ impl<M: Model> Instance<M> {
         };
         Ok((status, derivatives?))
     }
-}
-
-/// Hands out the derivatives of variables, if they are numbers.
-fn copy_derivatives<V: Variables>(
-    derivatives: &V,
-    references: &[ValueReference],
-    values: &mut [f64],
-) -> Result<(), Error> {
-    for (&reference, value) in references.iter().zip(values) {
-        *value = derivatives.real(reference);
-        if !value.is_finite() {
-            let name = V::DESCRIPTION.variables[reference as usize].name;
-            return Err(Error::new(format!("the derivative of {name} is {}", Shown(*value))));
+    /// Hands out the derivatives of variables, if they are numbers. In steps a state that is an output changes as
+    /// the direction says.
+    fn copy_derivatives(
+        &self,
+        derivatives: &M::Variables,
+        mut direction: M::Variables,
+        references: &[ValueReference],
+        values: &mut [f64],
+    ) -> Result<(), Error> {
+        direction.states_from_start();
+        let initializing = self.memory.phase == Phase::InitializationMode;
+        for (&reference, value) in references.iter().zip(values) {
+            let variable = Self::checked(reference);
+            let is_given = variable.causality == Causality::Output && variable.initial != Initial::Calculated;
+            let from = if is_given && !initializing { &direction } else { derivatives };
+            *value = from.real(reference);
+            if !value.is_finite() {
+                return Err(Error::new(format!("the derivative of {} is {}", variable.name, Shown(*value))));
+            }
         }
+        Ok(())
     }
-    Ok(())
 }

@@ -17,7 +17,7 @@ impl<M: Model> Instance<M> {
         reference: ValueReference,
         requested: DataType,
     ) -> Result<&'static VariableDescription, Error> {
-        let variable = Self::DESCRIPTION.variables.get(reference as usize).ok_or_else(|| {
+        let variable = M::Variables::description(reference).ok_or_else(|| {
             Error::new(format!("there is no variable with the value reference {reference}"))
         })?;
         let is_integer = variable.data_type == DataType::Enumeration && requested == DataType::Integer;
@@ -29,8 +29,12 @@ impl<M: Model> Instance<M> {
     }
 
     fn is_real_input(reference: ValueReference) -> bool {
-        let variable = Self::DESCRIPTION.variables.get(reference as usize);
-        variable.is_some_and(|variable| variable.real_input.is_some())
+        M::Variables::description(reference).is_some_and(|variable| variable.real_input.is_some())
+    }
+
+    /// A variable whose value reference was checked.
+    pub(super) fn checked(reference: ValueReference) -> &'static VariableDescription {
+        M::Variables::description(reference).expect("the value reference was checked")
     }
 
     /// Gets values; `read` writes the one at an index. First every value reference is checked.
@@ -54,7 +58,7 @@ impl<M: Model> Instance<M> {
         let time = self.memory.time;
         let mut no_number = Ok(());
         let status = self.get(references, DataType::Real, |variables, index, reference| {
-            let variable = &Self::DESCRIPTION.variables[reference as usize];
+            let variable = Self::checked(reference);
             let value =
                 if variable.causality == Causality::Independent { time } else { variables.real(reference) };
             // The others are handed out all the same: what a failed step has left is of use for debugging.
@@ -170,7 +174,7 @@ impl<M: Model> Instance<M> {
         }
         let mut status = Status::Ok;
         for (&reference, &value) in references.iter().zip(values) {
-            let variable = &Self::DESCRIPTION.variables[reference as usize];
+            let variable = Self::checked(reference);
             let memory = &mut self.memory;
             write(&mut memory.variables, reference, value);
             memory.stale = true;
@@ -221,7 +225,7 @@ impl<M: Model> Instance<M> {
         let mut status = Status::Ok;
         for ((&reference, &order), &value) in derivatives() {
             let (position, order) = Self::input_derivative(reference, order, value)?;
-            let variable = &Self::DESCRIPTION.variables[reference as usize];
+            let variable = Self::checked(reference);
             if variable.variability == Variability::Continuous {
                 self.memory.inputs.set_derivative(position, order, value);
             } else if value != 0.0 && self.memory.inputs.ignore_derivative(position) {

@@ -1,0 +1,621 @@
+//! From the declaration to the flat model: components filled in, arrays spread into scalars, names looked up.
+//!
+//! Everything that is generated is printed from the [`Model`], and what reaches it is complete and consistent:
+//! whatever cannot be is refused on the way, here and in [`check`].
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use serde_json::Value;
+
+use crate::Package;
+use crate::check;
+use crate::declaration::{
+    Causality, ComponentDeclaration, Declaration, Described, Initial, UnitDeclaration, Variability,
+    VariableDeclaration,
+};
+use crate::dependencies;
+use crate::error::{Refusal, Refusals, nearest};
+use crate::units::{self, Unit, Units};
+
+/// A model that is ready to be printed.
+pub(crate) struct Model<'a> {
+    pub(crate) declaration: &'a Declaration,
+    pub(crate) identifier: String,
+    pub(crate) description: Option<String>,
+    pub(crate) author: Option<String>,
+    pub(crate) license: Option<String>,
+    pub(crate) version: &'a str,
+    pub(crate) log_categories: Vec<Described>,
+    /// The units that are used: those of the file first, in its order.
+    pub(crate) units: Vec<Unit>,
+    /// The interface (the part without a name) and the components.
+    pub(crate) parts: Vec<Part<'a>>,
+    /// Every scalar variable, in the order of the XML.
+    pub(crate) scalars: Vec<Scalar>,
+}
+
+/// The variables of one component, or those of none.
+pub(crate) struct Part<'a> {
+    pub(crate) name: Option<&'a str>,
+    pub(crate) component_type: Option<&'a str>,
+    pub(crate) state_group: Option<&'a str>,
+    pub(crate) description: Option<&'a str>,
+    pub(crate) fields: Vec<Field<'a>>,
+    /// Its path in the declaration; empty for the interface.
+    pub(crate) key: String,
+}
+
+/// A variable as it is declared, maybe an array: a field of a generated struct.
+pub(crate) struct Field<'a> {
+    pub(crate) declaration: &'a VariableDeclaration,
+    pub(crate) place: Place,
+    pub(crate) data_type: DataType,
+    /// The positions of its scalars, row by row.
+    pub(crate) positions: Vec<usize>,
+}
+
+/// The field of the generated `Variables` that holds a value; time is in none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Place {
+    Time,
+    Parameters,
+    Inputs,
+    States,
+    Derivatives,
+    Locals,
+    Outputs,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum DataType {
+    Real,
+    Integer,
+    Boolean,
+    String,
+    /// The position among the model's enumerations.
+    Enumeration(usize),
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Start {
+    Real(f64),
+    Integer(i32),
+    Boolean(bool),
+    String(String),
+    /// The position among the enumeration's items, from 0.
+    Item(usize),
+}
+
+/// A scalar variable.
+pub(crate) struct Scalar {
+    pub(crate) name: String,
+    /// The path in the declaration.
+    pub(crate) key: String,
+    pub(crate) value_reference: u32,
+    pub(crate) description: Option<String>,
+    pub(crate) place: Place,
+    /// None for the independent variable.
+    pub(crate) causality: Option<Causality>,
+    pub(crate) variability: Variability,
+    /// None for inputs and the independent variable.
+    pub(crate) initial: Option<Initial>,
+    pub(crate) data_type: DataType,
+    pub(crate) unit: Option<String>,
+    pub(crate) display_unit: Option<String>,
+    pub(crate) min: Option<f64>,
+    pub(crate) max: Option<f64>,
+    pub(crate) nominal: Option<f64>,
+    pub(crate) start: Option<Start>,
+    /// For a derivative: the position of its state.
+    pub(crate) state: Option<usize>,
+    /// Where the value is within its place, e.g. `tank.pressure` or `gain[0][2]`.
+    pub(crate) path: String,
+    pub(crate) reads: Reads,
+    /// The same in initialization.
+    pub(crate) initial_reads: Reads,
+}
+
+/// The positions of the variables that an equation reads; none where it may read everything.
+pub(crate) type Reads = Option<Vec<usize>>;
+
+impl Scalar {
+    fn time() -> Self {
+        Self {
+            name: "time".to_owned(),
+            key: String::new(),
+            value_reference: 0,
+            description: Some("Time".to_owned()),
+            place: Place::Time,
+            causality: None,
+            variability: Variability::Continuous,
+            initial: None,
+            data_type: DataType::Real,
+            unit: Some("s".to_owned()),
+            display_unit: None,
+            min: None,
+            max: None,
+            nominal: None,
+            start: None,
+            state: None,
+            path: String::new(),
+            reads: Some(Vec::new()),
+            initial_reads: Some(Vec::new()),
+        }
+    }
+
+    /// Whether it is given while the model steps.
+    pub(crate) fn known_in_steps(&self) -> bool {
+        matches!(self.place, Place::Inputs | Place::States | Place::Time)
+    }
+
+    /// Whether it is given in initialization.
+    pub(crate) fn known_in_initialization(&self) -> bool {
+        matches!(self.place, Place::Inputs | Place::Time) || self.initial == Some(Initial::Exact)
+    }
+
+    /// Whether it belongs to the `InitialUnknowns`.
+    pub(crate) fn unknown_in_initialization(&self) -> bool {
+        !self.known_in_initialization()
+            && (matches!(self.place, Place::Outputs | Place::States | Place::Derivatives)
+                || self.causality == Some(Causality::CalculatedParameter))
+    }
+}
+
+impl<'a> Model<'a> {
+    /// Flattens and checks a declaration.
+    pub(crate) fn new(
+        declaration: &'a Declaration,
+        units: &'a [UnitDeclaration],
+        package: &'a Package,
+    ) -> Result<Self, Refusals> {
+        let mut flattening = Flattening::new(declaration);
+        let given = |text: &str| Some(text.to_owned()).filter(|text| !text.is_empty());
+        let identifier =
+            declaration.model_identifier.clone().unwrap_or_else(|| package.name.replace('-', "_"));
+        check::declaration(declaration, &identifier, &mut flattening.refusals);
+        flattening.refusals.check()?;
+        flattening.add_part("variables", None, &declaration.variables);
+        for (number, component) in declaration.components.iter().enumerate() {
+            flattening.add_component(number, component);
+        }
+        flattening.refuse_unused_types();
+        flattening.refusals.check()?;
+        flattening.assign_value_references();
+        flattening.look_up_reads();
+        let units = flattening.find_units(&Units::new(units));
+        let Flattening { parts, scalars, mut refusals, .. } = flattening;
+        check::state_groups(declaration, &parts, &scalars, &mut refusals);
+        check::type_names(declaration, &parts, &mut refusals);
+        check::outputs(&scalars, &mut refusals);
+        check::calculated_parameters(&scalars, &mut refusals);
+        dependencies::refuse_cycles(&scalars, &mut refusals);
+        refusals.check()?;
+        Ok(Self {
+            declaration,
+            identifier,
+            description: declaration.description.clone().or_else(|| given(&package.description)),
+            author: declaration.author.clone().or_else(|| given(&package.authors.replace(':', ", "))),
+            license: declaration.license.clone().or_else(|| given(&package.license)),
+            version: &package.version,
+            log_categories: log_categories(&declaration.log_categories),
+            units,
+            parts,
+            scalars,
+        })
+    }
+
+    /// The positions of the variables of a place.
+    pub(crate) fn in_place(&self, place: Place) -> impl Iterator<Item = usize> {
+        (0..self.scalars.len()).filter(move |&position| self.scalars[position].place == place)
+    }
+}
+
+/// The categories that the runtime logs under, unless they are declared, and the declared ones.
+fn log_categories(declared: &[Described]) -> Vec<Described> {
+    let default = [("logStatusError", "errors"), ("logStatusWarning", "warnings"), ("logEvents", "events")];
+    default
+        .into_iter()
+        .filter(|(name, _)| declared.iter().all(|category| category.name != *name))
+        .map(|(name, description)| Described { name: name.to_owned(), description: description.to_owned() })
+        .chain(declared.iter().cloned())
+        .collect()
+}
+
+/// The work in progress.
+struct Flattening<'a> {
+    declaration: &'a Declaration,
+    parts: Vec<Part<'a>>,
+    scalars: Vec<Scalar>,
+    /// The value references that are declared, with the path of the key.
+    pinned: Vec<(usize, u32, String)>,
+    /// The scalars behind each name by which `reads` may call them: each scalar's, and each array's.
+    names: BTreeMap<String, Vec<usize>>,
+    /// The equations whose reads are still to be looked up.
+    equations: Vec<Equation<'a>>,
+    refusals: Refusals,
+}
+
+/// What a scalar reads, in the words of the declaration.
+struct Equation<'a> {
+    position: usize,
+    component: Option<&'a ComponentDeclaration>,
+    reads: Option<&'a [String]>,
+    initial_reads: Option<&'a [String]>,
+}
+
+impl<'a> Flattening<'a> {
+    fn new(declaration: &'a Declaration) -> Self {
+        Self {
+            declaration,
+            parts: Vec::new(),
+            scalars: vec![Scalar::time()],
+            pinned: Vec::new(),
+            names: BTreeMap::from([("time".to_owned(), vec![0])]),
+            equations: Vec::new(),
+            refusals: Refusals::default(),
+        }
+    }
+
+    fn add_component(&mut self, number: usize, component: &'a ComponentDeclaration) {
+        let (name, key) = (&component.name, format!("components[{number}]"));
+        let types = &self.declaration.component_types;
+        let (variables, list) = match (&component.variables, &component.component_type) {
+            (Some(variables), None) => {
+                for (unused, of) in [
+                    (!component.start.is_empty(), "start"),
+                    (!component.connections.is_empty(), "connections"),
+                ] {
+                    if unused {
+                        let reason = format!("{name}: '{of}' is for components with a type");
+                        self.refusals.add(format!("{key}.{of}"), reason);
+                    }
+                }
+                (variables, format!("{key}.variables"))
+            }
+            (None, Some(wanted)) => match types.iter().position(|known| known.name == *wanted) {
+                Some(found) => (&types[found].variables, format!("component_types[{found}].variables")),
+                None => {
+                    let nearest = nearest(wanted, types.iter().map(|known| known.name.clone()));
+                    let reason = format!("{name}: '{wanted}' is not one of the component_types{nearest}");
+                    return self.refusals.add(format!("{key}.type"), reason);
+                }
+            },
+            _ => return self.refusals.add(key, format!("{name}: it needs either 'variables' or a 'type'")),
+        };
+        for started in component.start.keys() {
+            if !variables.iter().any(|variable| variable.name == *started) {
+                let known = variables.iter().map(|variable| variable.name.clone());
+                let reason =
+                    format!("{name}: its type has no variable '{started}'{}", nearest(started, known));
+                self.refusals.add(format!("{key}.start.{started}"), reason);
+            }
+        }
+        self.add_part(&list, Some((number, component)), variables);
+    }
+
+    fn add_part(
+        &mut self,
+        list: &str,
+        component: Option<(usize, &'a ComponentDeclaration)>,
+        variables: &'a [VariableDeclaration],
+    ) {
+        let (number, component) = component.unzip();
+        let mut part = Part {
+            name: component.map(|component| component.name.as_str()),
+            component_type: component.and_then(|component| component.component_type.as_deref()),
+            state_group: component.and_then(|component| component.state_group.as_deref()),
+            description: component.and_then(|component| component.description.as_deref()),
+            fields: Vec::new(),
+            key: number.map(|number| format!("components[{number}]")).unwrap_or_default(),
+        };
+        for (position, variable) in variables.iter().enumerate() {
+            let key = format!("{list}[{position}]");
+            let own = component.and_then(|component| component.start.get(&variable.name));
+            let (start, start_key) = match own {
+                Some(_) => (own, format!("{}.start.{}", part.key, variable.name)),
+                None => (variable.start.as_ref(), format!("{key}.start")),
+            };
+            let field = self.add_field(&part, component, variable, start, [key, start_key]);
+            part.fields.extend(self.refusals.take(field));
+        }
+        self.parts.push(part);
+    }
+
+    /// Spreads a declared variable into its scalars, each state followed by its derivative.
+    fn add_field(
+        &mut self,
+        part: &Part<'a>,
+        component: Option<&'a ComponentDeclaration>,
+        declaration: &'a VariableDeclaration,
+        start: Option<&Value>,
+        [key, start_key]: [String; 2],
+    ) -> Result<Field<'a>, Refusal> {
+        let prefix = part.name.map(|component| format!("{component}.")).unwrap_or_default();
+        let name = format!("{prefix}{}", declaration.name);
+        let checked = check::variable(self.declaration, declaration, start).map_err(|(of, reason)| {
+            let key = if of == "start" { start_key } else { format!("{key}.{of}") };
+            Refusal::new(key, if of == "name" { reason } else { format!("{name}: {reason}") })
+        })?;
+        let describe = |text: &str| match part.description {
+            Some(component) => format!("{component}: {text}"),
+            None => text.to_owned(),
+        };
+        let mut positions = Vec::new();
+        for (number, (subscripts, indices)) in elements(&declaration.dimensions).into_iter().enumerate() {
+            let position = self.scalars.len();
+            positions.push(position);
+            let unit = declaration.unit.as_ref().map(|unit| unit.of(number).to_owned());
+            let state = Scalar {
+                name: format!("{name}{subscripts}"),
+                key: key.clone(),
+                description: declaration.description.as_deref().map(describe),
+                place: checked.place,
+                causality: Some(declaration.causality),
+                variability: checked.variability,
+                initial: checked.initial,
+                data_type: checked.data_type,
+                unit: unit.clone(),
+                display_unit: declaration.display_unit.clone(),
+                min: declaration.min,
+                max: declaration.max,
+                nominal: declaration.nominal,
+                start: checked.starts.as_ref().map(|starts| starts[number].clone()),
+                path: format!("{name}{indices}"),
+                ..Scalar::time()
+            };
+            let rate = declaration.derivative.as_ref().map(|derivative| Scalar {
+                name: format!("der({})", state.name),
+                key: format!("{key}.derivative"),
+                description: Some(match &derivative.description {
+                    Some(description) => describe(description),
+                    None => format!("Time derivative of {}", state.name),
+                }),
+                place: Place::Derivatives,
+                causality: Some(Causality::Local),
+                variability: Variability::Continuous,
+                initial: Some(Initial::Calculated),
+                unit: derivative.unit.clone().or_else(|| unit.as_deref().map(units::per_second)),
+                state: Some(position),
+                path: state.path.clone(),
+                ..Scalar::time()
+            });
+            let calculated = !matches!(checked.place, Place::Inputs | Place::Parameters)
+                && checked.initial != Some(Initial::Exact);
+            self.add_scalar(state)?;
+            if calculated {
+                self.equations.push(Equation {
+                    position,
+                    component,
+                    reads: declaration.reads.as_deref(),
+                    initial_reads: declaration.initial_reads.as_deref(),
+                });
+            }
+            if let (Some(rate), Some(derivative)) = (rate, &declaration.derivative) {
+                self.add_scalar(rate)?;
+                self.equations.push(Equation {
+                    position: position + 1,
+                    component,
+                    reads: derivative.reads.as_deref(),
+                    initial_reads: derivative.initial_reads.as_deref(),
+                });
+            }
+        }
+        if !declaration.dimensions.is_empty() {
+            if checked.place == Place::States {
+                let derivatives = positions.iter().map(|position| position + 1).collect();
+                self.names.insert(format!("der({name})"), derivatives);
+            }
+            if self.names.insert(name.clone(), positions.clone()).is_some() {
+                return Err(duplicate(&name, &key));
+            }
+        }
+        self.pin(declaration, &positions, &key)?;
+        Ok(Field { declaration, place: checked.place, data_type: checked.data_type, positions })
+    }
+
+    fn add_scalar(&mut self, scalar: Scalar) -> Result<(), Refusal> {
+        if self.names.insert(scalar.name.clone(), vec![self.scalars.len()]).is_some() {
+            return Err(duplicate(&scalar.name, &scalar.key));
+        }
+        self.scalars.push(scalar);
+        Ok(())
+    }
+
+    /// Notes the value references that a variable declares: its own, and those of its derivative, which follow its
+    /// own unless they are declared.
+    fn pin(
+        &mut self,
+        declaration: &VariableDeclaration,
+        positions: &[usize],
+        key: &str,
+    ) -> Result<(), Refusal> {
+        let derivative = declaration.derivative.as_ref();
+        let own_derivative = derivative.and_then(|derivative| derivative.value_reference);
+        let stride = if derivative.is_some() && own_derivative.is_none() { 2 } else { 1 };
+        let mut pin = |first: Option<u64>, step: usize, offset: usize, key: &str| {
+            let key = format!("{key}.value_reference");
+            for (number, position) in positions.iter().enumerate() {
+                let Some(first) = first else { continue };
+                let reference = u32::try_from(first + (number * step) as u64)
+                    .map_err(|_| Refusal::new(&key, "value references go up to 4294967295"))?;
+                self.pinned.push((position + offset, reference, key.clone()));
+            }
+            Ok(())
+        };
+        let own = declaration.value_reference.map(u64::from);
+        pin(own, stride, 0, key)?;
+        pin(own_derivative.map(u64::from), 1, 1, &format!("{key}.derivative"))?;
+        if stride == 2 {
+            pin(own.map(|own| own + 1), stride, 1, key)?;
+        }
+        Ok(())
+    }
+
+    /// A type without a component is checked by nothing, so it must not be there.
+    fn refuse_unused_types(&mut self) {
+        for (number, component_type) in self.declaration.component_types.iter().enumerate() {
+            let name = &component_type.name;
+            if !self.parts.iter().any(|part| part.component_type == Some(name)) {
+                self.refusals
+                    .add(format!("component_types[{number}]"), format!("no component has the type '{name}'"));
+            }
+        }
+    }
+
+    /// The declared value references, and for the other variables those between them, in the order of declaration.
+    fn assign_value_references(&mut self) {
+        let mut taken = BTreeMap::new();
+        for (position, reference, key) in &self.pinned {
+            if let Some(other) = taken.insert(*reference, *position) {
+                let (name, other) = (&self.scalars[*position].name, &self.scalars[other].name);
+                let reason = format!("{name}: '{other}' has the value reference {reference}, too");
+                self.refusals.add(key, reason);
+            }
+            self.scalars[*position].value_reference = *reference;
+        }
+        let pinned: BTreeSet<_> = self.pinned.iter().map(|(position, ..)| *position).collect();
+        let mut free = (0..).filter(|reference| !taken.contains_key(reference));
+        for (position, scalar) in self.scalars.iter_mut().enumerate() {
+            if !pinned.contains(&position) {
+                scalar.value_reference = free.next().expect("there are more numbers than variables");
+            }
+        }
+    }
+
+    /// Turns the names that equations read into positions.
+    fn look_up_reads(&mut self) {
+        let mut used = BTreeSet::new();
+        for Equation { position, component, reads, initial_reads } in &self.equations {
+            let scalar = &self.scalars[*position];
+            let mut look_up = |list: &str, names: &'a [String]| {
+                let mut positions = BTreeSet::new();
+                for (number, name) in names.iter().enumerate() {
+                    match look_up_read(&self.names, *component, name, &mut used) {
+                        Ok(found) => positions.extend(found),
+                        Err(reason) => {
+                            let reason = format!("{}: {reason}", scalar.name);
+                            self.refusals.add(format!("{}.{list}[{number}]", scalar.key), reason);
+                        }
+                    }
+                }
+                positions.into_iter().collect::<Vec<_>>()
+            };
+            let reads = reads.map(|names| look_up("reads", names));
+            let initial_reads = initial_reads.map(|names| look_up("initial_reads", names));
+            let scalar = &mut self.scalars[*position];
+            scalar.initial_reads = initial_reads.or_else(|| reads.clone());
+            if scalar.place != Place::States {
+                scalar.reads = reads;
+            }
+        }
+        for (number, component) in self.declaration.components.iter().enumerate() {
+            for (connection, variable) in &component.connections {
+                let name = &component.name;
+                let reason = if !self.names.contains_key(variable) {
+                    format!(
+                        "{name}: there is no variable '{variable}'{}",
+                        nearest(variable, self.names.keys().cloned())
+                    )
+                } else if used.contains(&(name.as_str(), connection.as_str())) {
+                    continue;
+                } else {
+                    format!("{name}: no variable reads '{{{connection}}}'")
+                };
+                self.refusals.add(format!("components[{number}].connections.{connection}"), reason);
+            }
+        }
+    }
+
+    /// The units that the variables use.
+    fn find_units(&mut self, units: &Units<'_>) -> Vec<Unit> {
+        let mut used: Vec<Unit> = units.find("s").into_iter().collect();
+        for scalar in &self.scalars {
+            let Some(name) = scalar.unit.as_deref() else { continue };
+            let mut refuse = |of: &str, reason: String| {
+                self.refusals.add(format!("{}.{of}", scalar.key), format!("{}: {reason}", scalar.name));
+            };
+            if used.iter().all(|unit| unit.name != name) {
+                match units.find(name) {
+                    Ok(unit) => used.push(unit),
+                    Err(reason) => refuse("unit", reason),
+                }
+            }
+            if let Some(unit) = used.iter_mut().find(|unit| unit.name == name)
+                && let Some(display) = scalar.display_unit.as_deref()
+                && unit.display_units.iter().all(|known| known.name != display)
+            {
+                match units.display_unit(name, display) {
+                    Ok(display) => unit.display_units.push(display),
+                    Err(reason) => refuse("display_unit", reason),
+                }
+            }
+        }
+        used.sort_by_key(|unit| units.position(&unit.name).unwrap_or(usize::MAX));
+        used
+    }
+}
+
+fn duplicate(name: &str, key: &str) -> Refusal {
+    Refusal::new(format!("{key}.name"), format!("{name}: there is another variable of this name"))
+}
+
+/// The positions behind one entry of `reads`; notes which connections were used.
+fn look_up_read<'n, 'a>(
+    names: &'n BTreeMap<String, Vec<usize>>,
+    component: Option<&'a ComponentDeclaration>,
+    read: &'a str,
+    used: &mut BTreeSet<(&'a str, &'a str)>,
+) -> Result<&'n [usize], String> {
+    let (read, of_derivative) = match read.strip_prefix("der(").and_then(|read| read.strip_suffix(')')) {
+        Some(state) => (state, true),
+        None => (read, false),
+    };
+    let wrap = |name: &str| {
+        if of_derivative { format!("der({name})") } else { name.to_owned() }
+    };
+    let placeholder = read.strip_prefix('{').and_then(|read| read.strip_suffix('}'));
+    let candidates = if let Some(connection) = placeholder {
+        let component = component
+            .filter(|component| component.component_type.is_some())
+            .ok_or_else(|| format!("it reads '{read}', but connections are for components with a type"))?;
+        let name = component.connections.get(connection).ok_or_else(|| {
+            format!("it reads '{read}', but the component '{}' has no such connection", component.name)
+        })?;
+        used.insert((&component.name, connection));
+        if !names.contains_key(name) {
+            // The connection itself is refused.
+            return Ok(&[]);
+        }
+        vec![wrap(name)]
+    } else {
+        let own = component.map(|component| wrap(&format!("{}.{read}", component.name)));
+        own.into_iter().chain([wrap(read)]).collect()
+    };
+    candidates.iter().find_map(|name| names.get(name)).map(Vec::as_slice).ok_or_else(|| {
+        let read = &candidates[candidates.len() - 1];
+        format!("it reads '{read}', which does not exist{}", nearest(&candidates[0], names.keys().cloned()))
+    })
+}
+
+/// The elements of an array, row by row: the subscripts in FMI's notation (`[1,2]`) and the indices in
+/// Rust's (`[0][1]`). A scalar has one element without either.
+fn elements(dimensions: &[usize]) -> Vec<(String, String)> {
+    let mut elements = vec![Vec::new()];
+    for &size in dimensions {
+        elements = elements
+            .iter()
+            .flat_map(|outer| (0..size).map(|index| [outer.as_slice(), &[index]].concat()))
+            .collect();
+    }
+    elements
+        .iter()
+        .map(|element| {
+            let subscripts: Vec<_> = element.iter().map(|index| (index + 1).to_string()).collect();
+            let indices: Vec<_> = element.iter().map(|index| format!("[{index}]")).collect();
+            (
+                if subscripts.is_empty() { String::new() } else { format!("[{}]", subscripts.join(",")) },
+                indices.concat(),
+            )
+        })
+        .collect()
+}

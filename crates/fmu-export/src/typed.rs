@@ -1,0 +1,75 @@
+//! What the generated structs of a model's variables have in common: macros, so that little has to be generated.
+
+/// Makes a generated struct, which is generic over its number type, from others of its kind: number by number.
+/// Each field is a `number` (with the sizes of an array), `nested` (a struct of this kind) or `other`.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! numbers {
+    ($name:ident { $($kind:ident $field:ident $([$size:literal])*),* $(,)? }) => {
+        impl<T: Copy> $name<T> {
+            /// Each number from this one's and the other's.
+            #[must_use]
+            pub fn combine<S: Copy, U>(
+                &self,
+                other: &$name<S>,
+                function: &mut impl FnMut(T, S) -> U,
+            ) -> $name<U> {
+                $name {
+                    $($field: $crate::numbers!(@$kind self.$field, other.$field, function $(, $size)*),)*
+                }
+            }
+
+            /// Each number from this one's.
+            #[must_use]
+            pub fn map<U>(&self, mut function: impl FnMut(T) -> U) -> $name<U> {
+                self.combine(self, &mut |number, _| function(number))
+            }
+        }
+    };
+    (@number $one:expr, $other:expr, $function:ident) => { $function($one, $other) };
+    (@number $one:expr, $other:expr, $function:ident, $size:literal $(, $inner:literal)*) => {
+        ::core::array::from_fn::<_, $size, _>(|index| {
+            $crate::numbers!(@number $one[index], $other[index], $function $(, $inner)*)
+        })
+    };
+    (@nested $one:expr, $other:expr, $function:ident) => { $one.combine(&$other, $function) };
+    (@other $one:expr, $other:expr, $function:ident) => { $one.clone() };
+}
+
+/// Makes a generated enumeration known to FMI: by its values, and as bytes.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! enumeration {
+    ($name:ident { $($item:ident = $value:literal),* $(,)? }) => {
+        impl $name {
+            /// The item of a value.
+            #[must_use]
+            pub fn from_value(value: i32) -> ::core::option::Option<Self> {
+                match value {
+                    $($value => ::core::option::Option::Some(Self::$item),)*
+                    _ => ::core::option::Option::None,
+                }
+            }
+
+            /// The value by which FMI knows the item.
+            #[must_use]
+            pub fn value(self) -> i32 {
+                self as i32
+            }
+        }
+
+        impl $crate::persistence::Persistent for $name {
+            fn persist(
+                &mut self,
+                archive: &mut $crate::persistence::Archive<'_>,
+            ) -> ::core::result::Result<(), $crate::Error> {
+                let mut value = self.value();
+                value.persist(archive)?;
+                *self = Self::from_value(value).ok_or_else(|| {
+                    $crate::Error::new(format!("{value} is not an item of {}", stringify!($name)))
+                })?;
+                ::core::result::Result::Ok(())
+            }
+        }
+    };
+}
