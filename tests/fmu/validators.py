@@ -2,8 +2,8 @@
 
     target/venv/bin/python tests/fmu/validators.py
 
-makes these FMUs, shows each to `cargo fmu validate`, `fmpy validate` and `fmutool -check`, and writes the table into
-the page. A validator finds what is broken when it complains of the broken FMU, and not of the good one.
+makes these FMUs, shows each to `cargo fmu validate`, `fmpy validate` and `fmutool -check`, and writes the table
+into the page. A validator finds what is broken when it complains of the broken FMU, and not of the good one.
 """
 
 from __future__ import annotations
@@ -19,9 +19,7 @@ from conftest import ROOT, TARGET
 
 PAGE = ROOT / "docs" / "validation.md"
 BEGIN, END = "<!-- The table of tests/fmu/validators.py begins here. -->\n", "<!-- It ends here. -->\n"
-HEADER = (
-    "| what is broken | `cargo fmu validate` | `fmpy validate` | `fmutool -check` |\n|---|---|---|---|\n"
-)
+HEADER = "| what is broken | `cargo fmu validate` | `fmpy validate` | `fmutool -check` |\n|---|---|---|---|\n"
 
 Answer = tuple[bool, str]
 """Whether it complains, and what it says."""
@@ -64,7 +62,7 @@ def row(broken: Path, good: dict[str, list[Answer]]) -> str:
     cells = [broken.stem.split(" ", 1)[1]]
     for validator, (complains_anyway, _) in zip(VALIDATORS, good[version], strict=True):
         complains, text = validator(broken)
-        cells.append("does not read FMI 1" if complains_anyway else text if complains else "–")
+        cells.append("does not read FMI 1" if complains_anyway else text if complains else "nothing")
     return f"| {' | '.join(cells)} |\n"
 
 
@@ -74,14 +72,16 @@ def table() -> str:
         ["cargo", "test", "--quiet", "--package", "fmu-package", "--test", "validation"], cwd=ROOT, check=True
     )
     subprocess.run(["cargo", "build", "--quiet", "--package", "cargo-fmu"], cwd=ROOT, check=True)
+    folder = TARGET / "tmp" / "good-fmus"
     good = {
-        f"FMI {version}": [validator(TARGET / "tmp" / "good-fmus" / f"{version}.fmu") for validator in VALIDATORS]
+        f"FMI {version}": [validator(folder / f"{version}.fmu") for validator in VALIDATORS]
         for version in (1, 2, 3)
     }
     broken = sorted((TARGET / "tmp" / "broken-fmus").glob("*.fmu"))
     with ThreadPoolExecutor(2) as pool:
         rows = list(pool.map(lambda file: row(file, good), broken))
-    counts = [sum(not line.split(" | ")[place].startswith(("–", "does")) for line in rows) for place in (1, 2, 3)]
+    finds = [[not cell.startswith(("nothing", "does")) for cell in line.split(" | ")[1:]] for line in rows]
+    counts = [sum(column) for column in zip(*finds, strict=True)]
     total = f"| **found, of {len(rows)}** | {' | '.join(map(str, counts))} |\n"
     return HEADER + "".join(rows) + total
 
