@@ -35,7 +35,7 @@ class Quantity(Real):
 
 
 class SlaveWithUnits(Fmi2Slave):
-    """A model whose variables are quantities."""
+    """A model whose variables are quantities, and whose outputs are calculated in initialization."""
 
     def to_xml(self, *options):
         root = super().to_xml(*options)
@@ -44,4 +44,8 @@ class SlaveWithUnits(Fmi2Slave):
             SubElement(SubElement(definitions, "Unit", name=unit), "BaseUnit", BASE_UNITS[unit])
         # The standard wants them between CoSimulation and LogCategories.
         root.insert(1, definitions)
+        # The standard wants calculated outputs here as well; PythonFMU 0.7 leaves them out.
+        structure = root.find("ModelStructure")
+        structure.append(Element("InitialUnknowns"))
+        structure.find("InitialUnknowns").extend(structure.find("Outputs"))
         return root

