@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::fs;
 
-use fmu_export_build::{MODEL_SCHEMA, generate_into};
+use fmu_export_build::{SCHEMA, generate_into};
 use serde_json::{Value, json};
 
 use super::{folder, package};
@@ -24,7 +24,7 @@ fn keys(schema: &Value) -> BTreeSet<&str> {
 
 #[test]
 fn every_key_is_in_the_reference() {
-    let schema: Value = serde_json::from_str(MODEL_SCHEMA).expect("the schema is JSON");
+    let schema: Value = serde_json::from_str(SCHEMA).expect("the schema is JSON");
     let keys = keys(&schema);
     assert!(keys.len() > 40, "{keys:?}");
     for key in keys {
