@@ -23,7 +23,7 @@ pub fn run(path: &Path, fmus: &super::FmuArguments, out: &Path, threads: Option<
     }
     let available = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let threads = threads.unwrap_or(available);
-    // It draws nothing where standard error is not a terminal.
+    // It is drawn only if standard error is a terminal.
     let bar = ProgressBar::new(study.runs() as u64).with_position(taken_up as u64);
     bar.set_style(
         ProgressStyle::with_template("{wide_bar} {pos} of {len} runs  {eta} left")

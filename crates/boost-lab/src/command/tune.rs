@@ -87,7 +87,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ))?;
     }
 
-    // It draws nothing where standard error is not a terminal.
+    // It is drawn only if standard error is a terminal.
     let bar = ProgressBar::new(whole(task.duration()));
     bar.set_style(
         ProgressStyle::with_template("{wide_bar} {percent} %  {eta} left").context("no progress bar")?,
@@ -116,7 +116,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// Whole seconds.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // durations are above zero, and few
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // durations are positive and short
 fn whole(seconds: f64) -> u64 {
     seconds.round() as u64
 }
