@@ -1,4 +1,4 @@
-//! The command, run as a user would: its answers to what is wrong.
+//! The command, run as a user would: its error messages.
 
 use std::fs;
 use std::path::Path;
@@ -18,7 +18,7 @@ fn boost_fmu_in(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_boost-fmu")).args(arguments).current_dir(folder).output().unwrap()
 }
 
-/// What the command says on stderr when it fails.
+/// The message of a failing command.
 fn refusal(arguments: &[&str]) -> String {
     let output = boost_fmu(arguments);
     assert!(!output.status.success(), "{arguments:?} succeeded");
@@ -40,7 +40,7 @@ fn hostile_archives_are_refused_with_a_reason() {
         <fmiModelDescription modelName="&c;"/>"#;
     for (name, xml, reason) in [
         ("entities.fmu", entity, "it has a document type definition"),
-        ("nested.fmu", nested.as_str(), "more than 100 elements lie in each other"),
+        ("nested.fmu", nested.as_str(), "more than 100 elements are nested"),
         ("unknown_entity.fmu", r#"<fmiModelDescription modelName="&nothing;"/>"#, "fmiModelDescription"),
         ("twice.fmu", r#"<fmiModelDescription modelName="a" modelName="b"/>"#, "fmiModelDescription"),
         (
@@ -99,7 +99,7 @@ fn a_map_is_written_read_back_and_kept() {
     assert_eq!(check("--write-map").status.code(), Some(1));
     let template = fs::read_to_string(&map).unwrap();
     assert!(template.contains(r#""name": "pBoost""#), "{template}");
-    // What is there is not written over.
+    // An existing file is not overwritten.
     fs::write(&map, "mine").unwrap();
     assert_eq!(check("--write-map").status.code(), Some(2));
     assert_eq!(fs::read_to_string(&map).unwrap(), "mine");
@@ -113,7 +113,7 @@ fn a_map_is_written_read_back_and_kept() {
     let map_of = |role: &str, fmu: &str, variables: &str| {
         format!(r#"{{"as": "{role}", "fmu": "{fmu}", "variables": {{{variables}}}}}"#)
     };
-    // Names that are left open are asked for, by name.
+    // Names that are left open are reported.
     let (code, said) = edited(&template);
     assert!(code == 2 && said.contains("leaves the name for hp_bypass open"), "{said}");
     for (text, reason) in [
@@ -121,7 +121,7 @@ fn a_map_is_written_read_back_and_kept() {
         (map_of("plant", "Another", ""), "the map is for the FMU Another, not for Other"),
         (map_of("controller", "Other", ""), "the map is for a controller, not for a plant"),
         (map_of("plant", "Other", r#""boost_pressure": {"nam": "pBoost"}"#), "unknown field `nam`"),
-        ("{".to_owned(), "is not as it should be"),
+        ("{".to_owned(), "is not valid"),
     ] {
         let (code, said) = edited(&text);
         assert!(code == 2 && said.contains(reason) && said.contains(map_name), "{text}: {said}");
@@ -154,7 +154,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// The descriptions of a plant and a controller that fit, of a name.
+/// The descriptions of a plant and a controller that fit, with a name.
 fn fitting(name: &str) -> [String; 2] {
     let real = |name: &&str, causality: &str| {
         format!(r#"<ScalarVariable name="{name}" causality="{causality}"><Real/></ScalarVariable>"#)
@@ -198,7 +198,7 @@ fn an_identifier_that_is_a_path_is_refused_by_every_command() {
     assert!(names(&inner).is_empty());
 }
 
-/// In names, units, descriptions, and where there is an error in them.
+/// In names, units, descriptions, and errors in them.
 #[test]
 fn a_description_does_not_control_the_terminal() {
     let harm = "&#27;]0;title&#7;\u{9b}31m\u{202e}&#10;";
@@ -226,7 +226,7 @@ fn a_description_does_not_control_the_terminal() {
     assert!(said(&["info", &entry]).contains(r"'../\u{1b}[2J'"));
 }
 
-/// What is there in the end is one of both, and what others keep beside it is theirs.
+/// The file is one of theirs, and other files beside it are kept.
 #[test]
 fn two_processes_with_one_output_leave_one_complete_file() {
     let folder = empty("race");
@@ -282,7 +282,7 @@ fn outputs_that_are_inputs_are_refused() {
     assert_eq!(names(&folder), ["controller.fmu", "plant.fmu", "set.ssv"]);
 }
 
-/// As on a full disk: nothing is left of what could not be written, and it is said once.
+/// As on a full disk: no part of the file is left, and the error is reported once.
 #[cfg(unix)]
 #[test]
 fn a_failed_write_leaves_no_file() {

@@ -416,7 +416,7 @@ def test_map_for_an_fmu_that_is_not_there_is_refused(clone: Path, lab: Run, tmp_
     done = lab("simulate", tmp_path / "scenario.toml", *arguments)
     assert done.returncode == 2
     assert done.stderr == (
-        f"error: the map {ROOT / MAP} is for the FMU SurrogatePlant, which the scenario has not: it has "
+        f"error: the map {ROOT / MAP} is for the FMU SurrogatePlant, which the scenario does not have: it has "
         "BoostController, BoostPlant\n"
     )
 

@@ -122,7 +122,7 @@ def write(path: Path, *parameters: tuple[str, str]) -> Path:
         ([("tank.volume", 'Real value="much"')], "the parameter tank.volume: 'much' is not a number"),
         ([("mode", 'Enumeration value="bost"')], "it is not one of boost, position, open_loop"),
         ([("sample_count", 'Integer value="1"')], "sample_count cannot be set: it is of the causality local"),
-        ([("lambda", 'Real value="1"'), ("lambda", 'Real value="2"')], "the parameter lambda stands twice"),
+        ([("lambda", 'Real value="1"'), ("lambda", 'Real value="2"')], "the parameter lambda occurs twice"),
         (
             [("lambda", 'Real value="1"'), ("tank.volume", 'Real value="1"')],
             "lambda is BoostController's and tank.volume is BoostPlant's; a set is for one of them",

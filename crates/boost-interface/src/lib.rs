@@ -65,6 +65,7 @@ impl Role {
         self.description().co_simulation_identifier().unwrap_or_default()
     }
 
+    /// The other role.
     #[must_use]
     pub fn other(self) -> Self {
         match self {

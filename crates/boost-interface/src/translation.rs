@@ -19,6 +19,7 @@ pub struct Translation {
 }
 
 impl Compatibility<'_> {
+    /// The FMU in the interface's names and units.
     #[must_use]
     pub fn translation(&self) -> Translation {
         let mut description = self.fmu.clone();

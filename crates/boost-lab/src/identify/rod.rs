@@ -269,7 +269,7 @@ fn fit(
         title: "Spring and friction, eqs. (4) and (5) at rest".to_owned(),
         method: format!(
             "Nonlinear least squares of the balance of forces in {count} phases at rest with the rod between its \
-             stops. The friction is Dahl's over the way that the rod went from phase to phase. Forces are pressures \
+             stops. The friction is Dahl's over the rod's path from phase to phase. Forces are pressures \
              times the membrane's area, which is taken as {} m\u{b2}.",
             known.membrane_area
         ),

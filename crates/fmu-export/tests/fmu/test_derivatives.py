@@ -127,7 +127,7 @@ def test_what_is_refused(make: Make) -> None:
         instance.refuses(DIRECTIONAL, *arguments, names=[named])
     output, twice = refs("output"), refs("rate", "rate")
     arguments = [output, 1, twice, 2, reals(1.0, 1.0), reals(0.0)]
-    assert "rate is twice" in instance.refuses(DIRECTIONAL, *arguments)
+    assert "rate occurs twice" in instance.refuses(DIRECTIONAL, *arguments)
     arguments = [output, 1, twice, 1, reals(float("nan")), reals(0.0)]
     instance.refuses(DIRECTIONAL, *arguments, names=["rate"], numbers=[float("nan")])
     for order in (0, 2):

@@ -1,4 +1,4 @@
-//! What is broken, and by which rule it is found.
+//! Broken FMUs with the rules that find them.
 
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
@@ -16,7 +16,7 @@ pub enum Edit {
 }
 use Edit::{Archive, Xml};
 
-/// What is broken, the rule, the good FMU and its edit.
+/// The name of the break, the rule, the good FMU and its edit.
 type Break = (&'static str, &'static str, Good, Edit);
 
 pub fn all() -> impl Iterator<Item = &'static Break> {
@@ -267,7 +267,7 @@ fn move_library(files: &mut Files, text: &str, replacement: &str) {
     files.insert(library::PATH.replace(text, replacement), library);
 }
 
-/// A copy with all occurrences of some bytes replaced by as many.
+/// A copy with all occurrences of some bytes replaced by others of the same length.
 fn replaced(bytes: &[u8], text: &[u8], replacement: &[u8]) -> Vec<u8> {
     assert_eq!(text.len(), replacement.len());
     let mut changed = bytes.to_vec();
@@ -285,8 +285,8 @@ fn with_file(files: &Files, path: &str) -> Vec<u8> {
     zipped(&files)
 }
 
-/// The archive with a byte of the last file's headers changed: that of its own, which begins with `PK` 3 4, and two
-/// bytes later that in the central directory, which begins with `PK` 1 2.
+/// The archive with a byte of the last file's headers changed: in its local header, which begins with `PK` 3 4, and
+/// two bytes later in the central directory, which begins with `PK` 1 2.
 fn header(files: &Files, place: usize, value: u8) -> Vec<u8> {
     let mut archive = zipped(files);
     for (signature, place) in [(b"PK\x03\x04", place), (b"PK\x01\x02", place + 2)] {
