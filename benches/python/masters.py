@@ -80,7 +80,8 @@ class NativeMaster:
         rows: list[list[float]],
         outputs: Iterable[str],
     ) -> tuple[float, list[list[float]]]:
-        """The duration (s) of a step with a row of inputs set before and outputs read after it; and these outputs."""
+        """The duration (s) of a step with a row of inputs set before and outputs read after it; and these
+        outputs."""
         # By now everything is imported and looked up.
         slave.doStep(0.0, STEP)
         input_references, output_references = slave.references(inputs), slave.references(outputs)

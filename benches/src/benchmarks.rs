@@ -63,6 +63,7 @@ impl Benchmark {
         Self { counted: false, ..self }
     }
 
+    /// Makes the task.
     #[must_use]
     pub fn make(&self) -> Box<dyn Subject> {
         (self.make)()

@@ -5,7 +5,9 @@ use fmu_export::{Context, Experiment, InputSignal, InputsOf, Model, Step};
 /// A model with its variables, inputs and time.
 #[derive(Clone)]
 pub struct Direct<M: Model> {
+    /// The model.
     pub model: M,
+    /// Its variables.
     pub variables: M::Variables,
     /// The inputs of the next step.
     pub inputs: InputSignal<InputsOf<M>>,
@@ -29,6 +31,7 @@ impl<M: Model> Direct<M> {
         Self { model, variables, inputs, time: 0.0 }
     }
 
+    /// Sets the inputs.
     pub fn set(&mut self, inputs: InputsOf<M>) {
         self.inputs = InputSignal::constant(inputs);
     }

@@ -78,7 +78,9 @@ pub fn steps(count: usize, size: f64) -> usize {
 pub struct Stretch {
     /// For the benchmark's name.
     pub name: &'static str,
+    /// The index of its first step.
     pub first: usize,
+    /// The number of its steps.
     pub count: usize,
 }
 
@@ -91,5 +93,6 @@ impl Stretch {
     pub const DUTY: Self = Self { name: "duty", first: 2560, count: 20 };
     /// The throttle shuts to 30 %, and the duty falls.
     pub const LOAD: Self = Self { name: "load", first: 2880, count: 20 };
+    /// The whole experiment.
     pub const WHOLE: Self = Self { name: "whole", first: 0, count: 3200 };
 }

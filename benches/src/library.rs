@@ -138,6 +138,7 @@ impl Library {
 /// An instance of an FMU.
 #[derive(Debug)]
 pub struct Instance<'a> {
+    /// The FMU's library.
     pub library: &'a Library,
     component: Component,
     /// The end of its last step in s.

@@ -18,6 +18,7 @@ pub trait Plant {
     type Saved;
     /// A plant that starts from states. The exhaust acts on an area in m² of its wastegate, by default 0.
     fn given(states: &States, inputs: &Inputs, exhaust_area: f64) -> Self;
+    /// Sets the inputs.
     fn set(&mut self, inputs: &Inputs);
     /// A communication step with its size in s.
     fn step(&mut self, size: f64);
@@ -34,7 +35,9 @@ pub fn library() -> &'static Library {
 }
 
 #[derive(Debug)]
+/// The FMU.
 pub struct Fmu {
+    /// The instance.
     pub instance: Instance<'static>,
     references: [ValueReference; Inputs::REALS.len()],
 }

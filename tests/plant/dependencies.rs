@@ -1,8 +1,8 @@
-//! What the modelDescription.xml says depends on what, against what does: every known is moved at random
-//! points, and what then changes is compared with the declaration.
+//! The dependencies in modelDescription.xml: at random points every known is changed, and the unknowns that change are
+//! compared with the declaration.
 //!
-//! A dependency that is missing in the XML lets importers compute algebraic loops wrongly; one too many
-//! makes them see loops that are none.
+//! With a missing dependency importers solve algebraic loops wrongly; with one too many they see loops that do not
+//! exist.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,7 +15,7 @@ use quick_xml::events::{BytesStart, Event};
 
 use crate::random::Random;
 
-/// Unknowns and what each depends on.
+/// Unknowns with their dependencies.
 pub type Dependencies = BTreeMap<ValueReference, BTreeSet<ValueReference>>;
 
 /// The `ModelStructure`, by the name of the list.
@@ -29,7 +29,7 @@ pub fn declared() -> BTreeMap<String, Dependencies> {
             Event::Empty(element) if element.name().as_ref() == "Unknown" => {
                 let numbers = |name| -> Vec<ValueReference> {
                     let text = attribute(&element, name);
-                    // An index counts from 1, a value reference from 0, in the same order.
+                    // Indices start at 1, value references at 0, in the same order.
                     text.split_whitespace().map(|word| word.parse::<u32>().expect("an index") - 1).collect()
                 };
                 let unknown = numbers("index")[0];
@@ -83,7 +83,7 @@ pub fn unknowns_at(point: &Variables, unknowns: &[ValueReference]) -> Vec<f64> {
     unknowns.iter().map(|&unknown| variables.real(unknown)).collect()
 }
 
-/// A point in the interior of the ranges, where every parameter matters that can.
+/// A point inside the ranges, where every parameter that can have an effect has one.
 pub fn random_point(random: &mut Random) -> Variables {
     let mut variables = Variables::default();
     let p = &mut variables.parameters;
@@ -131,8 +131,8 @@ pub fn random_point(random: &mut Random) -> Variables {
     variables
 }
 
-/// Adds to `observed` what changes by more than `threshold` (relative to the unknown's magnitude) when one
-/// of the knowns moves up or down by a small part of itself.
+/// Adds to `observed` the unknowns that change by more than `threshold` (relative to their magnitude) when one of the
+/// knowns changes slightly up or down.
 fn observe(
     observed: &mut Dependencies,
     point: &Variables,
@@ -157,7 +157,7 @@ fn observe(
     }
 }
 
-/// What the declaration lacks and what it has too much, in words.
+/// The missing and the superfluous dependencies, as text.
 pub fn differences(declared: &Dependencies, observed: &Dependencies) -> (Vec<String>, Vec<String>) {
     let pairs = |from: &Dependencies, without: &Dependencies| -> Vec<String> {
         let reads = |(unknown, knowns): (&ValueReference, &BTreeSet<ValueReference>)| {
@@ -181,7 +181,7 @@ fn outputs_and_derivatives_depend_on_what_is_declared_and_on_nothing_else() {
     let mut observed: Dependencies = declared.keys().map(|&unknown| (unknown, BTreeSet::new())).collect();
     let mut random = Random(7);
     for _ in 0..40 {
-        // Without a solver in between, what does not depend does not change in a single bit.
+        // Without a solver, independent values stay equal to the last bit.
         observe(&mut observed, &random_point(&mut random), &knowns, 1e-4, 0.0);
     }
     let (lacking, too_much) = differences(&declared, &observed);
@@ -205,7 +205,7 @@ fn initialization_depends_on_what_is_declared() {
     let real_knowns: BTreeSet<_> = knowns.iter().copied().collect();
     let mut declared = declared()["InitialUnknowns"].clone();
     for dependencies in declared.values_mut() {
-        // The mode and other parameters that are no numbers cannot be moved a little.
+        // Enumerations and Booleans cannot be changed slightly.
         dependencies.retain(|known| real_knowns.contains(known));
     }
     let mut observed: Dependencies = declared.keys().map(|&unknown| (unknown, BTreeSet::new())).collect();
@@ -216,11 +216,11 @@ fn initialization_depends_on_what_is_declared() {
         point.parameters.initialization.mode = InitializationMode::Running;
         observe(&mut observed, &point, &knowns, 1e-4, 0.0);
     }
-    // The steady state is solved for until rounding decides, 1e-13 or so: what moves by less than 1e-11 is
-    // no dependence. A settled derivative is what rounding leaves of 0, so only the others tell.
+    // The steady state is accurate to rounding, some 1e-13, so changes below 1e-11 are no dependence. The settled
+    // derivatives are 0 up to rounding, and are not compared.
     let states_and_outputs = observed.keys().filter(|&&unknown| !name(unknown).starts_with("der("));
     let mut solved: Dependencies = states_and_outputs.map(|&unknown| (unknown, BTreeSet::new())).collect();
-    // In the midst of the stroke, at either stop, and where the tank limits the vacuum in the chamber.
+    // In the middle of the stroke, at either stop, and where the tank limits the vacuum in the chamber.
     for (duty, tank_pressure) in [(45.0, 3e4), (40.0, 3.2e4), (15.0, 3.1e4), (90.0, 3e4), (90.0, 7.5e4)] {
         let mut point = random_point(&mut random);
         point.parameters.initialization.mode = InitializationMode::Settled;
@@ -234,8 +234,8 @@ fn initialization_depends_on_what_is_declared() {
     }
     let (lacking, _) = differences(&declared, &observed);
     assert!(lacking.is_empty(), "undeclared: {lacking:#?}");
-    // The derivatives of a settled start are declared as functions of everything that the start is solved
-    // from: where there is no steady state they are no zeros.
+    // The derivatives of a settled start are declared to depend on everything that the start depends on, because
+    // without a steady state they are not zero.
     declared.retain(|&unknown, _| !name(unknown).starts_with("der("));
     observed.retain(|&unknown, _| !name(unknown).starts_with("der("));
     let (_, too_much) = differences(&declared, &observed);

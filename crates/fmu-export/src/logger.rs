@@ -60,10 +60,7 @@ pub(crate) struct Delivery {
 
 impl Logger {
     /// A logger for an instance of this name, with debug logging on or off for all categories.
-    #[allow(
-        clippy::arc_with_non_send_sync,
-        reason = "an instance may be called by one thread after another"
-    )]
+    #[allow(clippy::arc_with_non_send_sync, reason = "an instance may be called by one thread after another")]
     pub(crate) fn new(
         callback: Option<CallbackLogger>,
         environment: ComponentEnvironment,

@@ -358,10 +358,9 @@ impl Attributes {
     fn number<T: std::str::FromStr>(&self, key: &str, default: T) -> io::Result<T> {
         match self.get(key) {
             None => Ok(default),
-            Some(text) => text
-                .trim()
-                .parse()
-                .map_err(|_| broken(format!("the attribute {key} is '{text}', which is not a number of this kind"))),
+            Some(text) => text.trim().parse().map_err(|_| {
+                broken(format!("the attribute {key} is '{text}', which is not a number of this kind"))
+            }),
         }
     }
 }

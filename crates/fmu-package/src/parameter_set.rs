@@ -81,7 +81,9 @@ impl ParameterSet {
                 [] if name == "ParameterSet" => {
                     let version = attributes.text("version");
                     if !version.starts_with("1.") {
-                        return Err(broken(format!("parameter sets of version '{version}' are not supported")));
+                        return Err(broken(format!(
+                            "parameter sets of version '{version}' are not supported"
+                        )));
                     }
                     set.name = attributes.text("name");
                     set.description = attributes.text("description");

@@ -32,6 +32,7 @@ pub struct BaseUnit {
 /// A display unit: value in it = factor · value in the unit + offset.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DisplayUnit {
+    /// The name that variables refer to.
     pub name: String,
     /// See above.
     pub factor: f64,
