@@ -74,7 +74,7 @@ rules! {
     ARCHIVE_STRAY: Warning "archive-stray" ("2.0.5: 2.3; 3.0.2: 2.5.1")
         "At the top of the archive lie only the files and folders of the standard." => "Move the file into `resources` or `extra`, or remove it.";
     LIMIT: Error "limit" ("safety")
-        "The FMU stays within the sizes that are read: 1 GiB unpacked; for a description 64 MiB, two million elements, 100 of them in each other, 100 attributes each, and 1000 namespaces." => "Split the FMU, or leave large data out of it.";
+        "The FMU stays within the sizes that are read: 1 GiB unpacked; for a description 64 MiB, two million elements, 100 of them in each other, 100 attributes each, with values of 10 kB where they are neither lists nor prose, and 1000 namespaces." => "Split the FMU, or leave large data out of it.";
     DESCRIPTION_MISSING: Error "description-missing" ("2.0.5: 2.3; 3.0.2: 2.5.1")
         "`modelDescription.xml` lies at the top of the archive." => "Pack the content of the folder, not the folder itself.";
 
@@ -133,8 +133,8 @@ rules! {
         "Names follow the `variableNamingConvention`: the grammar of `structured`, or no tabs and line breaks." => "Rename the variable, quote the part with `'…'`, or use `variableNamingConvention=\"flat\"`.";
     VALUE_REFERENCE: Error "value-reference" ("3.0.2: 2.4.7.4")
         "Value references are unique." => "Number the variables differently, or declare the second one as `Alias`.";
-    ALIAS: Error "alias" ("2.0.5: 2.2.7")
-        "Variables of one type with one value reference agree: one of them at most can be set or has a start value, all or none are constant, all have one unit, and constants have one value." => "Give the variable a value reference of its own.";
+    ALIAS: Error "alias" ("FMI 1; 2.0.5: 2.2.7")
+        "Of variables of one type with one value reference, one at most has a start value; all or none are constant, with one value; all have one unit. In FMI 1 all but one are declared as aliases." => "Give the variable a value reference of its own.";
     CAUSALITY: Error "causality" ("2.0.5: 2.2.7; 3.0.2: 2.4.7.4")
         "Causality and variability are a combination that the standard allows." => "See the table of combinations in the standard.";
     INITIAL: Error "initial" ("2.0.5: 2.2.7; 3.0.2: 2.4.7.5")

@@ -80,9 +80,9 @@ fn kinds(model: &Model<'_>, entry: &Entry<'_>, wrong: Wrong<'_>) {
 
 /// Section 2.2.8 of FMI 2.0.5 and 2.4.8 of FMI 3.0.2. Parameters are knowns in FMI 3 only.
 fn knowns(model: &Model<'_>, entry: &Entry<'_>, states: &BTreeSet<usize>, wrong: Wrong<'_>) {
-    for &index in entry.dependencies.iter().flatten() {
+    let is_known = |index: usize| {
         let known = &model.variables[index];
-        let is_known = match (entry.list, known.causality) {
+        match (entry.list, known.causality) {
             (_, "input" | "independent") => true,
             ("InitialUnknown", _) => known.initial == Some("exact"),
             (_, "parameter" | "structuralParameter") => model.version == Version::Three,
@@ -90,10 +90,16 @@ fn knowns(model: &Model<'_>, entry: &Entry<'_>, states: &BTreeSet<usize>, wrong:
             _ => {
                 states.contains(&index) || model.version == Version::Three && known.variability == "discrete"
             }
-        };
-        if !is_known {
-            wrong(&DEPENDENCY_KNOWN, format!("it depends on {}, which is not a known", known.name));
         }
+    };
+    let mut unknown = entry.dependencies.iter().flatten().filter(|&&index| !is_known(index));
+    if let Some(&first) = unknown.next() {
+        let name = model.variables[first].name;
+        let more = match unknown.count() {
+            0 => "which is not a known".to_owned(),
+            more => format!("and {more} more, which are not knowns"),
+        };
+        wrong(&DEPENDENCY_KNOWN, format!("it depends on {name}, {more}"));
     }
 }
 

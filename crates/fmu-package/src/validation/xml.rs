@@ -10,6 +10,10 @@ use super::rules::{LIMIT, XML_DOCTYPE, XML_ENCODING, XML_SYNTAX};
 use super::{Place, Report};
 use crate::model_description::{DEEPEST, MOST_ATTRIBUTES, MOST_ELEMENTS};
 
+/// How long the values of attributes may be in bytes, where they are neither lists nor prose: findings quote them.
+const LONGEST_VALUE: usize = 10_000;
+const LISTS_AND_PROSE: &[&str] =
+    &["clocks", "dependencies", "dependenciesKind", "description", "license", "start"];
 /// How many namespaces a document may declare: each element holds those of all around it.
 const MOST_NAMESPACES: usize = 1000;
 
@@ -82,12 +86,15 @@ fn is_within_limits(text: &str, file: &str, report: &mut Report) -> bool {
             Event::Start(element) | Event::Empty(element) => {
                 depth += usize::from(matches!(event, Event::Start(_)));
                 elements += 1;
-                let mut attributes = 0;
+                let (mut attributes, mut is_long) = (0, false);
                 for attribute in element.attributes().with_checks(false).take(MOST_ATTRIBUTES + 1).flatten() {
                     attributes += 1;
-                    namespaces += usize::from(attribute.key.as_ref().starts_with("xmlns"));
+                    let key = attribute.key.as_ref();
+                    namespaces += usize::from(key.starts_with("xmlns"));
+                    is_long |= attribute.value.len() > LONGEST_VALUE && !LISTS_AND_PROSE.contains(&key);
                 }
-                attributes > MOST_ATTRIBUTES
+                is_long
+                    || attributes > MOST_ATTRIBUTES
                     || depth > DEEPEST
                     || elements > MOST_ELEMENTS
                     || namespaces > MOST_NAMESPACES
@@ -102,7 +109,7 @@ fn is_within_limits(text: &str, file: &str, report: &mut Report) -> bool {
             let line = 1 + text[..usize::try_from(reader.buffer_position()).unwrap_or(0).min(text.len())]
                 .matches('\n')
                 .count();
-            let message = "it has more elements, attributes or namespaces than any description";
+            let message = "it has more or longer elements, attributes or namespaces than any description";
             report.add(&LIMIT, Place { line: Some(line), ..Place::file(file) }, message);
             return false;
         }
