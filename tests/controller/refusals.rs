@@ -35,6 +35,15 @@ fn limits_without_a_band_between_them() {
 }
 
 #[test]
+fn parameters_that_just_agree_are_accepted() {
+    assert_eq!(refusal(|parameters| parameters.tank_pressure_on = 30e3_f64.next_up()), None);
+    assert_eq!(refusal(|parameters| parameters.pwm_min = 75_f64.next_down()), None);
+    assert_eq!(refusal(|parameters| parameters.lp_wastegate_close_below = 3500_f64.next_down()), None);
+    assert_eq!(refusal(|parameters| parameters.schedule.gain[2][1] = -1e-3), None);
+    assert_eq!(refusal(|parameters| parameters.schedule.engine_speed[2] = 1500_f64.next_down()), None);
+}
+
+#[test]
 fn grids_that_do_not_increase() {
     assert_refused(
         |parameters| parameters.schedule.engine_speed[3] = 1500.0,

@@ -4,6 +4,7 @@
 mod bench;
 mod dependencies;
 mod derivatives;
+mod friction;
 mod golden;
 mod integration;
 mod latch;

@@ -34,6 +34,12 @@ fn a_chamber_that_the_membrane_fills_is_refused() {
 }
 
 #[test]
+fn parameters_that_just_agree_are_accepted() {
+    assert_eq!(refusal(|p| p.actuator.chamber_volume = 15.01e-6), "");
+    assert_eq!(refusal(|p| (p.air.gas_constant, p.air.specific_heat) = (999.0, 1000.0)), "");
+}
+
+#[test]
 fn a_gas_without_heat_capacity_at_constant_volume_is_refused() {
     let message = refusal(|p| p.exhaust_gas.specific_heat = 500.0);
     assert_eq!(message, "", "500 J/(kg K) is little but consistent with 290");

@@ -125,7 +125,7 @@ impl Plan {
         for (&name, description) in &descriptions {
             let libraries = libraries.remove(name).unwrap_or_default();
             let mut files = documentation(&built[0].1.generated(name)?, &libraries)?;
-            files.extend(licenses::files(name, &self.models[name].name, &built)?);
+            files.extend(licenses::files(name, &self.models[name], &built)?);
             let fmu = Fmu {
                 model_identifier: name,
                 model_description: description,

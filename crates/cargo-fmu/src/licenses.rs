@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
+use cargo_metadata::Package;
 use fmu_package::reading;
 
 use super::cargo;
@@ -30,7 +31,7 @@ const STANDARD_LIBRARY: [&str; 3] =
 
 /// A package that is linked into a library.
 #[derive(Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-struct Package {
+struct Linked {
     /// Name and version.
     name: String,
     /// The terms as its manifest has them.
@@ -43,7 +44,7 @@ struct Package {
 ///
 /// # Errors
 /// When cargo or rustc do not answer, or a license cannot be read.
-pub fn files(model: &str, package: &str, built: &[(Build, Compiled)]) -> Result<Vec<(String, Vec<u8>)>> {
+pub fn files(model: &str, package: &Package, built: &[(Build, Compiled)]) -> Result<Vec<(String, Vec<u8>)>> {
     let mut texts = BTreeMap::new();
     for (build, compiled) in built {
         for package in linked(package, build)? {
@@ -62,18 +63,19 @@ pub fn files(model: &str, package: &str, built: &[(Build, Compiled)]) -> Result<
 
 /// What is linked into the library of a package: what it depends on while it runs. What serves to build it, as
 /// build scripts and procedural macros do, is not.
-fn linked(package: &str, build: &Build) -> Result<BTreeSet<Package>> {
+fn linked(package: &Package, build: &Build) -> Result<BTreeSet<Linked>> {
     let mut cargo = cargo();
-    cargo.args(["tree", "--package", package, "--edges", "normal,no-proc-macro", "--prefix", "none"]);
+    cargo.args(["tree", "--edges", "normal,no-proc-macro", "--prefix", "none"]);
+    cargo.arg("--manifest-path").arg(&package.manifest_path);
     cargo.args(["--format", "{p}\t{l}\t{r}"]);
     if let Some(triple) = build.triple() {
         cargo.args(["--target", triple]);
     }
     let tree = output(cargo)?;
-    Ok(tree.lines().filter_map(Package::parse).collect())
+    Ok(tree.lines().filter_map(Linked::parse).collect())
 }
 
-impl Package {
+impl Linked {
     /// Reads a line of cargo's tree: name, version with a `v`, and other properties of the package; its terms; its
     /// repository.
     fn parse(line: &str) -> Option<Self> {
@@ -120,11 +122,11 @@ fn texts_in(folder: &Path) -> Result<BTreeMap<String, String>> {
 /// The text of `license.txt`. A text that several packages have stands there once.
 fn license(
     model: &str,
-    packages: &BTreeMap<Package, BTreeMap<String, String>>,
+    packages: &BTreeMap<Linked, BTreeMap<String, String>>,
     has_notices_of_rust: bool,
 ) -> String {
     let mut license = format!("The licenses of {model} and of all that is linked into its libraries\n\n");
-    for (Package { name, terms, repository }, texts) in packages {
+    for (Linked { name, terms, repository }, texts) in packages {
         let terms = if terms.is_empty() { "no terms are given" } else { terms };
         license += &format!("- {name}: {terms}");
         if !repository.is_empty() {
@@ -186,21 +188,21 @@ fn output(mut command: Command) -> Result<String> {
 mod tests {
     use super::*;
 
-    fn package(name: &str, terms: &str) -> Package {
-        Package { name: name.to_owned(), terms: terms.to_owned(), repository: String::new() }
+    fn package(name: &str, terms: &str) -> Linked {
+        Linked { name: name.to_owned(), terms: terms.to_owned(), repository: String::new() }
     }
 
     #[test]
     fn lines_of_the_tree_are_packages() {
         let line = "lag v0.1.0 (/home/lag)\tMIT\t";
-        assert_eq!(Package::parse(line), Some(package("lag 0.1.0", "MIT")));
+        assert_eq!(Linked::parse(line), Some(package("lag 0.1.0", "MIT")));
         let line = "num-dual v0.15.1\tMIT OR Apache-2.0\thttps://github.com/itt-ustutt/num-dual (*)";
         let repository = "https://github.com/itt-ustutt/num-dual".to_owned();
         assert_eq!(
-            Package::parse(line),
-            Some(Package { repository, ..package("num-dual 0.15.1", "MIT OR Apache-2.0") })
+            Linked::parse(line),
+            Some(Linked { repository, ..package("num-dual 0.15.1", "MIT OR Apache-2.0") })
         );
-        assert_eq!(Package::parse(""), None);
+        assert_eq!(Linked::parse(""), None);
     }
 
     #[test]

@@ -54,7 +54,7 @@ impl Template {
                 declaration: include_str!("../templates/continuous/model.json"),
                 source: include_str!("../templates/continuous/lib.rs"),
                 features: &[],
-                plotted: "voltage,lagged_voltage",
+                plotted: "voltage lagged_voltage",
             },
             Self::Sampled => Files {
                 declaration: include_str!("../templates/sampled/model.json"),
@@ -66,7 +66,7 @@ impl Template {
                 declaration: include_str!("../templates/algebraic/model.json"),
                 source: include_str!("../templates/algebraic/lib.rs"),
                 features: &[],
-                plotted: "voltage,power",
+                plotted: "voltage power",
             },
         }
     }
@@ -119,7 +119,7 @@ impl New {
         write("Cargo.toml", &manifest_of(&manifest, files.features))?;
         write("build.rs", include_str!("../templates/build.rs"))?;
         write("model.json", files.declaration)?;
-        write("model.schema.json", fmu_export_build::MODEL_SCHEMA)?;
+        write("model.schema.json", fmu_export_build::SCHEMA)?;
         write("src/lib.rs", &files.source.replace("{Type}", &type_name(name)))?;
         let readme = include_str!("../templates/README.md")
             .replace("{name}", name)

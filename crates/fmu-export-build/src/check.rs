@@ -58,7 +58,7 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
         if enumeration.items.is_empty() {
             refusals.add(format!("{key}.items"), format!("{name}: it has no items"));
         }
-        field_names(&format!("{key}.items"), described(&enumeration.items), refusals);
+        field_names(&format!("{key}.items"), &described(&enumeration.items), refusals);
         let variants = enumeration.items.iter().map(|item| rust::pascal_case(&item.name));
         unique(&format!("{key}.items"), variants, refusals);
     }
@@ -67,10 +67,10 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
     for (number, component_type) in types.iter().enumerate() {
         type_name(&component_type.name, &format!("component_types[{number}]"), refusals);
     }
-    field_names("state_groups", described(&declaration.state_groups), refusals);
+    field_names("state_groups", &described(&declaration.state_groups), refusals);
     unique("state_groups", described(&declaration.state_groups), refusals);
     let components: Vec<_> = declaration.components.iter().map(|component| component.name.clone()).collect();
-    field_names("components", components.clone(), refusals);
+    field_names("components", &components, refusals);
     unique("components", components.clone(), refusals);
     for (number, component) in components.iter().enumerate() {
         let variables = declaration.variables.iter().map(|variable| variable.name.as_str());
@@ -158,7 +158,7 @@ fn type_name(name: &str, key: &str, refusals: &mut Refusals) {
     }
 }
 
-fn field_names(list: &str, names: Vec<String>, refusals: &mut Refusals) {
+fn field_names(list: &str, names: &[String], refusals: &mut Refusals) {
     for (number, name) in names.iter().enumerate() {
         if let Err(reason) = field_name(name) {
             refusals.add(format!("{list}[{number}].name"), reason);

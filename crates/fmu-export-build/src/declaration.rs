@@ -87,7 +87,7 @@ pub(crate) struct Capabilities {
     pub(crate) get_and_set_state: bool,
     /// A saved state can be carried into another process.
     pub(crate) serialize_state: bool,
-    /// The model implements Model::differentiate.
+    /// The model implements `Model::differentiate`.
     pub(crate) directional_derivatives: bool,
 }
 
@@ -118,7 +118,7 @@ pub(crate) struct Described {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct EnumerationDeclaration {
-    /// Written like this: TypeName.
+    /// Written like this: `TypeName`.
     pub(crate) name: String,
     pub(crate) description: String,
     pub(crate) items: Vec<Described>,
@@ -129,7 +129,7 @@ pub(crate) struct EnumerationDeclaration {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct VariableDeclaration {
-    /// Written like this: lower_case.
+    /// Written like this: `lower_case`.
     pub(crate) name: String,
     /// What it is.
     pub(crate) description: Option<String>,
@@ -139,7 +139,7 @@ pub(crate) struct VariableDeclaration {
     /// When its value may change. Default: fixed for parameters, continuous for other Reals, otherwise discrete.
     pub(crate) variability: Option<Variability>,
     /// How its start value comes about. To be chosen for states alone: exact (the default), or approx where
-    /// initialization computes it (the default with initial_reads).
+    /// initialization computes it (the default with `initial_reads`).
     pub(crate) initial: Option<Initial>,
     /// Real (the default), Integer, Boolean, String or the name of an enumeration.
     #[serde(rename = "type", default = "real")]
@@ -249,7 +249,7 @@ pub(crate) enum Initial {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ComponentType {
-    /// Written like this: TypeName.
+    /// Written like this: `TypeName`.
     pub(crate) name: String,
     pub(crate) variables: Vec<VariableDeclaration>,
 }
@@ -259,15 +259,15 @@ pub(crate) struct ComponentType {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ComponentDeclaration {
-    /// Written like this: lower_case.
+    /// Written like this: `lower_case`.
     pub(crate) name: String,
     pub(crate) description: Option<String>,
     /// Its variables, unless it has a type.
     pub(crate) variables: Option<Vec<VariableDeclaration>>,
-    /// One of the component_types.
+    /// One of the `component_types`.
     #[serde(rename = "type")]
     pub(crate) component_type: Option<String>,
-    /// The one of the state_groups that its states belong to.
+    /// The one of the `state_groups` that its states belong to.
     pub(crate) state_group: Option<String>,
     /// Start values of the type's variables that hold for this component.
     #[serde(default, deserialize_with = "without_duplicates")]

@@ -196,18 +196,24 @@ fn offset(root: &ast::Value<'_>, path: &str) -> usize {
 
 /// Serde's reason in the words of those who write JSON, with the word that is likely meant by an unknown one.
 fn plain(reason: &str) -> String {
-    let words: Vec<_> = reason.split('`').skip(1).step_by(2).collect();
-    if let ([word, known @ ..], Some((unknown, _))) = (&words[..], reason.split_once(", expected "))
-        && unknown.starts_with("unknown ")
-    {
-        let nearest = nearest(word, known.iter().map(|known| (*known).to_owned()));
-        let reason = if nearest.is_empty() { reason.to_owned() } else { format!("{unknown}{nearest}") };
-        return reason.replace("unknown field", "unknown key").replace("unknown variant", "unknown value");
+    let reason = reason.replace('`', "'").replace("unknown field", "unknown key");
+    let reason = reason.replace("unknown variant", "unknown value").replace("missing field", "missing key");
+    let Some((found, expected)) = reason.rsplit_once(", expected ") else { return reason };
+    if found.starts_with("unknown ") {
+        let words: Vec<_> = reason.split('\'').skip(1).step_by(2).map(str::to_owned).collect();
+        let nearest = words.split_first().map(|(word, known)| nearest(word, known.iter().cloned()));
+        return nearest
+            .filter(|nearest| !nearest.is_empty())
+            .map_or(reason.clone(), |nearest| format!("{found}{nearest}"));
     }
-    let reason = reason.replace("missing field", "missing key");
-    let found = reason.strip_prefix("invalid type: ").or_else(|| reason.strip_prefix("invalid value: "));
-    let Some((found, expected)) = found.and_then(|found| found.rsplit_once(", expected ")) else {
+    let Some(found) = found.strip_prefix("invalid type: ").or_else(|| found.strip_prefix("invalid value: "))
+    else {
         return reason;
+    };
+    let found = match found {
+        "sequence" => "a list",
+        "map" => "an object",
+        _ => found,
     };
     let expected = match expected {
         "a sequence" => "a list",
@@ -218,7 +224,7 @@ fn plain(reason: &str) -> String {
         _ if expected.starts_with("struct ") => "an object",
         _ => expected,
     };
-    format!("expected {expected}, found {}", found.replace("sequence", "list").replace("map", "object"))
+    format!("expected {expected}, found {found}")
 }
 
 /// The known name that is most like one, as the end of a message; nothing where none is like it.

@@ -23,7 +23,7 @@ use model::Model;
 pub use error::{Error, Finding};
 
 /// The JSON Schema of a model's declaration, for editors, as the file `model.schema.json`.
-pub const MODEL_SCHEMA: &str = include_str!("../schema/model.schema.json");
+pub const SCHEMA: &str = include_str!("../schema/model.schema.json");
 
 /// The package that a model belongs to: what its declaration need not repeat.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -93,7 +93,8 @@ pub fn generate(declaration: impl AsRef<Path>) {
         }
         Err(error) => {
             for finding in error.findings() {
-                println!("cargo::error={finding}");
+                // A name that is refused may have a line break in it.
+                println!("cargo::error={}", finding.to_string().replace('\n', " "));
             }
             // Not a panic, whose trace would bury the findings.
             process::exit(1);

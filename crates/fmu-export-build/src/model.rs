@@ -272,14 +272,15 @@ impl<'a> Flattening<'a> {
                 }
                 (variables, format!("{key}.variables"))
             }
-            (None, Some(wanted)) => match types.iter().position(|known| known.name == *wanted) {
-                Some(found) => (&types[found].variables, format!("component_types[{found}].variables")),
-                None => {
+            (None, Some(wanted)) => {
+                if let Some(found) = types.iter().position(|known| known.name == *wanted) {
+                    (&types[found].variables, format!("component_types[{found}].variables"))
+                } else {
                     let nearest = nearest(wanted, types.iter().map(|known| known.name.clone()));
                     let reason = format!("{name}: '{wanted}' is not one of the component_types{nearest}");
                     return self.refusals.add(format!("{key}.type"), reason);
                 }
-            },
+            }
             _ => return self.refusals.add(key, format!("{name}: it needs either 'variables' or a 'type'")),
         };
         for started in component.start.keys() {

@@ -146,8 +146,8 @@ const VARIABLES: &str = "
 pub struct Variables {
     /// The parameters.
     pub parameters: Parameters,
-    /// As the importer set them, not kept within their bounds.
-    inputs: Inputs,
+    /// The inputs as they were set, which may be out of their bounds; a model is given those within.
+    pub inputs: Inputs,
     /// The states' start values, as the importer set them.
     pub start: States,
     /// The states.

@@ -386,11 +386,10 @@ pub(crate) fn per_second(name: &str) -> String {
     let join = |factors: &[Factor<'_>]| {
         let factors = factors.iter().filter(|(symbol, exponent)| *exponent != 0.0 && *symbol != "1");
         let factors: Vec<_> = factors
-            .map(
-                |&(symbol, exponent)| {
-                    if exponent == 1.0 { symbol.to_owned() } else { format!("{symbol}{exponent}") }
-                },
-            )
+            .map(|(symbol, exponent)| match exponent.to_string().as_str() {
+                "1" => (*symbol).to_owned(),
+                exponent => format!("{symbol}{exponent}"),
+            })
             .collect();
         (factors.len(), factors.join("."))
     };

@@ -13,16 +13,18 @@ use crate::model::{Context, Experiment, InputsOf, Model, Step, Variables};
 /// let mut simulation = Simulation::<Lag>::default();
 /// simulation.variables.parameters.time_constant = 0.5;
 /// simulation.initialize()?;
-/// simulation.variables.inputs.voltage = 1.0;
+/// simulation.inputs.voltage = 1.0;
 /// simulation.step(0.1)?;
 /// assert!(simulation.variables.outputs.voltage_lagged < 1.0);
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Simulation<M: Model> {
     /// The model.
     pub model: M,
     /// Its variables, at their start values until it is initialized.
     pub variables: M::Variables,
+    /// Its inputs from now on.
+    pub inputs: InputsOf<M>,
     /// What the importer would tell it.
     pub experiment: Experiment,
     /// The time in seconds.
@@ -33,9 +35,11 @@ pub struct Simulation<M: Model> {
 
 impl<M: Model> Default for Simulation<M> {
     fn default() -> Self {
+        let variables = M::Variables::default();
         Self {
             model: M::default(),
-            variables: M::Variables::default(),
+            inputs: variables.inputs().clone(),
+            variables,
             experiment: Experiment::default(),
             time: 0.0,
             messages: vec![],
@@ -51,10 +55,9 @@ impl<M: Model> Simulation<M> {
     pub fn initialize(&mut self) -> Result<(), Error> {
         M::check_parameters(&self.variables)?;
         self.time = self.experiment.start_time;
-        let inputs = self.variables.inputs().clone();
-        let Self { model, variables, experiment, messages, .. } = self;
+        let Self { model, variables, inputs, experiment, messages, .. } = self;
         let mut log = log_to(messages);
-        model.initialize(variables, &inputs, &mut Context::new(*experiment, &mut log))
+        model.initialize(variables, inputs, &mut Context::new(*experiment, &mut log))
     }
 
     /// Advances by a communication step of a size in seconds, during which the inputs hold their values.
@@ -62,7 +65,7 @@ impl<M: Model> Simulation<M> {
     /// # Errors
     /// Those of the model.
     pub fn step(&mut self, size: f64) -> Result<(), Error> {
-        self.step_with(size, &InputSignal::constant(self.variables.inputs().clone()))
+        self.step_with(size, &InputSignal::constant(self.inputs.clone()))
     }
 
     /// Advances by a communication step of a size in seconds with inputs that may change during it.
@@ -70,7 +73,7 @@ impl<M: Model> Simulation<M> {
     /// # Errors
     /// Those of the model.
     pub fn step_with(&mut self, size: f64, inputs: &InputSignal<InputsOf<M>>) -> Result<(), Error> {
-        let Self { model, variables, experiment, messages, time } = self;
+        let Self { model, variables, experiment, messages, time, .. } = self;
         let mut log = log_to(messages);
         let step = Step { start: *time, size, inputs };
         model.step(variables, &step, &mut Context::new(*experiment, &mut log))?;

@@ -32,7 +32,7 @@ mod tests {
         let mut simulation = Simulation::<{Type}>::default();
         simulation.initialize()?;
         let power = simulation.variables.outputs.power;
-        simulation.variables.inputs.voltage = 2.0;
+        simulation.inputs.voltage = 2.0;
         simulation.step(0.1)?;
         assert_eq!(simulation.variables.outputs.power.to_bits(), (4.0 * power).to_bits());
         Ok(())

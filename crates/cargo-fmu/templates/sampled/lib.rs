@@ -56,7 +56,7 @@ mod tests {
         let first = simulation.variables.outputs.command;
         simulation.step(0.1)?;
         assert!(first > 0.0 && simulation.variables.outputs.command > first);
-        simulation.variables.inputs.reference = 100.0;
+        simulation.inputs.reference = 100.0;
         simulation.step(0.1)?;
         assert!(simulation.variables.outputs.command >= LIMITS[1]);
         Ok(())

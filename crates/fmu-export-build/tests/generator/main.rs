@@ -15,7 +15,9 @@ use fmu_export::description::{Causality, DataType, Initial, Variability};
 use fmu_export::{Inputs as _, Variables as _};
 use fmu_export_build::{Generated, Package, generate_into};
 
+mod defaults;
 mod documentation;
+mod readme;
 mod refusals;
 mod structure;
 

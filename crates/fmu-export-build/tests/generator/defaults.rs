@@ -1,0 +1,256 @@
+//! A declaration that leaves out what can be known, with states that are outputs and declared value references: what
+//! follows from it, and that the runtime reads and sets it by these references.
+
+use std::ffi::CString;
+use std::fs;
+use std::ptr;
+
+use fmu_export::c_api;
+use fmu_export::c_types::{CO_SIMULATION, CallbackFunctions, Component, FALSE, Status};
+use fmu_export::{Context, Error, InputsOf, Model, Step, Variables as _};
+use fmu_export_build::{Generated, Package, generate_into};
+
+use super::{folder, read, sources};
+
+mod variables {
+    include!("mass_oscillator/variables.rs");
+}
+
+use variables::Variables;
+
+fn generate(out_dir: &std::path::Path) -> Generated {
+    let package = Package {
+        name: "mass-oscillator".to_owned(),
+        version: "0.3.0".to_owned(),
+        description: "A mass on a spring".to_owned(),
+        authors: "A. Author <a@example.org>:B. Author".to_owned(),
+        license: "MIT".to_owned(),
+    };
+    generate_into(&sources().join("oscillator.json"), out_dir, &package)
+        .unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn generated_files_equal_the_golden_files() {
+    if std::env::var_os("FMU_EXPORT_BLESS").is_some() {
+        generate(&sources());
+    }
+    let generated = generate(&folder("defaults"));
+    for file in [&generated.model_description, &generated.variables, &generated.documentation] {
+        let kept = sources().join("mass_oscillator").join(file.file_name().expect("a file has a name"));
+        assert!(fs::read(file).ok() == fs::read(kept).ok(), "{}", file.display());
+    }
+}
+
+/// The attributes as the package and the standard have them, and the lists of `ModelStructure` by hand: 1 time,
+/// 2 force, 3 position, 4 its derivative, 5 velocity, 6 its derivative, 7 energy, 8 power, 9 loss, 10 stiffness,
+/// 11 to 14 wear with its derivatives.
+#[test]
+fn what_is_left_out_follows_from_the_package_and_the_standard() {
+    let xml = read(&generate(&folder("defaults in XML")).model_description);
+    for part in [
+        r#"modelName="mass_oscillator""#,
+        r#"description="A mass on a spring" author="A. Author &lt;a@example.org&gt;, B. Author" version="0.3.0" license="MIT" generationTool="#,
+        r#"canHandleVariableCommunicationStepSize="true" canInterpolateInputs="true" maxOutputDerivativeOrder="1""#,
+        r#"canGetAndSetFMUstate="true" canSerializeFMUstate="true" providesDirectionalDerivative="true""#,
+        r#"<Category name="logStatusError" description="errors"/>"#,
+        r#"<Category name="logStatusWarning" description="warnings"/>"#,
+        r#"<Category name="logEvents" description="Impacts"/>"#,
+        r#"<Category name="logWear" description="Wear"/>"#,
+        r#"<DefaultExperiment stopTime="5.0"/>"#,
+        r#"<BaseUnit kg="1" m="1" s="-2" factor="1000.0"/>"#,
+        r#"<BaseUnit m="1" s="-2"/>"#,
+        r#"<DisplayUnit name="km/h" factor="3.6"/>"#,
+        r#"<ScalarVariable name="position" valueReference="3" causality="output" variability="continuous" initial="exact">"#,
+        r#"<ScalarVariable name="wear[2]" valueReference="11" causality="local" variability="continuous" initial="approx">"#,
+        r#"<Real unit="m/s2" derivative="5"/>"#,
+    ] {
+        assert!(xml.contains(part), "{part}");
+    }
+    let (_, structure) = xml.split_once("<ModelStructure>").expect("it is there");
+    let structure: Vec<_> =
+        structure.lines().map(str::trim).filter(|line| line.starts_with("<Unknown")).collect();
+    let expected = [
+        // Outputs: a state is its own; power may depend on everything, and so does what reads it.
+        r#"<Unknown index="3" dependencies="3"/>"#,
+        r#"<Unknown index="5" dependencies="5"/>"#,
+        r#"<Unknown index="7" dependencies="3 5"/>"#,
+        r#"<Unknown index="8"/>"#,
+        r#"<Unknown index="9"/>"#,
+        // Derivatives.
+        r#"<Unknown index="4"/>"#,
+        r#"<Unknown index="6" dependencies="2 3"/>"#,
+        r#"<Unknown index="12"/>"#,
+        r#"<Unknown index="14"/>"#,
+        // InitialUnknowns: no state whose start is exact.
+        r#"<Unknown index="4"/>"#,
+        r#"<Unknown index="6" dependencies="2 3 10"/>"#,
+        r#"<Unknown index="7" dependencies="3 5 10"/>"#,
+        r#"<Unknown index="8"/>"#,
+        r#"<Unknown index="9"/>"#,
+        r#"<Unknown index="11"/>"#,
+        r#"<Unknown index="12"/>"#,
+        r#"<Unknown index="13"/>"#,
+        r#"<Unknown index="14"/>"#,
+    ];
+    assert_eq!(structure, expected);
+}
+
+#[test]
+fn value_references_are_the_declared_ones_and_the_free_ones_between() {
+    let expected = [
+        (0, "time"),
+        (1, "velocity"),
+        (2, "energy"),
+        (3, "position"),
+        (4, "der(position)"),
+        (5, "power"),
+        (6, "loss"),
+        (7, "stiffness"),
+        (10, "wear[1]"),
+        (11, "wear[2]"),
+        (20, "der(wear[1])"),
+        (21, "der(wear[2])"),
+        (50, "der(velocity)"),
+        (100, "force"),
+    ];
+    for (position, (reference, name)) in expected.into_iter().enumerate() {
+        assert_eq!(Variables::description(reference).map(|variable| variable.name), Some(name));
+        assert_eq!(Variables::value_reference(position), reference);
+        let text = format!(r#"<ScalarVariable name="{name}" valueReference="{reference}""#);
+        assert!(Variables::MODEL_DESCRIPTION_XML.contains(&text), "{text}");
+    }
+    assert_eq!(Variables::DESCRIPTION.variables.len(), expected.len());
+    for reference in [8, 12, 99, 101, u32::MAX] {
+        assert!(Variables::description(reference).is_none(), "{reference}");
+    }
+}
+
+/// The oscillator as an FMU, which moves by one explicit Euler step for each communication step.
+#[derive(Clone, Default)]
+struct Oscillator {}
+
+fmu_export::persistent!(Oscillator {});
+
+impl Oscillator {
+    fn evaluate(variables: &mut Variables, force: f64) {
+        variables.derivatives.position = variables.states.velocity;
+        variables.derivatives.velocity = force - variables.parameters.stiffness * variables.states.position;
+        variables.outputs.energy = variables.states.velocity.powi(2) / 2.0;
+    }
+}
+
+impl Model for Oscillator {
+    type Variables = Variables;
+
+    fn initialize(
+        &mut self,
+        variables: &mut Variables,
+        inputs: &InputsOf<Self>,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        variables.states_from_start();
+        Self::evaluate(variables, inputs.force);
+        Ok(())
+    }
+
+    fn step(
+        &mut self,
+        variables: &mut Variables,
+        step: &Step<'_, InputsOf<Self>>,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        variables.states =
+            variables.states.combine(&variables.derivatives, &mut |state, rate| state + step.size * rate);
+        Self::evaluate(variables, step.inputs.at(step.size).force);
+        Ok(())
+    }
+
+    fn differentiate(
+        &self,
+        variables: &Variables,
+        _inputs: &InputsOf<Self>,
+        direction: &Variables,
+    ) -> Result<Variables, Error> {
+        let mut derivatives = Variables::zero();
+        derivatives.derivatives.position = direction.start.velocity;
+        derivatives.derivatives.velocity =
+            direction.inputs().force - variables.parameters.stiffness * direction.start.position;
+        Ok(derivatives)
+    }
+}
+
+const OK: Status = Status::Ok;
+
+/// An instance that is freed when it is dropped.
+struct Fmu(Component);
+
+impl Drop for Fmu {
+    fn drop(&mut self) {
+        // SAFETY: the component is this importer's and used no more.
+        unsafe { c_api::free_instance::<Oscillator>(self.0) }
+    }
+}
+
+#[test]
+fn the_runtime_knows_a_state_that_is_an_output_by_its_value_reference() {
+    let callbacks = CallbackFunctions {
+        logger: None,
+        allocate_memory: None,
+        free_memory: None,
+        step_finished: None,
+        component_environment: ptr::null_mut(),
+    };
+    let text = |text: &str| CString::new(text).expect("there is no NUL in it");
+    let (name, guid) = (text("oscillator"), text(Variables::DESCRIPTION.guid));
+    // SAFETY: all arguments are valid during the call.
+    let fmu = Fmu(unsafe {
+        let (name, guid, callbacks) = (name.as_ptr(), guid.as_ptr(), &raw const callbacks);
+        c_api::instantiate::<Oscillator>(name, CO_SIMULATION, guid, ptr::null(), callbacks, FALSE, FALSE)
+    });
+    assert!(!fmu.0.is_null());
+    let get = |reference: u32| {
+        let mut value = f64::NAN;
+        // SAFETY: one reference and room for one value.
+        let status = unsafe { c_api::get_real::<Oscillator>(fmu.0, &raw const reference, 1, &raw mut value) };
+        (status, value)
+    };
+    let set = |reference: u32, value: f64| -> Status {
+        // SAFETY: one reference and one value.
+        unsafe { c_api::set_real::<Oscillator>(fmu.0, &raw const reference, 1, &raw const value) }
+    };
+    // SAFETY: the component is valid.
+    let call = |function: unsafe fn(Component) -> Status| unsafe { function(fmu.0) };
+    // SAFETY: the component is valid.
+    let status = unsafe { c_api::setup_experiment::<Oscillator>(fmu.0, FALSE, 0.0, 0.0, FALSE, 0.0) };
+    assert_eq!(status, OK);
+    // The start value of the position, by its value reference; 8 is nobody's.
+    assert_eq!((set(3, 2.0), set(100, 1.0)), (OK, OK));
+    assert_ne!(set(8, 1.0), OK);
+    assert_eq!(call(c_api::enter_initialization_mode::<Oscillator>), OK);
+    assert_eq!(call(c_api::exit_initialization_mode::<Oscillator>), OK);
+    assert_eq!([get(3), get(1), get(4), get(50)], [(OK, 2.0), (OK, 0.0), (OK, 0.0), (OK, 1.0 - 4.0 * 2.0)]);
+    // SAFETY: the component is valid.
+    assert_eq!(unsafe { c_api::do_step::<Oscillator>(fmu.0, 0.0, 0.5, FALSE) }, OK);
+    assert_eq!([get(3), get(1), get(2)], [(OK, 2.0), (OK, -3.5), (OK, 3.5 * 3.5 / 2.0)]);
+    // The position changes as it is told, and by its derivative over time; the other's derivative by the stiffness.
+    let along = |unknown: u32, known: u32| {
+        let (seed, mut derivative) = (2.0, f64::NAN);
+        let (unknown, known) = (&raw const unknown, &raw const known);
+        let (seed, value) = (&raw const seed, &raw mut derivative);
+        // SAFETY: one unknown, one known and one seed, and room for one value.
+        let status = unsafe {
+            c_api::get_directional_derivative::<Oscillator>(fmu.0, unknown, 1, known, 1, seed, value)
+        };
+        (status, derivative)
+    };
+    assert_eq!([along(3, 3), along(3, 1), along(50, 3)], [(OK, 2.0), (OK, 0.0), (OK, -8.0)]);
+    let (position, order, mut rate) = (3, 1, f64::NAN);
+    let (position, order) = (&raw const position, &raw const order);
+    // SAFETY: one reference, one order and room for one value.
+    let status =
+        unsafe { c_api::get_real_output_derivatives::<Oscillator>(fmu.0, position, 1, order, &raw mut rate) };
+    assert_eq!((status, rate), (OK, -3.5));
+    // An output is not set between steps, though it is a state.
+    assert_ne!(set(3, 1.0), OK);
+}
