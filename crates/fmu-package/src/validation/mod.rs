@@ -85,6 +85,9 @@ impl Report {
     }
 }
 
+/// Reports what is wrong at a place that is known already.
+type Wrong<'a> = &'a mut dyn FnMut(&'static Rule, String);
+
 /// The versions of the standard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Version {

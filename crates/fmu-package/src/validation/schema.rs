@@ -234,7 +234,7 @@ impl<'s> Schema<'s> {
             (Ok(()), Some(&next)) => format!("{} does not belong here in {}", name(next), name(node)),
             (Err(wanted), None) => format!("{} ends where {wanted} is expected", name(node)),
             (Err(wanted), Some(&next)) => {
-                format!("{} stands in {} where {wanted} is expected", name(next), name(node))
+                format!("{} has {} where {wanted} is expected", name(node), name(next))
             }
         };
         report.add(&SCHEMA_ELEMENT, xml.at(rest.first().copied().unwrap_or(node)), message);

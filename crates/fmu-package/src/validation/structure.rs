@@ -8,7 +8,7 @@ use super::rules::{
     EVENT_INDICATORS, INITIAL_UNKNOWNS, OUTPUTS, Rule, STRUCTURE_DUPLICATE, STRUCTURE_ORDER,
     STRUCTURE_REFERENCE,
 };
-use super::{Report, Version};
+use super::{Report, Version, Wrong};
 
 pub(super) fn check(model: &Model<'_>, report: &mut Report) {
     if model.version == Version::One
@@ -35,8 +35,6 @@ pub(super) fn check(model: &Model<'_>, report: &mut Report) {
     }
 }
 
-type Wrong<'a> = &'a mut dyn FnMut(&'static Rule, String);
-
 fn references(model: &Model<'_>, entry: &Entry<'_>, wrong: Wrong<'_>) {
     let dependencies = entry.element.attribute("dependencies").unwrap_or_default().split_ascii_whitespace();
     for reference in std::iter::once(entry.reference).chain(dependencies) {
@@ -51,7 +49,7 @@ fn dependencies(model: &Model<'_>, entry: &Entry<'_>, wrong: Wrong<'_>) {
     let Some(dependencies) = &entry.dependencies else { return };
     let distinct: BTreeSet<_> = dependencies.iter().collect();
     if distinct.len() < dependencies.len() {
-        wrong(&STRUCTURE_DUPLICATE, "a dependency stands twice".to_owned());
+        wrong(&STRUCTURE_DUPLICATE, "a dependency occurs twice".to_owned());
     } else if model.version == Version::Two && !dependencies.is_sorted() {
         wrong(&DEPENDENCY_ORDER, "the dependencies are not sorted".to_owned());
     }
@@ -107,7 +105,7 @@ fn duplicates(model: &Model<'_>, report: &mut Report) {
     let mut seen = BTreeSet::new();
     for entry in &model.entries {
         if let Some(index) = entry.variable.filter(|index| !seen.insert((entry.list, *index))) {
-            let message = format!("{} stands twice in this list", model.variables[index].name);
+            let message = format!("{} occurs twice in this list", model.variables[index].name);
             model.wrong(report, &STRUCTURE_DUPLICATE, entry.element, message);
         }
     }

@@ -7,12 +7,12 @@ use regex_lite::Regex;
 use super::model::{Model, Variable, flag, initials, named};
 use super::rules::{
     ALIAS, CAUSALITY, CLOCK, CLOCKED, CONTINUOUS_TYPE, DERIVATIVE, DIMENSION, DIRECT_DEPENDENCY, FINITE,
-    FIXED, INDEPENDENT, INITIAL, INTERMEDIATE_UPDATE, NAME_SYNTAX, NOMINAL, PREVIOUS, REINIT, Rule,
-    START_COUNT, START_FORBIDDEN, START_MISSING, START_RANGE, VALUE_REFERENCE, VARIABLE_NAME,
+    FIXED, INDEPENDENT, INITIAL, INTERMEDIATE_UPDATE, NAME_SYNTAX, NOMINAL, PREVIOUS, REINIT, START_COUNT,
+    START_FORBIDDEN, START_MISSING, START_RANGE, VALUE_REFERENCE, VARIABLE_NAME,
 };
 use super::schema::number;
 use super::types::range;
-use super::{Report, Version};
+use super::{Report, Version, Wrong};
 
 /// Structured names (FMI 2.0.5, section 2.2.9; FMI 3.0.2, section 2.4.7.5.1).
 const STRUCTURED: &str = r"^(?:IDENTIFIER|der\(IDENTIFIER(?:,[0-9]+)?\))$";
@@ -46,9 +46,6 @@ pub(super) fn check(model: &Model<'_>, report: &mut Report) {
         }
     }
 }
-
-/// Reports what is wrong with a variable.
-type Wrong<'a> = &'a mut dyn FnMut(&'static Rule, String);
 
 fn since_fmi2(model: &Model<'_>, report: &mut Report) {
     let states: BTreeSet<_> = model.states().collect();

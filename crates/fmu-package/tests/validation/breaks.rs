@@ -75,7 +75,7 @@ const ARCHIVES: &[Break] = &[
         }),
     ),
     (
-        "elements in 101 elements",
+        "elements nested 101 deep",
         "limit",
         Fmi2,
         Edit::Files(|files| {
