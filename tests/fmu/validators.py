@@ -3,7 +3,8 @@
     target/venv/bin/python tests/fmu/validators.py
 
 makes these FMUs, shows each to `cargo fmu validate`, `fmpy validate` and `fmutool -check`, and writes the
-table into the page. A validator finds what is broken when it complains of the broken FMU, and not of the good one.
+table into the page. A validator finds what is broken when it complains of the broken FMU, but not of the good
+one.
 """
 
 from __future__ import annotations

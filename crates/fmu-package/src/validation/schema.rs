@@ -137,13 +137,14 @@ impl<'s> Schema<'s> {
         report: &mut Report,
     ) {
         let declaration = self.referred(declaration);
-        let complex_type = match declaration.attribute("type") {
-            Some(name) if !name.starts_with("xs:") => Some(self.resolve("complexType", name)),
-            _ => child(declaration, "complexType"),
+        let expected = match (declaration.attribute("type"), child(declaration, "complexType")) {
+            // All simple types of elements are texts.
+            (Some(name), _) if name.starts_with("xs:") => Rc::new(Type { is_mixed: true, ..Type::default() }),
+            (Some(name), _) => self.type_of(self.resolve("complexType", name)),
+            (None, Some(complex_type)) => self.type_of(complex_type),
+            // Anything goes where there is no type.
+            (None, None) => return,
         };
-        // Anything goes where there is no type, and all simple types of elements are texts.
-        let Some(complex_type) = complex_type else { return };
-        let expected = self.type_of(complex_type);
         self.attributes(&expected, node, xml, report);
         self.content(&expected, node, xml, report);
     }

@@ -105,6 +105,7 @@ const DESCRIPTIONS: &[Break] = &[
     ("elements in the wrong order", "schema-element", Fmi3, xml("<ClockedState valueReference=\"8\"/>\n    <InitialUnknown valueReference=\"2\"/>", "<InitialUnknown valueReference=\"2\"/>\n    <ClockedState valueReference=\"8\"/>")),
     ("terminals in no list", "schema-element", Fmi3, Xml(TERMINALS, "<Terminals>", "<Terminals/><Terminals>")),
     ("no model name", "schema-attribute", Fmi2, xml(r#"modelName="Tank""#, "")),
+    ("an attribute of a text", "schema-attribute", Fmi1, xml("<Name>", r#"<Name min="0">"#)),
     ("an unknown attribute", "schema-attribute", Fmi3, xml(r#"modelName="Tank""#, r#"modelName="Tank" guid="{a-guid}""#)),
     ("a causality that does not exist", "schema-value", Fmi2, xml(r#"causality="input""#, r#"causality="entry""#)),
     ("a start value that is no number", "schema-value", Fmi1, xml(r#"start="9.81""#, r#"start="9,81""#)),
