@@ -2,8 +2,8 @@
 
     target/venv/bin/python tests/fmu/validators.py
 
-makes these FMUs, shows each to `cargo fmu validate`, `fmpy validate` and `fmutool -check`, and writes the table
-into the page. A validator finds what is broken when it complains of the broken FMU, and not of the good one.
+makes these FMUs, shows each to `cargo fmu validate`, `fmpy validate` and `fmutool -check`, and writes the
+table into the page. A validator finds what is broken when it complains of the broken FMU, and not of the good one.
 """
 
 from __future__ import annotations
@@ -87,6 +87,7 @@ def table() -> str:
 
 
 if __name__ == "__main__":
+    rows = table()
     before, rest = PAGE.read_text().split(BEGIN)
     _, after = rest.split(END)
-    PAGE.write_text(before + BEGIN + "\n" + table() + "\n" + END + after)
+    PAGE.write_text(f"{before}{BEGIN}\n{rows}\n{END}{after}")

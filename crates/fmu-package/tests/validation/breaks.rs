@@ -75,7 +75,7 @@ const ARCHIVES: &[Break] = &[
         }),
     ),
     (
-        "elements in 101 elements",
+        "elements nested 101 deep",
         "limit",
         Fmi2,
         Edit::Files(|files| {
@@ -139,6 +139,7 @@ const VARIABLES: &[Break] = &[
     ("a value reference twice", "value-reference", Fmi3, xml(r#"valueReference="11""#, r#"valueReference="12""#)),
     ("an alias with another start value", "alias", Fmi2, xml(r#"valueReference="1"><Real unit="m"/>"#, r#"valueReference="1" initial="approx"><Real unit="m" start="2"/>"#)),
     ("an alias of another unit", "alias", Fmi2, xml(r#"<Real unit="m"/>"#, r#"<Real unit="m/s"/>"#)),
+    ("an alias that is not declared", "alias", Fmi1, xml(r#"valueReference="2""#, r#"valueReference="1""#)),
     ("a continuous parameter", "causality", Fmi2, xml(r#"variability="fixed"><Real start="2""#, r#"variability="continuous"><Real start="2""#)),
     ("an input with initial", "initial", Fmi2, xml(r#"causality="input""#, r#"causality="input" initial="exact""#)),
     ("a continuous integer", "continuous-type", Fmi2, xml(r#"variability="discrete""#, "")),
