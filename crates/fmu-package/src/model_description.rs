@@ -470,7 +470,7 @@ mod tests {
 
     #[test]
     fn a_model_identifier_is_a_c_identifier() {
-        for identifier in ["BoostPlant", "_1", "a"] {
+        for identifier in ["Lag", "_1", "a"] {
             assert!(refuse_no_identifier(identifier).is_ok(), "{identifier}");
         }
         for (identifier, shown) in [
