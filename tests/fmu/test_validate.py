@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import json
+import random
 import subprocess
 import sys
 import tarfile
@@ -13,6 +15,7 @@ import fmpy
 import pytest
 from conftest import ROOT, TARGET
 from fmpy.validation import validate_fmu
+from lxml import etree
 
 COMMAND = TARGET / "debug" / "cargo-fmu"
 """Built by `cargo test`."""
@@ -147,3 +150,71 @@ def test_only_what_pythonfmu_does_is_found_in_the_examples_of_it(name: str, tmp_
     status, report = cargo_fmu("validate", file)
     assert status == 0
     assert {finding["rule"] for finding in report["findings"]} == NEEDS_PYTHON
+
+
+SCHEMAS = {1: "fmi1/fmiModelDescription", 2: "fmi2/fmi2ModelDescription", 3: "fmi3/fmi3ModelDescription"}
+"""Of FMPy's copies, by the version of FMI."""
+
+VALUES = [
+    "",
+    "-1",
+    "1.5",
+    "true",
+    "INF",
+    " 3 ",
+    "abc",
+    "1 2",
+    "4294967296",
+    "+1",
+    ".5",
+    "256",
+    "input",
+    "discrete",
+]
+
+
+def edit(root: etree._Element) -> None:
+    """Changes, removes, copies or moves an element or an attribute, by chance."""
+    elements = [element for element in root.iter() if isinstance(element.tag, str)]
+    element, other = random.choice(elements), random.choice(elements)
+    keys = [key for key in element.attrib if key != "fmiVersion"]
+    kind = random.choice(["change", "change", "remove", "take", "remove element", "copy", "move"])
+    if kind == "change" and keys:
+        element.set(random.choice(keys), random.choice(VALUES))
+    elif kind == "remove" and keys:
+        del element.attrib[random.choice(keys)]
+    elif kind == "take" and other.attrib:
+        key = random.choice(list(other.attrib))
+        if key != "fmiVersion":
+            element.set(key, other.get(key))
+    elif kind == "remove element" and element is not root:
+        element.getparent().remove(element)
+    elif kind == "copy":
+        other.insert(random.randint(0, len(other)), copy.deepcopy(element))
+    elif kind == "move" and element is not root:
+        parent = element.getparent()
+        parent.remove(element)
+        parent.insert(random.randint(0, len(parent)), element)
+
+
+@pytest.mark.parametrize("version", SCHEMAS)
+def test_the_schema_is_read_as_libxml2_reads_it(version: int, tmp_path: Path) -> None:
+    schema = etree.XMLSchema(file=str(Path(fmpy.__file__).parent / "schema" / f"{SCHEMAS[version]}.xsd"))
+    good = ROOT / "crates" / "fmu-package" / "tests" / "validation" / f"fmi{version}.xml"
+    random.seed(version)
+    file = tmp_path / "edited.fmu"
+    verdicts = []
+    for _ in range(300):
+        root = etree.parse(good).getroot()
+        for _ in range(random.randint(1, 2)):
+            edit(root)
+        text = etree.tostring(root)
+        with zipfile.ZipFile(file, "w") as archive:
+            archive.writestr("modelDescription.xml", text)
+        _, report = cargo_fmu("validate", file)
+        found = [finding for finding in report["findings"] if finding["rule"].startswith("schema-")]
+        # Parsed anew, for the lines and attributes as they are written.
+        verdicts.append(schema.validate(etree.fromstring(text)))
+        assert verdicts[-1] == (not found), (text, found, schema.error_log)
+    # Both are frequent among the edits.
+    assert 50 < sum(verdicts) < 250

@@ -88,6 +88,7 @@ def table() -> str:
 
 
 if __name__ == "__main__":
+    rows = table()
     before, rest = PAGE.read_text().split(BEGIN)
     _, after = rest.split(END)
-    PAGE.write_text(before + BEGIN + "\n" + table() + "\n" + END + after)
+    PAGE.write_text(f"{before}{BEGIN}\n{rows}\n{END}{after}")

@@ -131,7 +131,12 @@ impl FmuDescription {
                 }
                 [_] if name == "DefaultExperiment" => description.default_experiment = attributes.0,
                 [_, "UnitDefinitions"] => description.units.push(Unit {
-                    name: attributes.text("name"),
+                    // FMI 1.0 names it otherwise.
+                    name: attributes
+                        .get("name")
+                        .or_else(|| attributes.get("unit"))
+                        .unwrap_or_default()
+                        .to_owned(),
                     base: None,
                     display_units: vec![],
                 }),
@@ -168,6 +173,13 @@ impl FmuDescription {
                         variable.take_type(name, &attributes, &types);
                     }
                     description.variables.push(variable);
+                }
+                // FMI 3.0: texts are elements, one for each element of an array.
+                [_, "ModelVariables", "String" | "Binary"] if name == "Start" => {
+                    if let Some(variable) = description.variables.last_mut() {
+                        let before = if variable.start.is_empty() { "" } else { "\n" };
+                        variable.start += &format!("{before}{}", attributes.text("value"));
+                    }
                 }
                 [_, "ModelVariables", "ScalarVariable"] => {
                     if let Some(variable) = description.variables.last_mut()
@@ -321,6 +333,11 @@ impl Unit {
             "DisplayUnit" => {
                 self.display_units.push(DisplayUnit { name: attributes.text("name"), factor, offset });
             }
+            // FMI 1.0.
+            "DisplayUnitDefinition" => {
+                let (name, factor) = (attributes.text("displayUnit"), attributes.number("gain", 1.0)?);
+                self.display_units.push(DisplayUnit { name, factor, offset });
+            }
             _ => {}
         }
         Ok(())
@@ -437,8 +454,22 @@ mod tests {
     }
 
     #[test]
+    fn units_of_fmi_1_and_texts_of_fmi_3_are_read() {
+        let xml = r#"<fmiModelDescription><UnitDefinitions><BaseUnit unit="K">
+            <DisplayUnitDefinition displayUnit="degC" gain="1" offset="-273.15"/>
+            </BaseUnit></UnitDefinitions></fmiModelDescription>"#;
+        let shown = DisplayUnit { name: "degC".to_owned(), factor: 1.0, offset: -273.15 };
+        let unit = Unit { name: "K".to_owned(), base: None, display_units: vec![shown] };
+        assert_eq!(FmuDescription::parse(xml).unwrap().units, [unit]);
+
+        let xml = r#"<fmiModelDescription><ModelVariables><String name="a"><Start value="b"/><Start value="c"/>
+            </String></ModelVariables></fmiModelDescription>"#;
+        assert_eq!(FmuDescription::parse(xml).unwrap().variables[0].start, "b\nc");
+    }
+
+    #[test]
     fn a_model_identifier_is_a_c_identifier() {
-        for identifier in ["BoostPlant", "_1", "a"] {
+        for identifier in ["Lag", "_1", "a"] {
             assert!(refuse_no_identifier(identifier).is_ok(), "{identifier}");
         }
         for (identifier, shown) in [

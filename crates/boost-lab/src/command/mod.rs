@@ -44,7 +44,7 @@ enum Command {
         scenario: PathBuf,
         #[command(flatten)]
         fmus: FmuArguments,
-        /// The file to write, or a folder to write it to [default: <scenario>.csv]
+        /// The file to write, or a folder to write it to [default: SCENARIO.csv]
         #[arg(long, value_name = "FILE.csv|DIR")]
         out: Option<PathBuf>,
         /// Draw what is recorded

@@ -75,7 +75,7 @@ const ARCHIVES: &[Break] = &[
         }),
     ),
     (
-        "elements in 101 elements",
+        "elements nested 101 deep",
         "limit",
         Fmi2,
         Edit::Files(|files| {
@@ -105,6 +105,7 @@ const DESCRIPTIONS: &[Break] = &[
     ("elements in the wrong order", "schema-element", Fmi3, xml("<ClockedState valueReference=\"8\"/>\n    <InitialUnknown valueReference=\"2\"/>", "<InitialUnknown valueReference=\"2\"/>\n    <ClockedState valueReference=\"8\"/>")),
     ("terminals in no list", "schema-element", Fmi3, Xml(TERMINALS, "<Terminals>", "<Terminals/><Terminals>")),
     ("no model name", "schema-attribute", Fmi2, xml(r#"modelName="Tank""#, "")),
+    ("an attribute of a text", "schema-attribute", Fmi1, xml("<Name>", r#"<Name min="0">"#)),
     ("an unknown attribute", "schema-attribute", Fmi3, xml(r#"modelName="Tank""#, r#"modelName="Tank" guid="{a-guid}""#)),
     ("a causality that does not exist", "schema-value", Fmi2, xml(r#"causality="input""#, r#"causality="entry""#)),
     ("a start value that is no number", "schema-value", Fmi1, xml(r#"start="9.81""#, r#"start="9,81""#)),
@@ -139,6 +140,7 @@ const VARIABLES: &[Break] = &[
     ("a value reference twice", "value-reference", Fmi3, xml(r#"valueReference="11""#, r#"valueReference="12""#)),
     ("an alias with another start value", "alias", Fmi2, xml(r#"valueReference="1"><Real unit="m"/>"#, r#"valueReference="1" initial="approx"><Real unit="m" start="2"/>"#)),
     ("an alias of another unit", "alias", Fmi2, xml(r#"<Real unit="m"/>"#, r#"<Real unit="m/s"/>"#)),
+    ("an alias that is not declared", "alias", Fmi1, xml(r#"valueReference="2""#, r#"valueReference="1""#)),
     ("a continuous parameter", "causality", Fmi2, xml(r#"variability="fixed"><Real start="2""#, r#"variability="continuous"><Real start="2""#)),
     ("an input with initial", "initial", Fmi2, xml(r#"causality="input""#, r#"causality="input" initial="exact""#)),
     ("a continuous integer", "continuous-type", Fmi2, xml(r#"variability="discrete""#, "")),
