@@ -107,15 +107,15 @@ fn a_map_is_written_read_back_and_kept() {
     let edited = |text: &str| {
         fs::write(&map, text).unwrap();
         let output = check("--map");
-        let said = [output.stdout, output.stderr].concat();
-        (output.status.code().unwrap(), String::from_utf8(said).unwrap())
+        let printed = [output.stdout, output.stderr].concat();
+        (output.status.code().unwrap(), String::from_utf8(printed).unwrap())
     };
     let map_of = |role: &str, fmu: &str, variables: &str| {
         format!(r#"{{"as": "{role}", "fmu": "{fmu}", "variables": {{{variables}}}}}"#)
     };
     // Names that are left open are reported.
-    let (code, said) = edited(&template);
-    assert!(code == 2 && said.contains("leaves the name for hp_bypass open"), "{said}");
+    let (code, printed) = edited(&template);
+    assert!(code == 2 && printed.contains("leaves the name for hp_bypass open"), "{printed}");
     for (text, reason) in [
         (map_of("plant", "Other", r#""boost": null"#), "names boost, which is not a variable of a plant"),
         (map_of("plant", "Another", ""), "the map is for the FMU Another, not for Other"),
@@ -123,8 +123,8 @@ fn a_map_is_written_read_back_and_kept() {
         (map_of("plant", "Other", r#""boost_pressure": {"nam": "pBoost"}"#), "unknown field `nam`"),
         ("{".to_owned(), "is not valid"),
     ] {
-        let (code, said) = edited(&text);
-        assert!(code == 2 && said.contains(reason) && said.contains(map_name), "{text}: {said}");
+        let (code, printed) = edited(&text);
+        assert!(code == 2 && printed.contains(reason) && printed.contains(map_name), "{text}: {printed}");
     }
     let unconnected = r#""vacuum_pump": null, "lp_wastegate": null, "hp_bypass": null, "tank_pressure": null,
         "supply_voltage_measured": null"#;
@@ -140,9 +140,9 @@ fn a_map_is_written_read_back_and_kept() {
         let variables = format!(
             r#"{unconnected}, "boost_pressure": {{"name": "pBoost", "unit": "bar"}}, "hp_wastegate_pwm": {duty}"#
         );
-        let (code, said) = edited(&map_of("plant", "Other", &variables));
-        assert!(code == expected && said.contains(reason), "{duty}: {code} {said}");
-        assert!(said.contains("boost_pressure = 100000 · pBoost"), "{said}");
+        let (code, printed) = edited(&map_of("plant", "Other", &variables));
+        assert!(code == expected && printed.contains(reason), "{duty}: {code} {printed}");
+        assert!(printed.contains("boost_pressure = 100000 · pBoost"), "{printed}");
     }
 }
 
@@ -188,11 +188,11 @@ fn an_identifier_that_is_a_path_is_refused_by_every_command() {
         &["ssp", "--plant", &evil, "--controller", &controller],
     ] {
         let output = boost_fmu_in(&inner, arguments);
-        let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{said}");
+        let printed = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{printed}");
         let reason = r"the modelIdentifier '../../evil\u{1b}[2J' is not an identifier of C";
-        assert!(said.contains(&evil) && said.contains(reason), "{arguments:?}: {said}");
-        assert!(!said.contains('\u{1b}'), "{said:?}");
+        assert!(printed.contains(&evil) && printed.contains(reason), "{arguments:?}: {printed}");
+        assert!(!printed.contains('\u{1b}'), "{printed:?}");
     }
     assert_eq!(names(&folder), ["a"]);
     assert!(names(&inner).is_empty());
@@ -209,21 +209,21 @@ fn a_description_does_not_control_the_terminal() {
     );
     let text = description(&variable).replace(r#"modelName="Other""#, &format!(r#"modelName="e{harm}""#));
     let fmu = archive("harm.fmu", "modelDescription.xml", &text);
-    let said = |arguments: &[&str]| {
+    let printed = |arguments: &[&str]| {
         let output = boost_fmu_in(&empty("harm"), arguments);
-        let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
-        assert!(said.chars().all(|character| character == '\n' || !character.is_control()), "{said:?}");
-        said
+        let printed = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+        assert!(printed.chars().all(|character| character == '\n' || !character.is_control()), "{printed:?}");
+        printed
     };
-    let table = said(&["info", &fmu]);
+    let table = printed(&["info", &fmu]);
     for name in ["a", "b", "c", "d", "e"] {
         assert!(table.contains(&format!("{name}{shown}")), "{table}");
     }
-    assert!(said(&["check", &fmu, "--as", "plant"]).contains(&format!("e{shown}")));
+    assert!(printed(&["check", &fmu, "--as", "plant"]).contains(&format!("e{shown}")));
     let broken = archive("harm_in_tag.fmu", "modelDescription.xml", "<a></\u{1b}[2J>");
-    assert!(said(&["info", &broken]).contains(r"\u{1b}[2J"));
+    assert!(printed(&["info", &broken]).contains(r"\u{1b}[2J"));
     let entry = archive("harm_in_entry.fmu", "../\u{1b}[2J", "");
-    assert!(said(&["info", &entry]).contains(r"'../\u{1b}[2J'"));
+    assert!(printed(&["info", &entry]).contains(r"'../\u{1b}[2J'"));
 }
 
 /// The file is one of theirs, and other files beside it are kept.
@@ -274,9 +274,9 @@ fn outputs_that_are_inputs_are_refused() {
         (vec!["merge", "plant.fmu", "--out", "../overlap/plant.fmu"], "plant.fmu"),
     ] {
         let output = boost_fmu_in(&folder, &arguments);
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{said}");
-        assert!(said.contains(&format!("the input {lost} would be lost")), "{said}");
+        let printed = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{printed}");
+        assert!(printed.contains(&format!("the input {lost} would be lost")), "{printed}");
     }
     assert_eq!(fs::read(folder.join("plant.fmu")).unwrap(), plant);
     assert_eq!(names(&folder), ["controller.fmu", "plant.fmu", "set.ssv"]);
@@ -307,9 +307,9 @@ fn a_failed_write_leaves_no_file() {
             .current_dir(&folder)
             .output()
             .unwrap();
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{said}");
-        assert_eq!(said.matches("File too large").count(), 1, "{said}");
+        let printed = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{printed}");
+        assert_eq!(printed.matches("File too large").count(), 1, "{printed}");
         assert!(names(&folder).is_empty(), "{arguments:?}: {:?}", names(&folder));
     }
 }

@@ -1,4 +1,4 @@
-//! The formulas, against numbers worked out by hand, and the modes without feedback.
+//! The formulas, against hand calculations, and the modes without feedback.
 
 use boost_fmu::controller::actuator_inverse;
 use boost_fmu::controller::feedback::FeedbackSettings;
@@ -7,7 +7,7 @@ use boost_fmu::controller::variables::{ControlMode, FeedbackStructure, Inputs, P
 
 use crate::bench::Bench;
 
-/// Numbers by hand carry all digits of a double; both sides round a handful of times.
+/// Hand calculations have all digits of a double; both round a few times.
 fn assert_close(actual: f64, expected: f64) {
     assert!((actual - expected).abs() <= 1e-14 * expected.abs(), "{actual} instead of {expected}");
 }

@@ -366,12 +366,12 @@ SPRING = {f"actuator.spring_{what}" for what in ("preload", "stiffness", "harden
 
 def left_out(report: dict, missing: set[str], reason: str) -> None:
     """Missing parameters are named with the reason, others are right, and none is both."""
-    told = {each["name"]: each["reason"] for each in report["unidentified"]}
-    assert missing <= set(told)
-    assert all(reason in told[name] for name in missing), told
+    reasons = {each["name"]: each["reason"] for each in report["unidentified"]}
+    assert missing <= set(reasons)
+    assert all(reason in reasons[name] for name in missing), reasons
     found = estimates(report)
-    assert not set(found) & set(told)
-    assert set(found) | set(told) == set(DEFAULTS)
+    assert not set(found) & set(reasons)
+    assert set(found) | set(reasons) == set(DEFAULTS)
     for name, (value, error) in found.items():
         assert abs(value - DEFAULTS[name]) < FARTHEST * error, name
 
@@ -405,9 +405,9 @@ def test_a_pump_that_never_rests_hides_the_leakage(identify: Identify, benches: 
     table = benches["defaults"].measured(1)
     table["vacuum_pump"][:] = 1.0
     report = identify(table)
-    told = {each["name"]: each["reason"] for each in report["unidentified"]}
-    assert set(told) == {*LEAKAGE, "pump.mass_flow"}
-    assert all("in which the pump is off" in reason for reason in told.values())
+    reasons = {each["name"]: each["reason"] for each in report["unidentified"]}
+    assert set(reasons) == {*LEAKAGE, "pump.mass_flow"}
+    assert all("in which the pump is off" in reason for reason in reasons.values())
 
 
 def test_a_pump_that_never_runs_is_not_identified(identify: Identify, benches: dict[str, Table]) -> None:

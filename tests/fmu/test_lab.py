@@ -352,8 +352,8 @@ def test_an_error_in_a_scenario_is_reported_with_its_place(
     lab: Run, exported: Path, tmp_path: Path, old: str, new: str, expected: str
 ) -> None:
     assert FIGURE_13.count(old) >= 1
-    told = refusal(lab, tmp_path, exported, FIGURE_13.replace(old, new, 1))
-    assert re.match(f"error: wrong.toml, {expected}", told), told
+    message = refusal(lab, tmp_path, exported, FIGURE_13.replace(old, new, 1))
+    assert re.match(f"error: wrong.toml, {expected}", message), message
 
 
 def test_a_refused_value_is_reported_with_its_place_and_the_fmus_message(
@@ -362,12 +362,12 @@ def test_a_refused_value_is_reported_with_its_place_and_the_fmus_message(
     text = FIGURE_13.replace(
         'file = "BoostController.fmu"', 'file = "BoostController.fmu"\nvalues = { lambda = -1 }'
     )
-    told = refusal(lab, tmp_path, exported, text)
+    message = refusal(lab, tmp_path, exported, text)
     assert re.match(
-        r"error: wrong.toml, line \d+, fmu\[1\].values.lambda: controller: fmi2SetReal of lambda ", told
+        r"error: wrong.toml, line \d+, fmu\[1\].values.lambda: controller: fmi2SetReal of lambda ", message
     )
-    assert "lambda" in told.splitlines()[1]
-    assert "-1" in told.splitlines()[1]
+    assert "lambda" in message.splitlines()[1]
+    assert "-1" in message.splitlines()[1]
 
 
 def test_fmu_that_would_write_outside_of_its_folder_is_refused(
@@ -379,8 +379,8 @@ def test_fmu_that_would_write_outside_of_its_folder_is_refused(
     shutil.copy(exported / "BoostPlant.fmu", fmus)
     with zipfile.ZipFile(fmus / "BoostPlant.fmu", "a") as archive:
         archive.writestr("../../outside", "harm")
-    told = refusal(lab, tmp_path, fmus, FIGURE_13)
-    assert "its entry '../../outside' would be extracted outside of its folder" in told
+    message = refusal(lab, tmp_path, fmus, FIGURE_13)
+    assert "its entry '../../outside' would be extracted outside of its folder" in message
 
 
 def test_units_that_differ_are_converted(lab: Run, exported: Path, tmp_path: Path) -> None:
@@ -400,15 +400,15 @@ def test_units_that_differ_are_converted(lab: Run, exported: Path, tmp_path: Pat
     assert abs(last) < 0.1 * abs(first)
 
     copy_with(exported / "BoostPlant.fmu", fmus / "BoostPlant.fmu", pattern, r'\1 mol="1"/>')
-    told = refusal(lab, tmp_path, fmus, FIGURE_13)
+    message = refusal(lab, tmp_path, fmus, FIGURE_13)
     what = r"\w+ is in Pa, but plant has it in Pa, which does not convert"
-    assert re.match(rf"error: wrong.toml, line \d+, fmu\[1\].file: {what}", told), told
+    assert re.match(rf"error: wrong.toml, line \d+, fmu\[1\].file: {what}", message), message
 
     # A common signal would have different values in both.
     pattern = r'(<Unit name="rpm">\s*<BaseUnit [^/]*factor=)"[^"]*"'
     copy_with(exported / "BoostPlant.fmu", fmus / "BoostPlant.fmu", pattern, r'\1"0.1"')
-    told = refusal(lab, tmp_path, fmus, FIGURE_13 + "\n[inputs.engine_speed]\nsteps = [[0, 1500]]\n")
-    assert "controller has engine_speed in rpm, plant in rpm: give each a signal of its own, or a map" in told
+    message = refusal(lab, tmp_path, fmus, FIGURE_13 + "\n[inputs.engine_speed]\nsteps = [[0, 1500]]\n")
+    assert "controller has engine_speed in rpm, plant in rpm: give each its own signal, or a map" in message
 
 
 def test_fmu_can_be_given_by_its_name(lab: Run, exported: Path, tmp_path: Path) -> None:

@@ -234,7 +234,7 @@ def test_optional_variables_of_a_plant(lab: Run, exported: Path, tmp_path: Path)
     done = lab("tune", "--plant", plant, "--out", tmp_path)
     assert done.returncode == 0
     assert done.stderr == (
-        "note: The plant has no input surge_valve, supply_voltage: what they stand for was not held.\n"
+        "note: The plant has no input surge_valve, supply_voltage: these quantities were not held constant.\n"
     )
     assert "The plant has no input surge_valve" in (tmp_path / "report.html").read_text()
 

@@ -36,7 +36,7 @@ FOUND = {
     f"{OPEN_MODELICA}/linux/add.fmu": set(),
     f"{OPEN_MODELICA}/linux/MassSpringSystem.fmu": set(),
     f"{OPEN_MODELICA}/win32/MassSpringSystem.fmu": set(),
-    # It names a variable der(der(…)), where the standard has der(…,2), and packs a log of its own.
+    # It names a variable der(der(…)), where the standard has der(…,2), and contains a log file.
     f"{OPEN_MODELICA}/win32/Mass_Damper.fmu": {"archive-stray", "name-syntax"},
     # PythonFMU3 0.2, FMI 3.
     f"{OPEN_MODELICA}/linux/FMU3Model.fmu": NEEDS_PYTHON,

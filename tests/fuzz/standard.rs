@@ -34,7 +34,7 @@ pub fn allows(function: &str, state: State) -> bool {
     !row[column].is_empty()
 }
 
-/// Ends bytes with their checksum (64-bit FNV-1a), in the place of their last eight.
+/// Ends bytes with their checksum (64-bit FNV-1a), instead of their last eight.
 pub fn put_checksum(bytes: &mut [u8]) {
     let Some(end) = bytes.len().checked_sub(8) else { return };
     let (content, checksum) = bytes.split_at_mut(end);

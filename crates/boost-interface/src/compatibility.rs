@@ -259,7 +259,7 @@ impl Display for Compatibility<'_> {
         let others: Vec<_> = self.other_inputs().map(|input| input.name.as_str()).collect();
         if !others.is_empty() {
             let others = in_line(&others.join(", "));
-            writeln!(formatter, "Inputs of its own, which keep their start values: {others}")?;
+            writeln!(formatter, "Unconnected inputs, which keep their start values: {others}")?;
         }
         let can = if self.fits() { "can" } else { "cannot" };
         writeln!(formatter, "It {can} take the {}'s place.", self.role.name())
@@ -304,7 +304,7 @@ fn conversion(
             _ if variable.unit == port.unit().name => return Ok((Linear::IDENTITY, true)),
             _ => {
                 return Err(format!(
-                    "its unit {} is not defined in SI units; say in a map what it is",
+                    "its unit {} is not defined in SI units; give its conversion in a map",
                     variable.unit
                 ));
             }
@@ -491,8 +491,8 @@ mod tests {
             (r#"unit="Pa""#, Ok(1.0)),
             ("", Ok(1.0)),
             (r#"unit="V""#, Err("its unit V measures another thing than Pa")),
-            (r#"unit="odd""#, Err("its unit odd is not defined in SI units; say in a map what it is")),
-            (r#"unit="psi""#, Err("its unit psi is not defined in SI units; say in a map what it is")),
+            (r#"unit="odd""#, Err("its unit odd is not defined in SI units; give its conversion in a map")),
+            (r#"unit="psi""#, Err("its unit psi is not defined in SI units; give its conversion in a map")),
             (r#"start="1.0""#, Err("it declares no unit, and its start value is 1, the interface's ")),
             (r#"max="3e5""#, Err("")),
         ] {

@@ -372,7 +372,7 @@ fn check_units(scenario: &Scenario, fmus: &[Arc<Fmu>], input: &Input) -> Result<
         if conversion(&input.name, first, other)? != Linear::IDENTITY {
             let unit = |fmu: &Fmu| fmu.variable(&input.name).map(|variable| variable.unit.clone());
             return Err(input.location.error(format!(
-                "{} has {} in {}, {} in {}: give each a signal of its own, or a map",
+                "{} has {} in {}, {} in {}: give each its own signal, or a map",
                 first.0.name,
                 input.name,
                 unit(first.1)?,

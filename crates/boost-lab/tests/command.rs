@@ -74,9 +74,9 @@ impl Bench {
     /// The message of a failing command.
     fn refusal(&self, arguments: &[&str]) -> String {
         let output = self.run(arguments);
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
-        said
+        let printed = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {printed}");
+        printed
     }
 }
 
@@ -110,8 +110,9 @@ fn an_fmu_with_a_path_for_its_identifier_is_not_loaded() {
 #[test]
 fn messages_of_an_fmu_do_not_control_the_terminal() {
     let bench = Bench::new();
-    let said = "\u{9b}31m\u{202e}\u{7f}";
-    let description = DESCRIPTION.replace("guid=\"careless\"", &format!("guid=\"{said}&#27;]0;title&#7;\""));
+    let printed = "\u{9b}31m\u{202e}\u{7f}";
+    let description =
+        DESCRIPTION.replace("guid=\"careless\"", &format!("guid=\"{printed}&#27;]0;title&#7;\""));
     careless::write(&bench.path("careless.fmu"), &description, library());
     let message = bench.refusal(&["simulate", "scenario.toml"]);
     assert!(message.contains(r"\u{9b}31m\u{202e}\u{7f}\u{1b}]0;title\u{7} is not 100% mine"), "{message}");
@@ -226,10 +227,10 @@ fn an_existing_file_stays_when_writing_fails() {
     for options in [["--out", "good.csv"], ["--plot", "good.svg"], ["--out", "new.csv"]] {
         let command = bench.command(&[&["simulate", "scenario.toml"], &options[..]].concat());
         let output = limited(&command, BLOCKS).output().unwrap();
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{said}");
-        assert_eq!(said.matches("File too large").count(), 1, "{said}");
-        assert!(said.starts_with("error: cannot write "), "{said}");
+        let printed = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{printed}");
+        assert_eq!(printed.matches("File too large").count(), 1, "{printed}");
+        assert!(printed.starts_with("error: cannot write "), "{printed}");
     }
     assert_eq!([bench.read("good.csv"), bench.read("good.svg")], [csv, svg]);
     assert_eq!(bench.names("."), before);
@@ -239,8 +240,11 @@ fn an_existing_file_stays_when_writing_fails() {
     bench.scenario(1.0, "");
     let command = bench.command(&["sweep", "study.toml", "--out", "out"]);
     let output = limited(&command, BLOCKS).output().unwrap();
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.code() == Some(2) && said.contains("journal.jsonl: File too large"), "{said}");
+    let printed = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        output.status.code() == Some(2) && printed.contains("journal.jsonl: File too large"),
+        "{printed}"
+    );
     assert!(bench.read("out/journal.jsonl").ends_with("}\n"));
     bench.succeeds(&["sweep", "study.toml", "--out", "out"]);
     assert_eq!(bench.read("out/results.csv").lines().count(), 3001);

@@ -613,7 +613,7 @@ unsafe fn status<M: Model, T>(
                 value.write_unaligned(known);
                 return Ok(Status::Ok);
             }
-            instance.tell_discarded(format_args!("{}: there is no such status of a step", function.name()));
+            instance.log_discarded(format_args!("{}: there is no such status of a step", function.name()));
             Ok(Status::Discard)
         })
     }

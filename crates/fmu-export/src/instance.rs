@@ -46,7 +46,7 @@ pub(crate) struct Memory<M: Model> {
     /// Whether a tunable parameter was set since the parameters were checked.
     parameters_changed: bool,
     /// The messages of initialization.
-    told: RecentMessages,
+    recent_messages: RecentMessages,
 }
 
 impl<M: Model> Memory<M> {
@@ -61,15 +61,24 @@ impl<M: Model> Memory<M> {
             time: 0.0,
             stale: true,
             parameters_changed: true,
-            told: RecentMessages::default(),
+            recent_messages: RecentMessages::default(),
         }
     }
 }
 
 impl<M: Model> Persistent for Memory<M> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let Self { phase, model, variables, inputs, experiment, time, stale, parameters_changed, told } =
-            self;
+        let Self {
+            phase,
+            model,
+            variables,
+            inputs,
+            experiment,
+            time,
+            stale,
+            parameters_changed,
+            recent_messages,
+        } = self;
         phase.persist(archive)?;
         model.persist(archive)?;
         variables.persist(archive)?;
@@ -78,7 +87,7 @@ impl<M: Model> Persistent for Memory<M> {
         time.persist(archive)?;
         stale.persist(archive)?;
         parameters_changed.persist(archive)?;
-        told.persist(archive)
+        recent_messages.persist(archive)
     }
 }
 
@@ -206,10 +215,10 @@ impl<M: Model> Instance<M> {
         let mut status = Status::Ok;
         match memory.phase {
             Phase::InitializationMode => {
-                let (logger, told) = (&self.logger, &mut memory.told);
+                let (logger, recent_messages) = (&self.logger, &mut memory.recent_messages);
                 // A warning is given once; without one the status is fmi2OK.
                 let mut log = |category, message: std::fmt::Arguments<'_>| {
-                    if told.is_new(&message.to_string()) {
+                    if recent_messages.is_new(&message.to_string()) {
                         logger.message(category, message);
                         if category == WARNING {
                             status = Status::Warning;
@@ -231,7 +240,7 @@ impl<M: Model> Instance<M> {
     pub(crate) fn do_step(&mut self, start: f64, size: f64) -> Answer {
         let end = start + size;
         if !self.can_step(start, size, end) {
-            return Err(self.why_no_step(start, size, end));
+            return Err(self.step_error(start, size, end));
         }
         let memory = &mut self.memory;
         let experiment = memory.experiment.unwrap_or_default();
@@ -288,7 +297,7 @@ impl<M: Model> Instance<M> {
 
     /// Why a step is rejected.
     #[cold]
-    fn why_no_step(&self, start: f64, size: f64, end: f64) -> Error {
+    fn step_error(&self, start: f64, size: f64, end: f64) -> Error {
         let [start_shown, size_shown] = [Shown(start), Shown(size)];
         Error::new(if !(size.is_finite() && size > 0.0) {
             format!("communicationStepSize is {size_shown}; it must be finite and greater than 0")
@@ -322,7 +331,7 @@ impl<M: Model> Instance<M> {
     }
 
     /// Logs why a call is discarded.
-    pub(crate) fn tell_discarded(&self, message: std::fmt::Arguments<'_>) {
+    pub(crate) fn log_discarded(&self, message: std::fmt::Arguments<'_>) {
         self.logger.discarded(message);
     }
 

@@ -363,11 +363,11 @@ def check(number):
         inputs = f"{number:02}_inputs.csv"
         if (made / inputs).read_bytes() != (FOLDER / inputs).read_bytes():
             raise SystemExit(f"{inputs} is not what {Path(__file__).name} makes")
-        (start, *anew), (kept_start, *kept) = rows_of(made, number), rows_of(FOLDER, number)
+        (start, *rows), (kept_start, *kept) = rows_of(made, number), rows_of(FOLDER, number)
     file = f"{number:02}_reference.csv"
-    if start != kept_start or [len(row) for row in anew] != [len(row) for row in kept]:
+    if start != kept_start or [len(row) for row in rows] != [len(row) for row in kept]:
         raise SystemExit(f"{file} has other initial states or rows than {Path(__file__).name} makes")
-    columns = zip(zip(*anew, strict=True), zip(*kept, strict=True), strict=True)
+    columns = zip(zip(*rows, strict=True), zip(*kept, strict=True), strict=True)
     for column, (ours, theirs) in enumerate(columns):
         scale = max(map(abs, theirs)) or 1.0
         worst = max(abs(a - b) for a, b in zip(ours, theirs, strict=True)) / scale

@@ -181,7 +181,7 @@ impl Scenario {
         Ok(())
     }
 
-    /// Gives an input of one FMU a signal of its own.
+    /// Gives an input of one FMU its own signal.
     pub fn set_own_input(&mut self, fmu: &str, name: &str, signal: Signal) -> Result<()> {
         let member = self.member_mut(fmu)?;
         member.inputs.retain(|input| input.name != name);

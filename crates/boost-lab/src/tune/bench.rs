@@ -127,7 +127,7 @@ impl<'a> Bench<'a> {
         if !missing.is_empty() {
             let names: Vec<_> = missing.iter().map(|(name, _)| *name).collect();
             notes.push(format!(
-                "The plant has no input {}: what they stand for was not held.",
+                "The plant has no input {}: these quantities were not held constant.",
                 names.join(", ")
             ));
         }
@@ -142,7 +142,7 @@ impl<'a> Bench<'a> {
         }
         if !saves_states {
             notes.push(
-                "The plant cannot save its state: each step began with a simulation of its own, up to the same \
+                "The plant cannot save its state: each step began with a separate simulation, up to the same \
                  point."
                     .to_owned(),
             );

@@ -107,7 +107,7 @@ impl<M: Model> Instance<M> {
         if settable && value.is_finite() && within {
             Ok(())
         } else {
-            Err(self.why_not_set(variable, value, settable))
+            Err(self.set_error(variable, value, settable))
         }
     }
 
@@ -124,7 +124,7 @@ impl<M: Model> Instance<M> {
 
     /// Why a variable cannot be set to a value.
     #[cold]
-    fn why_not_set(&self, variable: &VariableDescription, value: f64, settable: bool) -> Error {
+    fn set_error(&self, variable: &VariableDescription, value: f64, settable: bool) -> Error {
         Error::new(if !settable {
             format!(
                 "{} (a {}, {}) cannot be set in the state {}",
