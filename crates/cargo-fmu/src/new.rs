@@ -19,7 +19,7 @@ pub struct New {
     #[arg(long)]
     name: Option<String>,
     /// The kind of model
-    #[arg(long, value_enum, default_value_t = Template::Continuous)]
+    #[arg(long, value_enum, default_value_t = Template::Equations)]
     template: Template,
     /// The version control system to set up, as `cargo new` has it
     #[arg(long)]
@@ -29,8 +29,8 @@ pub struct New {
 /// The kinds of model.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Template {
-    /// A lag, with a continuous state
-    Continuous,
+    /// A lag, of whose equation the exporter makes everything else
+    Equations,
     /// A controller, which samples its inputs and remembers
     Sampled,
     /// Outputs that follow from the inputs alone
@@ -50,9 +50,9 @@ struct Files {
 impl Template {
     fn files(self) -> Files {
         match self {
-            Self::Continuous => Files {
-                declaration: include_str!("../templates/continuous/model.json"),
-                source: include_str!("../templates/continuous/lib.rs"),
+            Self::Equations => Files {
+                declaration: include_str!("../templates/equations/model.json"),
+                source: include_str!("../templates/equations/lib.rs"),
                 features: &[],
                 plotted: "voltage lagged_voltage",
             },

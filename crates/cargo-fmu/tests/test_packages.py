@@ -61,7 +61,7 @@ def test_the_package_is_complete(lag):
     assert 'path = "' in manifest  # this repository's crates: nothing is published where this is tested
     files = ["Cargo.toml", "build.rs", "model.json", "src/lib.rs"]
     lines = [line for file in files for line in (lag / file).read_text().split("#[cfg(test)]")[0].splitlines()]
-    assert len([line for line in lines if line.strip()]) <= 60
+    assert len([line for line in lines if line.strip()]) <= 50
 
 
 def test_a_parameter_set_is_bound(lag):
@@ -70,8 +70,8 @@ def test_a_parameter_set_is_bound(lag):
     (lag / "lag.ssv").write_text(parameters.replace('value="0.5"', 'value="2"'))
     run(lag, "cargo", "fmu", "export", "--parameters", "lag.ssv")
     result = simulate_ssp(lag / "target/fmu/lag.ssp", stop_time=2.0, step_size=0.1)
-    # One time constant of 2 s; the step response of a lag, to rounding.
-    assert result["lagged_voltage"][-1] == pytest.approx(1 - math.exp(-1), abs=1e-12)
+    # One time constant of 2 s; the step response of a lag, to the default tolerance in each of 20 steps.
+    assert result["lagged_voltage"][-1] == pytest.approx(1 - math.exp(-1), abs=20e-6)
 
 
 def test_the_other_templates_export_from_a_workspace(lag, folder):

@@ -132,38 +132,12 @@ use ::fmu_export::description as fmi;
     }
     text += &generator.states_impl();
     text += &generator.state_groups();
-    text += VARIABLES;
+    text += &generator.variables_struct();
     text += &generator.inputs_impl();
     text += &generator.variables_impl();
     text += &generator.description(guid);
     text + "}\n"
 }
-
-/// The struct that holds all places.
-const VARIABLES: &str = "
-/// All variables of the model.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Variables {
-    /// The parameters.
-    pub parameters: Parameters,
-    /// The inputs as they were set, which may be out of their bounds; a model is given those within.
-    pub inputs: Inputs,
-    /// The states' start values, as the importer set them.
-    pub start: States,
-    /// The states.
-    pub states: States,
-    /// The time derivatives of the states.
-    pub derivatives: States,
-    /// The local variables other than states.
-    pub locals: Locals,
-    /// The outputs other than states.
-    pub outputs: Outputs,
-}
-
-::fmu_export::persistent!(Variables {
-    parameters, inputs, start, states, derivatives, locals, outputs
-});
-";
 
 fn enumeration_text(enumeration: &EnumerationDeclaration) -> String {
     let name = &enumeration.name;
@@ -300,6 +274,43 @@ impl Generator<'_, '_> {
     fn item(&self, enumeration: usize, item: usize) -> String {
         let enumeration = &self.model.declaration.enumerations[enumeration];
         format!("{}::{}", enumeration.name, pascal_case(&enumeration.items[item].name))
+    }
+
+    /// The struct that holds all places.
+    fn variables_struct(&self) -> String {
+        let fields = [
+            ("parameters", "The parameters.", Place::Parameters),
+            (
+                "inputs",
+                "The inputs as they were set, which may be out of their bounds; a model is given those within.",
+                Place::Inputs,
+            ),
+            ("start", "The states' start values, as the importer set them.", Place::States),
+            ("states", "The states.", Place::States),
+            ("derivatives", "The time derivatives of the states.", Place::States),
+            ("locals", "The local variables other than states.", Place::Locals),
+            ("outputs", "The outputs other than states.", Place::Outputs),
+        ];
+        let fields = fields.map(|(name, description, place)| {
+            let is_generic = self.is_real(place);
+            let generic = if is_generic { "<T>" } else { "" };
+            StructField {
+                name: name.to_owned(),
+                description: description.to_owned(),
+                data_type: format!("{}{generic}", place.type_name()),
+                kind: if is_generic { Kind::Nested } else { Kind::Other },
+                is_copy: false,
+            }
+        });
+        let places = ["parameters", "inputs", "start", "states", "derivatives", "locals", "outputs"];
+        let starts = places.map(|place| format!("{place}: Default::default()"));
+        structure("Variables", "All variables of the model.", fields.into())
+            + &default("Variables", &starts.join(",\n            "))
+    }
+
+    /// Whether the struct of a place is generic over its number type.
+    fn is_real(&self, place: Place) -> bool {
+        self.model.parts.iter().any(|part| place.is_real_in(part))
     }
 
     /// All states as an array, for solvers.

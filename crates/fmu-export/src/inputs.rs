@@ -137,6 +137,17 @@ impl<I: Inputs> InputSignal<I> {
         inputs
     }
 
+    /// The slopes of the inputs at a time (s) after the step's begin; 0 where an input is held at a bound.
+    pub(crate) fn slopes_at(&self, offset: f64) -> I {
+        let mut slopes = self.bounded.clone();
+        slopes.set_reals(|position| {
+            let real = &self.reals[position];
+            let is_free = is_within::<I>(position, real.set + real.rise(self.order, offset));
+            if is_free { real.slope_at(self.order, offset) } else { 0.0 }
+        });
+        slopes
+    }
+
     /// Sets the value of a Real input and clears its derivatives. Returns whether it has just left its bounds.
     pub(crate) fn set_value(&mut self, position: usize, value: f64) -> bool {
         let real = &mut self.reals[position];

@@ -1,8 +1,8 @@
 //! The model on the front page is the one that `cargo fmu new` writes, which is compiled, exported and run.
 
 const PAGE: &str = include_str!("../README.md");
-const DECLARATION: &str = include_str!("../../cargo-fmu/templates/continuous/model.json");
-const SOURCE: &str = include_str!("../../cargo-fmu/templates/continuous/lib.rs");
+const DECLARATION: &str = include_str!("../../cargo-fmu/templates/equations/model.json");
+const SOURCE: &str = include_str!("../../cargo-fmu/templates/equations/lib.rs");
 
 /// The first code block of a language.
 fn block(language: &str) -> &'static str {

@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 
-use super::Generator;
+use super::{Generator, PLACES};
 use crate::model::{DataType, Place, Scalar};
 use crate::xml;
 
@@ -84,11 +84,17 @@ impl ::fmu_export::Variables for Variables {{
     type Inputs = Inputs;
     const DESCRIPTION: &'static fmi::ModelDescription = &DESCRIPTION;
     const MODEL_DESCRIPTION_XML: &'static str = include_str!(\"modelDescription.xml\");
+    const STATE_NAMES: &'static [&'static str] = &States::NAMES;
+    const STATE_NOMINALS: &'static [f64] = &[{nominals}];
 {value_references}
     fn inputs(&self) -> &Inputs {{
         &self.inputs
     }}
-{accessors}
+
+    fn inputs_mut(&mut self) -> &mut Inputs {{
+        &mut self.inputs
+    }}
+{numbers}{accessors}
     fn states_from_start(&mut self) {{
         self.states = self.start;
     }}
@@ -127,7 +133,9 @@ impl ::fmu_export::Variables for Variables {{
     }}
 }}
 ",
+            nominals = self.nominals(),
             value_references = self.value_references(),
+            numbers = self.numbers(),
             accessors = accessors.concat(),
             sums = sums.map(|sum| format!("            0.0{sum},\n")).concat(),
             zero_parameters = self.zero(Place::Parameters),
@@ -138,14 +146,79 @@ impl ::fmu_export::Variables for Variables {{
         )
     }
 
+    /// The states' nominal values, in the order of their arrays.
+    fn nominals(&self) -> String {
+        let fields = self.model.parts.iter().flat_map(|part| Place::States.fields(part));
+        let positions = fields.flat_map(|field| field.positions.iter().copied());
+        let nominals =
+            positions.map(|position| format!("{:?}", self.model.scalars[position].nominal.unwrap_or(1.0)));
+        nominals.collect::<Vec<_>>().join(", ")
+    }
+
+    /// The variables over other number types, and their states.
+    fn numbers(&self) -> String {
+        let of = if PLACES.into_iter().any(|place| self.is_real(place)) {
+            "
+    type Of<T: ::fmu_export::Number> = Variables<T>;
+
+    fn combined<T: ::fmu_export::Number>(&self, other: &Self, number: impl Fn(f64, f64) -> T) -> Variables<T> {
+        self.combine(other, &mut |one, other| number(one, other))
+    }
+
+    fn derivatives_of(duals: &Variables<::fmu_export::Dual>) -> Self {
+        duals.map(|dual| dual.derivative)
+    }
+"
+        } else {
+            "
+    type Of<T: ::fmu_export::Number> = Self;
+
+    fn combined<T: ::fmu_export::Number>(&self, _other: &Self, _number: impl Fn(f64, f64) -> T) -> Self {
+        self.clone()
+    }
+
+    fn derivatives_of(duals: &Self) -> Self {
+        duals.clone()
+    }
+"
+        };
+        let has_states = self.is_real(Place::States);
+        let each = |name: &str, place: &str| {
+            let (function, body) = if has_states {
+                let each = format!(
+                    "variables.{place}.to_array().into_iter().enumerate().for_each(|(state, value)| function(state, value));"
+                );
+                ("mut function", each)
+            } else {
+                ("_function", String::new())
+            };
+            let variables = if has_states { "variables" } else { "_variables" };
+            format!(
+                "
+    fn {name}<T: ::fmu_export::Number>({variables}: &Self::Of<T>, {function}: impl FnMut(usize, T)) {{
+        {body}
+    }}
+"
+            )
+        };
+        let set = if has_states {
+            "
+    fn set_states<T: ::fmu_export::Number>(variables: &mut Self::Of<T>, state: impl Fn(usize) -> T) {
+        variables.states = States::from_array(::core::array::from_fn(state));
+    }
+"
+        } else {
+            "
+    fn set_states<T: ::fmu_export::Number>(_variables: &mut Self::Of<T>, _state: impl Fn(usize) -> T) {}
+"
+        };
+        [of, &each("each_state", "states"), &each("each_derivative", "derivatives"), set].concat()
+    }
+
     /// The variables of a place without changes, from its default, which bears the place's name.
     fn zero(&self, place: Place) -> String {
         let name = place.type_name().to_lowercase();
-        if self.model.parts.iter().any(|part| place.is_real_in(part)) {
-            format!("{name}.map(|_| 0.0)")
-        } else {
-            name
-        }
+        if self.is_real(place) { format!("{name}.map(|_| 0.0)") } else { name }
     }
 
     /// The arms of the getter and the setter of a type.

@@ -127,27 +127,40 @@ impl<T: Copy> States<T> {
 }
 
 /// All variables of the model.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Variables {
+#[derive(Clone, Debug, PartialEq)]
+pub struct Variables<T = f64> {
     /// The parameters.
-    pub parameters: Parameters,
+    pub parameters: Parameters<T>,
     /// The inputs as they were set, which may be out of their bounds; a model is given those within.
-    pub inputs: Inputs,
+    pub inputs: Inputs<T>,
     /// The states' start values, as the importer set them.
-    pub start: States,
+    pub start: States<T>,
     /// The states.
-    pub states: States,
+    pub states: States<T>,
     /// The time derivatives of the states.
-    pub derivatives: States,
+    pub derivatives: States<T>,
     /// The local variables other than states.
     pub locals: Locals,
     /// The outputs other than states.
-    pub outputs: Outputs,
+    pub outputs: Outputs<T>,
 }
 
-::fmu_export::persistent!(Variables {
-    parameters, inputs, start, states, derivatives, locals, outputs
-});
+::fmu_export::persistent!(Variables { parameters, inputs, start, states, derivatives, locals, outputs });
+::fmu_export::numbers!(Variables { nested parameters, nested inputs, nested start, nested states, nested derivatives, other locals, nested outputs });
+
+impl Default for Variables {
+    fn default() -> Self {
+        Self {
+            parameters: Default::default(),
+            inputs: Default::default(),
+            start: Default::default(),
+            states: Default::default(),
+            derivatives: Default::default(),
+            locals: Default::default(),
+            outputs: Default::default()
+        }
+    }
+}
 
 impl ::fmu_export::Inputs for Inputs {
     const REALS: &'static [::fmu_export::RealInput] = &[
@@ -171,10 +184,38 @@ impl ::fmu_export::Variables for Variables {
     type Inputs = Inputs;
     const DESCRIPTION: &'static fmi::ModelDescription = &DESCRIPTION;
     const MODEL_DESCRIPTION_XML: &'static str = include_str!("modelDescription.xml");
+    const STATE_NAMES: &'static [&'static str] = &States::NAMES;
+    const STATE_NOMINALS: &'static [f64] = &[1.0, 1.0, 1.0, 1.0];
     const VALUE_REFERENCES: &'static [fmi::ValueReference] = &[0, 1, 2, 3, 4, 5, 6, 7, 10, 11, 20, 21, 50, 100];
 
     fn inputs(&self) -> &Inputs {
         &self.inputs
+    }
+
+    fn inputs_mut(&mut self) -> &mut Inputs {
+        &mut self.inputs
+    }
+
+    type Of<T: ::fmu_export::Number> = Variables<T>;
+
+    fn combined<T: ::fmu_export::Number>(&self, other: &Self, number: impl Fn(f64, f64) -> T) -> Variables<T> {
+        self.combine(other, &mut |one, other| number(one, other))
+    }
+
+    fn derivatives_of(duals: &Variables<::fmu_export::Dual>) -> Self {
+        duals.map(|dual| dual.derivative)
+    }
+
+    fn each_state<T: ::fmu_export::Number>(variables: &Self::Of<T>, mut function: impl FnMut(usize, T)) {
+        variables.states.to_array().into_iter().enumerate().for_each(|(state, value)| function(state, value));
+    }
+
+    fn each_derivative<T: ::fmu_export::Number>(variables: &Self::Of<T>, mut function: impl FnMut(usize, T)) {
+        variables.derivatives.to_array().into_iter().enumerate().for_each(|(state, value)| function(state, value));
+    }
+
+    fn set_states<T: ::fmu_export::Number>(variables: &mut Self::Of<T>, state: impl Fn(usize) -> T) {
+        variables.states = States::from_array(::core::array::from_fn(state));
     }
 
     fn real(&self, reference: fmi::ValueReference) -> f64 {

@@ -1,0 +1,377 @@
+//! Co-simulation of models of equations: the integrator between events, the events at their times, and derivatives by
+//! dual numbers.
+
+use std::mem;
+
+use crate::equations::{Equations, Event, VariablesOf};
+use crate::error::Error;
+use crate::inputs::InputSignal;
+use crate::integrator::{Integrator, StepFailure, System, Tolerance};
+use crate::logger::Shown;
+use crate::model::{Context, InputsOf, Model, Step, Variables};
+use crate::number::Dual;
+
+/// The relative tolerance where the importer gives none.
+pub const DEFAULT_TOLERANCE: f64 = 1e-6;
+/// Trials and events in a communication step, after which it is given up: it must end.
+const MOST_TRIALS: u32 = 100_000;
+/// In how many places, beside its end, a step is searched for events.
+const SEARCHED: u32 = 8;
+/// An event that is due so little after a communication step, relative to it, belongs to the step: importers compute
+/// their times with rounding.
+const TIME_TOLERANCE: f64 = 1e-9;
+
+/// A model of equations as a co-simulation [`Model`], with the built-in integrator.
+///
+/// Its error is controlled: per step, that of each state relative to the state and its `nominal` (1 where none is
+/// declared) is at most the importer's tolerance, or [`DEFAULT_TOLERANCE`].
+#[derive(Clone, Debug)]
+pub struct CoSimulation<E: Equations> {
+    /// The model of equations.
+    pub equations: E,
+    integrator: Integrator,
+    /// The time in s that is reached.
+    time: f64,
+    /// When the next event is due, in s.
+    next_event: Option<f64>,
+    /// Which event indicators are positive; those of the next event, where it was found.
+    positive: Vec<bool>,
+    changed: Vec<bool>,
+    indicators: Vec<f64>,
+    /// The states, as an array.
+    states: Vec<f64>,
+}
+
+impl<E: Equations> Default for CoSimulation<E> {
+    fn default() -> Self {
+        let states = E::Variables::STATE_NAMES.len();
+        Self {
+            equations: E::default(),
+            integrator: Integrator::new(states),
+            time: 0.0,
+            next_event: None,
+            positive: vec![false; E::EVENT_INDICATORS],
+            changed: vec![false; E::EVENT_INDICATORS],
+            indicators: vec![0.0; E::EVENT_INDICATORS],
+            states: vec![0.0; states],
+        }
+    }
+}
+
+/// The rest is of a step that is under way.
+impl<E: Equations> crate::Persistent for CoSimulation<E> {
+    fn persist(&mut self, archive: &mut crate::persistence::Archive<'_>) -> Result<(), Error> {
+        self.equations.persist(archive)?;
+        self.integrator.persist(archive)?;
+        self.time.persist(archive)?;
+        self.next_event.persist(archive)?;
+        self.positive.as_mut_slice().persist(archive)
+    }
+}
+
+impl<E: Equations> Model for CoSimulation<E> {
+    type Variables = E::Variables;
+
+    fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
+        E::check_parameters(variables)
+    }
+
+    fn initialize(
+        &mut self,
+        variables: &mut Self::Variables,
+        inputs: &InputsOf<Self>,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        *self = Self { time: context.experiment.start_time, ..Self::default() };
+        with_inputs(variables, inputs, |variables| {
+            variables.states_from_start();
+            self.equations.initialize::<f64>(variables);
+            self.equations.evaluate::<f64>(self.time, variables);
+            self.find_signs(variables);
+            self.happen(variables, true, false)
+        })
+    }
+
+    fn step(
+        &mut self,
+        variables: &mut Self::Variables,
+        step: &Step<'_, InputsOf<Self>>,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        let tolerance = context.experiment.tolerance.unwrap_or(DEFAULT_TOLERANCE);
+        let mut states = mem::take(&mut self.states);
+        let result = with_inputs(variables, step.inputs.initial(), |variables| {
+            self.advance(variables, step, tolerance, &mut states)
+        });
+        self.states = states;
+        result
+    }
+
+    fn refresh(&mut self, variables: &mut Self::Variables, inputs: &InputsOf<Self>) {
+        with_inputs(variables, inputs, |variables| self.equations.evaluate::<f64>(self.time, variables));
+    }
+
+    fn differentiate(
+        &self,
+        variables: &Self::Variables,
+        inputs: &InputsOf<Self>,
+        direction: &Self::Variables,
+    ) -> Result<Self::Variables, Error> {
+        Ok(self.derivatives(variables, inputs, direction, |_| {}))
+    }
+
+    fn differentiate_initialization(
+        &self,
+        variables: &Self::Variables,
+        inputs: &InputsOf<Self>,
+        direction: &Self::Variables,
+    ) -> Result<Self::Variables, Error> {
+        let mut started = variables.clone();
+        started.states_from_start();
+        Ok(self.derivatives(&started, inputs, direction, |variables| {
+            self.equations.initialize::<Dual>(variables);
+        }))
+    }
+}
+
+impl<E: Equations> CoSimulation<E> {
+    /// The derivatives of what is calculated along a direction; the states are initialized before.
+    fn derivatives(
+        &self,
+        variables: &E::Variables,
+        inputs: &InputsOf<Self>,
+        direction: &E::Variables,
+        initialize: impl FnOnce(&mut VariablesOf<E, Dual>),
+    ) -> E::Variables {
+        let (mut variables, mut direction) = (variables.clone(), direction.clone());
+        variables.inputs_mut().clone_from(inputs);
+        direction.states_from_start();
+        let mut duals = variables.combined(&direction, Dual::new);
+        initialize(&mut duals);
+        self.equations.evaluate(Dual::from(self.time), &mut duals);
+        E::Variables::derivatives_of(&duals)
+    }
+
+    /// Goes through a communication step.
+    fn advance(
+        &mut self,
+        variables: &mut E::Variables,
+        step: &Step<'_, InputsOf<Self>>,
+        tolerance: f64,
+        states: &mut [f64],
+    ) -> Result<(), Error> {
+        self.time = step.start;
+        let end = step.end();
+        let last_event = end + TIME_TOLERANCE * step.size;
+        E::Variables::each_state(variables, |state, value| states[state] = value);
+        let mut trials = 0;
+        // Inputs and tunable parameters may have jumped since the last step.
+        self.equations.evaluate::<f64>(self.time, variables);
+        let mut crossed = self.find_changes(variables);
+        loop {
+            let due = self.next_event.filter(|&due| due <= last_event);
+            let is_due = due.is_some_and(|due| due <= self.time || self.time >= end);
+            if crossed || is_due {
+                trials += 1;
+                if let Some(due) = due.filter(|_| is_due) {
+                    self.time = due;
+                }
+                self.happen(variables, false, is_due)?;
+                E::Variables::each_state(variables, |state, value| states[state] = value);
+                crossed = false;
+            } else if self.time >= end {
+                break;
+            } else {
+                let target = due.map_or(end, |due| due.min(end));
+                let mut system = Equated {
+                    equations: &self.equations,
+                    variables: &mut *variables,
+                    inputs: step.inputs,
+                    start: step.start,
+                };
+                let limits = Tolerance { relative: tolerance, nominals: E::Variables::STATE_NOMINALS };
+                let reached = self
+                    .integrator
+                    .step(&mut system, (self.time, target), states, &limits, &mut trials)
+                    .map_err(|failure| self.not_integrable(failure, tolerance))?;
+                crossed = self.find_event(variables, step, reached, states);
+            }
+            if trials > MOST_TRIALS {
+                return Err(Error::new(format!(
+                    "the step from {} s was given up at the time {} s after {MOST_TRIALS} trials and events; either the \
+                     tolerance {tolerance:?} is too small, or the events come ever faster",
+                    Shown(step.start),
+                    Shown(self.time)
+                )));
+            }
+        }
+        self.time = end;
+        Ok(())
+    }
+
+    /// Goes to where the integrator's step ends, or to the first event in it, and computes the variables there. Whether
+    /// an event indicator has changed.
+    fn find_event(
+        &mut self,
+        variables: &mut E::Variables,
+        step: &Step<'_, InputsOf<Self>>,
+        end: f64,
+        states: &mut [f64],
+    ) -> bool {
+        let begin = self.time;
+        let mut go_to = |model: &mut Self, time: f64| {
+            model.time = time;
+            model.integrator.states_at(time, states);
+            Equated {
+                equations: &model.equations,
+                variables: &mut *variables,
+                inputs: step.inputs,
+                start: step.start,
+            }
+            .evaluate(time, states);
+            model.find_changes(variables)
+        };
+        if E::EVENT_INDICATORS == 0 {
+            return go_to(self, end);
+        }
+        let (mut before, mut after) = (begin, end);
+        for place in 1..=SEARCHED {
+            let share = f64::from(place) / f64::from(SEARCHED);
+            let time = if place == SEARCHED { end } else { begin + share * (end - begin) };
+            if go_to(self, time) {
+                after = time;
+                break;
+            }
+            before = time;
+        }
+        if before >= end {
+            return false;
+        }
+        // Bisection, until no number is between.
+        loop {
+            let middle = before + 0.5 * (after - before);
+            if middle <= before || middle >= after {
+                return go_to(self, after);
+            }
+            if go_to(self, middle) {
+                after = middle;
+            } else {
+                before = middle;
+            }
+        }
+    }
+
+    /// Finds which indicators are positive.
+    fn find_signs(&mut self, variables: &E::Variables) {
+        self.equations.event_indicators(self.time, variables, &mut self.indicators);
+        for (positive, indicator) in self.positive.iter_mut().zip(&self.indicators) {
+            *positive = *indicator > 0.0;
+        }
+    }
+
+    /// Finds which indicators have changed since the last event. Whether any has.
+    fn find_changes(&mut self, variables: &E::Variables) -> bool {
+        self.equations.event_indicators(self.time, variables, &mut self.indicators);
+        for ((changed, positive), indicator) in
+            self.changed.iter_mut().zip(&self.positive).zip(&self.indicators)
+        {
+            *changed = (*indicator > 0.0) != *positive;
+        }
+        self.changed.contains(&true)
+    }
+
+    /// Has an event happen now.
+    fn happen(&mut self, variables: &mut E::Variables, is_initial: bool, is_due: bool) -> Result<(), Error> {
+        let event = Event { time: self.time, is_initial, is_due, indicators: &self.changed };
+        self.equations.event(&event, variables)?;
+        self.equations.evaluate::<f64>(self.time, variables);
+        self.find_signs(variables);
+        self.next_event = self.equations.next_event(self.time, variables);
+        self.integrator.restart();
+        self.changed.fill(false);
+        match self.next_event {
+            Some(next) if next.is_nan() || next <= self.time => Err(Error::new(format!(
+                "the next event is due at {} s, which is not after that at {} s",
+                Shown(next),
+                Shown(self.time)
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    #[cold]
+    fn not_integrable(&self, failure: StepFailure, tolerance: f64) -> Error {
+        Error::new(format!(
+            "the states cannot be integrated beyond the time {} s: the error of {} stays above the tolerance \
+             {tolerance:?}, or its derivative is not finite",
+            Shown(self.time),
+            E::Variables::STATE_NAMES[failure.state]
+        ))
+    }
+}
+
+/// Computes with inputs that are within their bounds in the place of those that were set.
+fn with_inputs<V: Variables, R>(
+    variables: &mut V,
+    inputs: &V::Inputs,
+    compute: impl FnOnce(&mut V) -> R,
+) -> R {
+    let set = mem::replace(variables.inputs_mut(), inputs.clone());
+    let result = compute(variables);
+    *variables.inputs_mut() = set;
+    result
+}
+
+/// A model's equations with the inputs of a step.
+struct Equated<'a, E: Equations> {
+    equations: &'a E,
+    variables: &'a mut E::Variables,
+    inputs: &'a InputSignal<InputsOf<CoSimulation<E>>>,
+    /// The time in s at which the inputs begin.
+    start: f64,
+}
+
+impl<E: Equations> Equated<'_, E> {
+    fn set(&mut self, time: f64, states: &[f64]) {
+        if !self.inputs.is_constant() {
+            *self.variables.inputs_mut() = self.inputs.at(time - self.start);
+        }
+        E::Variables::set_states(self.variables, |state| states[state]);
+    }
+
+    fn evaluate(&mut self, time: f64, states: &[f64]) {
+        self.set(time, states);
+        self.equations.evaluate::<f64>(time, self.variables);
+    }
+}
+
+impl<E: Equations> System for Equated<'_, E> {
+    fn derivatives(&mut self, time: f64, states: &[f64], derivatives: &mut [f64]) {
+        self.evaluate(time, states);
+        E::Variables::each_derivative(self.variables, |state, rate| derivatives[state] = rate);
+    }
+
+    fn linearize(&mut self, time: f64, states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]) {
+        self.set(time, states);
+        let size = states.len();
+        let constant = |value: f64, _| Dual::from(value);
+        let mut duals = self.variables.combined(self.variables, constant);
+        for column in 0..size {
+            E::Variables::set_states(&mut duals, |state| {
+                Dual::new(states[state], if state == column { 1.0 } else { 0.0 })
+            });
+            self.equations.evaluate(Dual::from(time), &mut duals);
+            E::Variables::each_derivative(&duals, |row, rate: Dual| {
+                jacobian[row * size + column] = rate.derivative;
+            });
+        }
+        if !self.inputs.is_constant() {
+            let mut direction = E::Variables::zero();
+            *direction.inputs_mut() = self.inputs.slopes_at(time - self.start);
+            duals = self.variables.combined(&direction, Dual::new);
+        }
+        E::Variables::set_states(&mut duals, |state| Dual::from(states[state]));
+        self.equations.evaluate(Dual::new(time, 1.0), &mut duals);
+        E::Variables::each_derivative(&duals, |row, rate: Dual| by_time[row] = rate.derivative);
+    }
+}

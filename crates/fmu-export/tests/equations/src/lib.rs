@@ -1,0 +1,142 @@
+//! Models of equations, by which the built-in integrator is tested.
+
+use fmu_export::{Equations, Error, Event, Number, Persistent, VariablesOf};
+
+macro_rules! variables {
+    ($($model:ident: $identifier:literal),*) => {$(
+        #[allow(missing_docs)]
+        pub mod $model {
+            fmu_export::include_variables!($identifier);
+        }
+    )*};
+}
+variables!(decay: "decay", van_der_pol: "van_der_pol", robertson: "robertson", bouncing_ball: "bouncing_ball",
+    stairs: "stairs");
+
+/// Exponential decay towards an input, from a start value and an offset together.
+#[derive(Clone, Debug, Default, Persistent)]
+pub struct Decay {}
+
+impl Equations for Decay {
+    type Variables = decay::Variables;
+
+    fn initialize<T: Number>(&self, variables: &mut decay::Variables<T>) {
+        variables.states.x += variables.parameters.offset;
+    }
+
+    fn evaluate<T: Number>(&self, time: T, variables: &mut decay::Variables<T>) {
+        let decay::Variables { parameters, inputs, states, derivatives, outputs, .. } = variables;
+        derivatives.x = parameters.rate * (inputs.target - states.x);
+        outputs.square = states.x * states.x;
+        outputs.seconds = time;
+    }
+}
+
+/// Van der Pol's oscillator.
+#[derive(Clone, Debug, Default, Persistent)]
+pub struct VanDerPol {}
+
+impl Equations for VanDerPol {
+    type Variables = van_der_pol::Variables;
+
+    fn evaluate<T: Number>(&self, _time: T, variables: &mut VariablesOf<Self, T>) {
+        let van_der_pol::Variables { parameters, states, derivatives, .. } = variables;
+        derivatives.x0 = states.x1;
+        derivatives.x1 = parameters.mu * (-states.x0 * states.x0 + 1.0) * states.x1 - states.x0;
+    }
+}
+
+/// Robertson's reaction, whose rates are not numbers from a time on.
+#[derive(Clone, Debug, Default, Persistent)]
+pub struct Robertson {}
+
+impl Equations for Robertson {
+    type Variables = robertson::Variables;
+
+    fn evaluate<T: Number>(&self, time: T, variables: &mut robertson::Variables<T>) {
+        let robertson::Variables { parameters, states, derivatives, outputs, .. } = variables;
+        let [a, b, c] = states.y;
+        let (slow, fast, back) = (a * 0.04, b * b * 3e7, b * c * 1e4);
+        derivatives.y = [back - slow, slow - back - fast, fast];
+        if time >= parameters.fails_from {
+            derivatives.y[1] = T::from(f64::NAN);
+        }
+        outputs.sum = a + b + c;
+    }
+}
+
+/// A ball that bounces, until it is so slow that it rests.
+#[derive(Clone, Debug, Default, Persistent)]
+pub struct BouncingBall {
+    rests: bool,
+}
+
+impl Equations for BouncingBall {
+    type Variables = bouncing_ball::Variables;
+
+    const EVENT_INDICATORS: usize = 1;
+
+    fn evaluate<T: Number>(&self, _time: T, variables: &mut bouncing_ball::Variables<T>) {
+        let bouncing_ball::Variables { parameters, states, derivatives, .. } = variables;
+        derivatives.h = states.v;
+        derivatives.v = if self.rests { T::from(0.0) } else { -parameters.gravity };
+    }
+
+    fn event_indicators(&self, _time: f64, variables: &bouncing_ball::Variables, indicators: &mut [f64]) {
+        indicators[0] = if self.rests { 0.0 } else { variables.states.h };
+    }
+
+    fn event(&mut self, event: &Event<'_>, variables: &mut bouncing_ball::Variables) -> Result<(), Error> {
+        let bouncing_ball::Variables { parameters, states, outputs, .. } = variables;
+        if states.h <= 0.0 && states.v < 0.0 {
+            states.h = 0.0;
+            states.v *= -parameters.restitution;
+            outputs.bounces += 1;
+            outputs.last_bounce = event.time;
+            if states.v < parameters.smallest_velocity {
+                states.v = 0.0;
+                self.rests = true;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A rate that rises by 1 at multiples of an interval, and a count of the changes of an input's sign.
+#[derive(Clone, Debug, Default, Persistent)]
+pub struct Stairs {
+    steps: i32,
+    switches: i32,
+}
+
+impl Equations for Stairs {
+    type Variables = stairs::Variables;
+
+    const EVENT_INDICATORS: usize = 1;
+
+    fn evaluate<T: Number>(&self, _time: T, variables: &mut stairs::Variables<T>) {
+        variables.derivatives.level = T::from(f64::from(self.steps));
+        variables.outputs.steps = self.steps;
+        variables.outputs.switches = self.switches;
+    }
+
+    fn event_indicators(&self, _time: f64, variables: &stairs::Variables, indicators: &mut [f64]) {
+        indicators[0] = variables.inputs.signal;
+    }
+
+    fn next_event(&self, time: f64, variables: &stairs::Variables) -> Option<f64> {
+        let stairs::Parameters { interval, waits } = variables.parameters;
+        Some(if waits { f64::from(self.steps + 1) * interval } else { time })
+    }
+
+    fn event(&mut self, event: &Event<'_>, variables: &mut stairs::Variables) -> Result<(), Error> {
+        if event.is_due {
+            self.steps += 1;
+            variables.outputs.last_step = event.time;
+        }
+        if event.indicators[0] {
+            self.switches += 1;
+        }
+        Ok(())
+    }
+}

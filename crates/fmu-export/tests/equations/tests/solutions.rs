@@ -1,0 +1,252 @@
+//! The built-in integrator against closed forms and independent solutions.
+
+use fmu_export::{CoSimulation, Equations, Error, InputSignal, Model, Simulation, Variables as _};
+use fmu_export_equations::{BouncingBall, Decay, Robertson, Stairs, VanDerPol, bouncing_ball, decay};
+
+/// The solutions that `reference.py` printed: name, time and states.
+const REFERENCES: &str = include_str!("../solutions.csv");
+/// A step errs by at most the tolerance, relative to a state and its nominal value; for the steps between two times,
+/// of which there are some hundred, what is left of all of them together is less than so many tolerances.
+const ACCUMULATED: f64 = 100.0;
+
+/// The times and states of a reference solution.
+fn reference(name: &str) -> Vec<(f64, Vec<f64>)> {
+    let lines = REFERENCES.lines().filter_map(|line| line.strip_prefix(name)?.strip_prefix(','));
+    let numbers = lines.map(|line| line.split(',').map(|number| number.parse().expect("a number")));
+    let points: Vec<_> =
+        numbers.map(|mut numbers| (numbers.next().expect("a time"), numbers.collect())).collect();
+    assert!(!points.is_empty(), "there is no solution {name}");
+    points
+}
+
+fn simulation<E: Equations>(tolerance: f64) -> Simulation<CoSimulation<E>> {
+    let mut simulation = Simulation::default();
+    simulation.experiment.tolerance = Some(tolerance);
+    simulation
+}
+
+fn bits<const N: usize>(values: [f64; N]) -> [u64; N] {
+    values.map(f64::to_bits)
+}
+
+/// Goes to a time by a number of equal communication steps.
+fn go_to<M: Model>(simulation: &mut Simulation<M>, time: f64, steps: u32) -> Result<(), Error> {
+    let size = (time - simulation.time) / f64::from(steps);
+    (0..steps).try_for_each(|_| simulation.step(size))
+}
+
+fn assert_near(found: &[f64], expected: &[f64], tolerance: f64, nominal: f64, what: &str) {
+    for (found, expected) in found.iter().zip(expected) {
+        let error = (found - expected).abs() / (tolerance * (expected.abs() + nominal));
+        assert!(error <= ACCUMULATED, "{what}: {found:?} instead of {expected:?}, {error:.0} tolerances");
+    }
+}
+
+#[test]
+fn decay_follows_its_closed_form() {
+    for tolerance in [1e-4, 1e-6, 1e-8, 1e-10] {
+        let mut simulation = simulation::<Decay>(tolerance);
+        simulation.initialize().unwrap();
+        go_to(&mut simulation, 3.0, 1).unwrap();
+        let decay::Outputs { square, seconds } = simulation.variables.outputs;
+        let x = simulation.variables.states.x;
+        assert_near(&[x], &[(-3.0_f64).exp()], tolerance, 1.0, "x");
+        assert_eq!(bits([square, seconds]), bits([x * x, 3.0]), "outputs are those at the end of the step");
+    }
+}
+
+#[test]
+fn van_der_pol_agrees_with_radau_whatever_the_steps_are() {
+    for mu in [1.0, 1000.0] {
+        let reference = reference(&format!("van_der_pol_{mu}"));
+        for tolerance in [1e-4, 1e-6, 1e-8, 1e-10] {
+            for steps in [1, 7, 500] {
+                let mut simulation = simulation::<VanDerPol>(tolerance);
+                simulation.variables.parameters.mu = mu;
+                simulation.initialize().unwrap();
+                for &(time, ref expected) in &reference {
+                    go_to(&mut simulation, time, steps).unwrap();
+                    let what = format!("mu {mu}, tolerance {tolerance:?}, {steps} steps to {time}");
+                    assert_near(&simulation.variables.states.to_array(), expected, tolerance, 1.0, &what);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn robertson_agrees_with_radau_over_eleven_decades() {
+    for tolerance in [1e-4, 1e-6, 1e-8] {
+        let mut simulation = simulation::<Robertson>(tolerance);
+        simulation.initialize().unwrap();
+        for (time, expected) in reference("robertson") {
+            go_to(&mut simulation, time, 1).unwrap();
+            let what = format!("tolerance {tolerance:?}, to {time:e}");
+            // The nominal value of the declaration.
+            assert_near(&simulation.variables.states.y, &expected, tolerance, 1e-5, &what);
+        }
+    }
+}
+
+#[test]
+fn without_a_tolerance_it_is_the_default() {
+    let run = |tolerance| {
+        let mut simulation = Simulation::<CoSimulation<VanDerPol>>::default();
+        simulation.experiment.tolerance = tolerance;
+        simulation.initialize().unwrap();
+        simulation.step(10.0).unwrap();
+        bits(simulation.variables.states.to_array())
+    };
+    assert_eq!(run(None), run(Some(fmu_export::DEFAULT_TOLERANCE)));
+    assert_ne!(run(None), run(Some(1e-7)));
+}
+
+#[test]
+fn inputs_with_derivatives_are_followed() {
+    let tolerance = 1e-8;
+    let mut simulation = simulation::<Decay>(tolerance);
+    simulation.initialize().unwrap();
+    let mut inputs = InputSignal::constant(decay::Inputs { target: 1.0 });
+    inputs.set_derivative(0, 1, 2.0);
+    simulation.step_with(2.0, &inputs).unwrap();
+    // x' = 1 + 2·t − x from 1: x = 2·t − 1 + 2·exp(−t).
+    assert_near(&[simulation.variables.states.x], &[3.0 + 2.0 * (-2.0_f64).exp()], tolerance, 1.0, "x");
+    let target = simulation.variables.inputs.target;
+    assert_eq!(target.to_bits(), 0.0_f64.to_bits(), "what the importer has set stays");
+}
+
+#[test]
+fn the_ball_bounces_when_it_should_until_it_rests() {
+    let mut simulation = simulation::<BouncingBall>(1e-6);
+    simulation.variables.parameters.restitution = 0.97;
+    simulation.initialize().unwrap();
+    let bouncing_ball::Parameters { restitution, gravity, smallest_velocity } =
+        simulation.variables.parameters;
+    // The fall from 1 m, and flights from one bounce to the next.
+    let mut velocity = (2.0 * gravity).sqrt();
+    let (mut time, mut bounces) = (velocity / gravity, 1);
+    velocity *= restitution;
+    while velocity >= smallest_velocity {
+        // Steps end where they want: before the bounce, and after it.
+        go_to(&mut simulation, time - 1e-6, 3).unwrap();
+        assert_eq!(simulation.variables.outputs.bounces, bounces - 1);
+        go_to(&mut simulation, time + 1e-6, 1).unwrap();
+        let found = (simulation.variables.outputs.bounces, simulation.variables.outputs.last_bounce);
+        assert_eq!(found.0, bounces);
+        // The method is exact for a parabola. What is left is the rounding of at most a thousand steps, whose sums have
+        // terms a hundred times as large as the states, which are of order 1.
+        assert!(
+            (found.1 - time).abs() < 1000.0 * 100.0 * 4.0 * f64::EPSILON,
+            "bounce {bounces} at {} instead of {time}",
+            found.1
+        );
+        time += 2.0 * velocity / gravity;
+        velocity *= restitution;
+        bounces += 1;
+    }
+    assert!(bounces > 100);
+    simulation.step(10.0).unwrap();
+    let variables = &simulation.variables;
+    assert_eq!(variables.outputs.bounces, bounces, "each bounce is one event");
+    assert_eq!(bits(variables.states.to_array()), [0; 2], "it rests");
+}
+
+#[test]
+fn events_that_come_ever_faster_are_an_error_that_says_when() {
+    let mut simulation = simulation::<BouncingBall>(1e-6);
+    simulation.variables.parameters.smallest_velocity = 0.0;
+    simulation.variables.parameters.restitution = 1.0;
+    simulation.variables.parameters.gravity = 1e9;
+    simulation.initialize().unwrap();
+    let error = simulation.step(100.0).unwrap_err().to_string();
+    assert!(error.starts_with("the step from 0 s was given up at the time "), "{error}");
+    assert!(error.contains("after 100000 trials and events"), "{error}");
+}
+
+#[test]
+fn events_in_time_are_at_their_very_number() {
+    let mut simulation = simulation::<Stairs>(1e-6);
+    simulation.initialize().unwrap();
+    // Neither steps nor their rounding hit the multiples of 0.3.
+    for step in 1..=40 {
+        simulation.step(0.1).unwrap();
+        let expected = step / 3;
+        assert_eq!(simulation.variables.outputs.steps, expected, "after step {step}");
+        let time = f64::from(expected) * 0.3;
+        assert_eq!(simulation.variables.outputs.last_step.to_bits(), time.to_bits());
+    }
+    // The rates 1, 2, …, 12 for 0.3 s each, and 13 for 0.1 s.
+    assert_near(&[simulation.variables.states.level], &[0.3 * 78.0 + 13.0 * 0.1], 1e-6, 1.0, "level");
+}
+
+#[test]
+fn an_input_that_jumps_is_an_event_at_the_beginning_of_the_step() {
+    let mut simulation = simulation::<Stairs>(1e-6);
+    simulation.initialize().unwrap();
+    simulation.step(0.1).unwrap();
+    assert_eq!(simulation.variables.outputs.switches, 0);
+    for (signal, switches) in [(1.0, 1), (2.0, 1), (-1.0, 2)] {
+        simulation.inputs.signal = signal;
+        simulation.step(0.1).unwrap();
+        assert_eq!(simulation.variables.outputs.switches, switches);
+    }
+}
+
+#[test]
+fn an_event_that_is_not_ahead_is_refused() {
+    let mut simulation = simulation::<Stairs>(1e-6);
+    simulation.variables.parameters.waits = false;
+    let error = simulation.initialize().unwrap_err().to_string();
+    assert_eq!(error, "the next event is due at 0 s, which is not after that at 0 s");
+}
+
+#[test]
+fn rates_that_are_not_numbers_are_an_error_that_says_when_and_whose() {
+    let mut simulation = simulation::<Robertson>(1e-6);
+    simulation.variables.parameters.fails_from = 2.0;
+    simulation.initialize().unwrap();
+    let error = simulation.step(10.0).unwrap_err().to_string();
+    let (_, rest) = error.split_once("beyond the time ").expect("the error names the time");
+    let (time, rest) = rest.split_once(" s: the error of ").expect("and the state");
+    let time: f64 = time.parse().unwrap();
+    // The first evaluation beyond 2 s fails, so that steps only approach it.
+    assert!(time < 2.0 && time > 2.0 - 1e-9, "{error}");
+    assert!(
+        rest.starts_with("y[2] stays above the tolerance 1e-6, or its derivative is not finite"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_copy_goes_on_to_the_same_bits() {
+    let mut simulation = simulation::<BouncingBall>(1e-6);
+    simulation.initialize().unwrap();
+    // Between the third bounce and the next.
+    simulation.step(1.7).unwrap();
+    let mut copy = simulation.clone();
+    for simulation in [&mut simulation, &mut copy] {
+        go_to(simulation, 2.3, 7).unwrap();
+    }
+    assert_eq!(bits(simulation.variables.states.to_array()), bits(copy.variables.states.to_array()));
+    assert_eq!(simulation.variables.outputs, copy.variables.outputs);
+}
+
+#[test]
+fn directional_derivatives_are_exact() {
+    let mut simulation = simulation::<Decay>(1e-6);
+    simulation.variables.parameters.rate = 0.5;
+    simulation.variables.parameters.offset = 3.0;
+    simulation.variables.start.x = 2.0;
+    simulation.initialize().unwrap();
+    let Simulation { model, variables, inputs, .. } = &simulation;
+    assert_eq!(variables.states.x.to_bits(), 5.0_f64.to_bits());
+    let mut direction = decay::Variables::zero();
+    (direction.start.x, direction.inputs.target) = (1.0, 4.0);
+    let by = model.differentiate(variables, inputs, &direction).unwrap();
+    // 0.5·(4 − 1) and 2·x.
+    assert_eq!(bits([by.derivatives.x, by.outputs.square]), bits([1.5, 10.0]));
+    (direction.parameters.rate, direction.parameters.offset) = (1.0, 1.0);
+    let by = model.differentiate_initialization(variables, inputs, &direction).unwrap();
+    // x changes by 2; 0.5·(4 − 2) and, by the rate, −x.
+    assert_eq!(bits([by.states.x, by.derivatives.x, by.outputs.square]), bits([2.0, 1.0 - 5.0, 20.0]));
+}
