@@ -36,7 +36,7 @@ commands = controller.named("output") & plant.named("input")
 measurements = plant.named("output") & controller.named("input")
 steps = {0: 125, 5: 135, 15: 150, 25: 170, 38: 185, 52: 170, 64: 150, 76: 135, 88: 125, 100: 145, 112: 125}
 
-plant.set(commands, controller.get(commands))  # at rest where the controller begins
+plant.set(commands, controller.get(commands))  # at rest at the controller's outputs
 controller.exitInitializationMode()
 plant.exitInitializationMode()
 

@@ -10,14 +10,14 @@ from pathlib import Path
 from fmpy import read_csv, simulate_fmu
 
 WIDTH, LEFT, RIGHT = 880, 46, 8
-"""The picture's width and what is left and right of the curves, in drawn units."""
+"""The picture's width and the margins left and right of the curves, in drawn units."""
 
 COLORS = {"first": "#0b6bcb", "second": "#c2560c", "third": "#6b7684"}
-"""Of the curves where the page, which has its own for light and dark, does not say otherwise."""
+"""Of the curves, unless the page sets its own for light and dark mode."""
 
 
 class Axis:
-    """A range of values on a range of drawn units, with a line at each tick."""
+    """An axis: values to drawn units, with a line at each tick."""
 
     def __init__(self, values, ticks, begin, end):
         self.low, self.high = values
@@ -25,7 +25,7 @@ class Axis:
         self.ticks = range(self.low, self.high + 1, ticks)
 
     def place(self, value):
-        """Where a value is drawn, to a tenth of a unit."""
+        """The position of a value, to a tenth of a unit."""
         share = (value - self.low) / (self.high - self.low)
         return f"{self.begin + share * (self.end - self.begin):.1f}".removesuffix(".0")
 
@@ -63,7 +63,7 @@ def draw(time, panels):
 
 
 def plant(inputs, *names):
-    """Every fourth sample of the plant under a file of inputs: time, and what the names say."""
+    """Every fourth sample of the plant with a file of inputs: time, and the named variables."""
     result = simulate_fmu(
         "target/fmu/BoostPlant.fmu",
         stop_time=20.0,
@@ -107,7 +107,7 @@ def voltage_dip():
 
 
 def boost_steps():
-    """The closed loop over steps of the reference, each tenth sample of the other example."""
+    """The closed loop over steps of the reference, every tenth sample of the other example."""
     from closed_loop import rows
 
     time, reference, boost, duty = zip(*rows[::10], strict=True)

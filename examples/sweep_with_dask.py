@@ -1,11 +1,10 @@
-"""A parameter study of both FMUs on Dask: what `boost-lab sweep` does, on as many machines as Dask has.
+"""A parameter study of both FMUs on Dask: like `boost-lab sweep`, on any number of machines.
 
 python examples/sweep_with_dask.py [STUDY.toml] [--fmus DIR] [--out FILE.csv] [--scheduler ADDRESS]
 
-Of a study's designs it knows the grid of listed values, of a scenario's signals numbers and steps. The master
-is that of examples/closed_loop.py and steps in the order of boost-lab: the results are the same to the bit. A
-worker that is lost costs nothing but its time: Dask gives its runs to the others. The folder of the FMUs must
-have the same path on all machines.
+It supports grids of listed values as designs, and numbers and steps as signals. The master is like
+examples/closed_loop.py and steps in the order of boost-lab: the results are the same to the bit. Dask repeats
+the runs of a lost worker on the others. The folder of the FMUs must have the same path on all machines.
 """
 
 import argparse
@@ -28,7 +27,7 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 
 MESSAGES = []
-"""What the instances of this process said since a run began."""
+"""The messages of this process's instances in the current run."""
 
 
 @fmi2CallbackLoggerTYPE
@@ -38,12 +37,12 @@ def log(environment, name, status, category, message):
 
 @cache
 def imported(file):
-    """An FMU's description and the folder it is extracted to: once in a process."""
+    """An FMU's description and its folder, extracted once per process."""
     return read_model_description(file), extract(file)
 
 
 class FMU2ByName(FMU2Slave):
-    """An instance of an FMU, its variables by name. FMPy wants the class's name to begin with FMU2."""
+    """An instance of an FMU with access by name. FMPy requires the class's name to begin with FMU2."""
 
     def __init__(self, file, name):
         description, folder = imported(file)
@@ -80,7 +79,7 @@ class FMU2ByName(FMU2Slave):
 
 
 def signal_at(signal, time):
-    """A number, or steps that hold each value from its time on; communication points round."""
+    """A constant, or steps; with a tolerance for the rounding of communication points."""
     if not isinstance(signal, dict):
         return signal
     steps = signal["steps"]
@@ -100,9 +99,8 @@ class Run:
             fmu.freeInstance()
 
     def begin(self, values):
-        """Brings all to the scenario's start: first those that begin with it, together; then, with their
-        outputs, those that run in. `values` come on top of the scenario's, by the FMU's name, a colon and the
-        variable's name."""
+        """Initializes all: first those without a run-in, together; then the others, with their outputs.
+        `values` replace the scenario's, by the FMU's name, a colon and the variable's name."""
         for member, fmu in self.members:
             prefix, run_in = member["name"] + ":", member.get("run_in", {})
             own = {key.removeprefix(prefix): v for key, v in values.items() if key.startswith(prefix)}
@@ -132,7 +130,7 @@ class Run:
         fmu.set({name: signal_at(s, time) for name, s in self.signals.items() if name in inputs})
 
     def take(self, fmu, others):
-        """Hands over what the others put out."""
+        """Sets an instance's inputs to the others' outputs."""
         inputs = fmu.named("input")
         for other in others:
             if other is not fmu:
@@ -140,7 +138,7 @@ class Run:
                 fmu.set(dict(zip(names, other.get(names), strict=True)))
 
     def do_step(self, i):
-        """One after the other, each with what those before it just put out."""
+        """One after the other, each with the new outputs of those before it."""
         time = self.start + i * self.step
         everyone = [fmu for _, fmu in self.members]
         for fmu in everyone:
@@ -155,7 +153,7 @@ class Run:
 
 
 def simulate(scenario, fmus, values, measures):
-    """The measures of a run, and why it failed if it did."""
+    """The measures of a run, and its error if it failed."""
     MESSAGES.clear()
     steps = round((scenario["stop_time"] - scenario.get("start_time", 0.0)) / scenario["step"])
     variables = {next(iter(measure.values())) for measure in measures.values()}
@@ -178,7 +176,7 @@ def simulate(scenario, fmus, values, measures):
 
 
 def measured(measure, times, records, signals):
-    """A number of a run."""
+    """A measure of a run."""
     (kind, variable), *_ = measure.items()
     if kind in STATISTICS:
         begin, end = measure.get("from", times[0]), measure.get("to", times[-1])

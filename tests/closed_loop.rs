@@ -1,7 +1,7 @@
-//! Controller and plant together: the loops of the paper's figures, and the hand-over between the stages.
+//! The closed loop: the paper's figures, and the handover between the stages.
 //!
-//! The bounds are the figures that an independent implementation of both models gave, each with 0.02 kPa
-//! added: 0.01 % of the 200 kPa of full scale, to which two solvers agree.
+//! The bounds are results of an independent implementation of both models plus 0.02 kPa: 0.01 % of the full scale of
+//! 200 kPa, within which two solvers agree.
 
 mod boost_steps;
 #[path = "support/random.rs"]
@@ -25,7 +25,7 @@ const STEP: f64 = 0.0125;
 
 const END_OF_FIGURE_13: f64 = 124.0;
 
-/// What two solvers may differ by (Pa).
+/// The tolerance between two solvers (Pa).
 const MARGIN: f64 = 20.0;
 
 /// A model with its variables.
@@ -69,12 +69,12 @@ where
     }
 }
 
-/// In which order a master steps the two.
+/// The order in which a master steps both.
 #[derive(Clone, Copy, PartialEq)]
 enum Order {
     /// The controller, then the plant over the same interval.
     ControllerFirst,
-    /// Both with what the other put out before.
+    /// Both with the other's previous outputs.
     AtOnce,
 }
 
@@ -88,12 +88,12 @@ struct Loop {
     /// The master's (s).
     step_size: f64,
     steps: u32,
-    /// Disturbs the measured boost pressure.
+    /// Noise on the measured boost pressure.
     noise: Option<Random>,
 }
 
 impl Loop {
-    /// A loop that begins as both are initialized together, at rest.
+    /// A loop that starts at rest, with both initialized together.
     fn settled(
         demand: controller::Inputs,
         order: Order,
@@ -114,7 +114,7 @@ impl Loop {
         let (step_size, steps, noise) = (STEP, 0, None);
         let mut this = Self { controller, plant, demand, surroundings, order, step_size, steps, noise };
         change(&mut this.controller.variables.parameters, &mut this.plant.variables.parameters);
-        // The supply is known before; the pressures settle for the controller's outputs, which do not need them.
+        // The supply is known; the pressures settle at the controller's outputs, which do not depend on them.
         this.demand.supply_voltage_measured = surroundings.supply_voltage;
         this.controller.initialize(&this.demand);
         this.plant.initialize(&this.plant_inputs());
@@ -122,7 +122,7 @@ impl Loop {
         this
     }
 
-    /// A loop that begins as on the test bench.
+    /// A loop that starts as on the test bench.
     fn new(
         demand: controller::Inputs,
         order: Order,
@@ -131,7 +131,7 @@ impl Loop {
         Self::settled(demand, order, change).run_in()
     }
 
-    /// The engine has run for 20 s at the duty of the map, the vacuum tank held at its pressure.
+    /// The engine has run for 20 s at the duty of the map, with a frozen vacuum tank.
     fn run_in(mut self) -> Self {
         self.plant.experiment.start_time = -20.0;
         self.plant.variables.parameters.initialization.mode = plant::InitializationMode::Running;
@@ -154,7 +154,7 @@ impl Loop {
         self.plant.variables.outputs.boost_pressure
     }
 
-    /// The wastegate's, in points (percent of the stroke).
+    /// The wastegate's position in points (percent of the stroke).
     fn position(&self) -> f64 {
         100.0 * self.plant.variables.outputs.hp_wastegate_position
     }
@@ -181,7 +181,7 @@ impl Loop {
         }
     }
 
-    /// Steps to a time, and shows what was reached after each step.
+    /// Steps to a time; calls `look` after each step.
     fn run(&mut self, end: f64, mut look: impl FnMut(&Self)) {
         while self.time() < end - 0.5 * self.step_size {
             self.step();
@@ -208,7 +208,7 @@ impl Loop {
     }
 }
 
-/// The quality of the answer to one step of the reference (Pa, s).
+/// The quality of the response to one step of the reference (Pa, s).
 #[derive(Clone, Copy, Debug)]
 struct Answer {
     from: f64,
@@ -220,7 +220,7 @@ struct Answer {
     end_error: f64,
 }
 
-/// Leads a loop through references (kPa) from given times (s).
+/// Runs a loop with references (kPa) from given times (s) on.
 fn follow(
     control: &mut Loop,
     references: &[(f64, f64)],
@@ -293,12 +293,12 @@ fn figure_13_from_a_settled_start() {
         record += "\n";
     });
     assert_figure_13(&answers);
-    // With which tests/fmu/quick/test_masters_agree.py compares what the FMUs compute.
+    // tests/fmu/quick/test_masters_agree.py compares the FMUs' results with this file.
     fs::write(Path::new(env!("CARGO_TARGET_TMPDIR")).join("figure_13.txt"), record).unwrap();
 }
 
 fn assert_figure_13(answers: &[Answer]) {
-    // Times are multiples of 12.5 ms, but for rounding.
+    // Times are multiples of 12.5 ms, up to rounding.
     assert_figure_13_within(answers, 0.549..0.801);
 }
 
@@ -341,12 +341,12 @@ fn figure_13_at_other_communication_rates() {
         control.step_size = 1.0 / f64::from(rate);
         let mut common = vec![];
         let answers = figure_13_with(control, |control| {
-            // Instants that all have: multiples of 25 ms.
+            // Common instants: multiples of 25 ms.
             if control.steps.is_multiple_of(rate / 40) {
                 common.push(control.boost_pressure());
             }
         });
-        // A sample of the controller may come a step of the master later or earlier.
+        // A sample of the controller may be a step of the master later or earlier.
         assert_figure_13_within(&answers, 0.0..0.9);
         common
     };
@@ -363,7 +363,7 @@ fn figure_13_at_other_communication_rates() {
     assert!(largest[0] <= 300.0 && largest[1] <= 20.0, "{largest:?} Pa in transients and at rest");
 }
 
-/// Both begin near the reference and go to it without overshoot. The map was identified with friction,
+/// The loop starts near the reference and approaches it without overshoot. The map was identified with friction,
 /// which a settled start does not have: up to 1.8 kPa.
 #[test]
 fn a_settled_loop_goes_to_its_reference() {
@@ -374,7 +374,7 @@ fn a_settled_loop_goes_to_its_reference() {
     control.run(3.0, |control| assert!(error(control) <= first + MARGIN, "{} Pa", error(control)));
 }
 
-/// Position control by the inverse of the plant's actuator, whatever the supply.
+/// Position control by the inverse of the plant's actuator, at varying supply.
 #[test]
 fn position_control_reaches_its_reference() {
     for (reference, voltage) in [0.2, 0.5, 0.8].into_iter().flat_map(|r| [11.0, 12.0, 13.5].map(|u| (r, u))) {
@@ -384,9 +384,9 @@ fn position_control_reaches_its_reference() {
             controller.mode = controller::ControlMode::Position;
         });
         let error = |control: &Loop| (control.position() - 100.0 * reference).abs();
-        // The start without friction is the inverse's; the settled solve is good to 1e-6.
+        // The inverse and the settled start are without friction; the latter is accurate to 1e-6.
         assert!(error(&control) <= 0.01, "{} points at the start", error(&control));
-        // Later the tank may rise and the pump move the supply: nothing of it reaches the wastegate.
+        // Later the tank's pressure and the supply vary, without effect on the wastegate.
         control.run(2.0, |_| {});
         assert!(error(&control) <= 0.1, "{} points", error(&control));
     }
@@ -429,7 +429,7 @@ fn figure_14(sensor: f64, compensate: bool, lambda: f64, noise: Option<Random>) 
 fn figure_14_with_compensation() {
     for (sensor, expected) in [(0.001, 240.0), (0.02, 520.0), (0.05, 1050.0), (0.1, 1800.0), (0.2, 2800.0)] {
         let largest = figure_14(sensor, true, 0.3, None);
-        // Beside the margin, half of the last digit that is known.
+        // The margin, and half of the last known digit.
         let digit = if expected < 1000.0 { 5.0 } else { 50.0 };
         assert!((largest - expected).abs() <= MARGIN + digit, "{largest} Pa instead of {expected} Pa");
     }
@@ -449,7 +449,7 @@ fn figure_14_without_compensation() {
     }
 }
 
-/// A loop in which the controller passes on a duty (%), under a supply (V) and after the engine has run.
+/// A running engine with the controller in open loop at a duty (%), with a supply (V).
 fn open_loop(duty: f64, voltage: f64, compensate: bool) -> Loop {
     let demand = controller::Inputs { pwm_reference: duty, ..controller::Inputs::default() };
     let surroundings = plant::Inputs { supply_voltage: voltage, ..plant::Inputs::default() };
@@ -481,8 +481,8 @@ fn figure_1_without_compensation() {
     assert!((12.3e3 - 90.0..=12.8e3 + 90.0).contains(&boost), "{boost} Pa");
 }
 
-/// Fig. 10 through the controller, which samples a lagged voltage: the compensation leaves a pulse of the
-/// wastegate at each edge that is soon over, and friction little at rest.
+/// Fig. 10 through the controller, which samples a lagged voltage: the compensation leaves a short pulse
+/// of the wastegate at each edge, and a small error by friction.
 #[test]
 fn figure_10() {
     let mut control = open_loop(44.0, 11.9, true);
@@ -500,7 +500,7 @@ fn figure_10() {
         });
         let end = control.position();
         println!("to {voltage} V: a pulse of {pulse} points, {} at rest", end - rest);
-        // Half of the last digit that is known beside 0.01 % of full scale.
+        // Half of the last known digit, and 0.01 % of full scale.
         assert!(pulse <= 5.3 + 0.06, "{pulse} points");
         assert!(later.iter().all(|position| (position - end).abs() <= 0.5 + 0.06), "{later:?}");
         assert!((end - rest).abs() <= 0.7 + 0.06, "{end} points");
@@ -522,7 +522,7 @@ fn a_compensated_duty_leaves_the_wastegate_alone() {
     }
 }
 
-/// Fig. 7: the hysteresis of the actuator, under a duty that goes slowly up and down.
+/// Fig. 7: the hysteresis of the actuator, with a slow ramp of the duty up and down.
 #[test]
 fn figure_7() {
     let mut control = open_loop(0.0, 12.0, false);
@@ -587,13 +587,13 @@ fn figure_8() {
     // leaking at 5 kPa in 72 s.
     assert!((begins - 71.88).abs() <= 0.07, "{begins} s");
     assert!((ends - 81.54).abs() <= 0.07, "{ends} s");
-    // The reference's 4.3 points, less what friction, whose force starts at its limit, gives way at first.
+    // The reference's 4.3 points, minus the initial effect of friction, which starts at its limit.
     assert!((-4.35..=-4.05).contains(&(during.0 - before.0)), "{} points", during.0 - before.0);
     assert!((last.0 - during.0 - 4.3).abs() <= 0.07, "{} points", last.0 - during.0);
     assert!((during.1 - before.1 - 1460.0).abs() <= 25.0, "{} Pa", during.1 - before.1);
 }
 
-/// With the high-pressure stage passed by, the low-pressure wastegate takes boost to its reference.
+/// With the high-pressure stage bypassed, the low-pressure wastegate controls boost.
 #[test]
 fn the_low_pressure_stage_follows_alone() {
     for engine_speed in [3500.0, 5000.0] {
@@ -609,8 +609,8 @@ fn the_low_pressure_stage_follows_alone() {
     }
 }
 
-/// A ramp of engine speed through the hand-over at 150 kPa: boost dips by some 30 kPa on the way up, swings
-/// by -7 to +6 kPa on the way down, and is back in either case.
+/// A ramp of engine speed through the handover at 150 kPa: boost dips by some 30 kPa upwards, varies by -7 to +6 kPa
+/// downwards, and returns in both cases.
 #[test]
 fn the_stages_hand_over() {
     for rate in [100.0, 400.0] {

@@ -1,4 +1,4 @@
-//! The command, run as a user would: its answers to what is wrong.
+//! The command, run as a user would: its error messages.
 
 use std::fs;
 use std::path::Path;
@@ -18,7 +18,7 @@ fn boost_fmu_in(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_boost-fmu")).args(arguments).current_dir(folder).output().unwrap()
 }
 
-/// What the command says on stderr when it fails.
+/// The message of a failing command.
 fn refusal(arguments: &[&str]) -> String {
     let output = boost_fmu(arguments);
     assert!(!output.status.success(), "{arguments:?} succeeded");
@@ -40,7 +40,7 @@ fn hostile_archives_are_refused_with_a_reason() {
         <fmiModelDescription modelName="&c;"/>"#;
     for (name, xml, reason) in [
         ("entities.fmu", entity, "it has a document type definition"),
-        ("nested.fmu", nested.as_str(), "more than 100 elements lie in each other"),
+        ("nested.fmu", nested.as_str(), "more than 100 elements are nested"),
         ("unknown_entity.fmu", r#"<fmiModelDescription modelName="&nothing;"/>"#, "fmiModelDescription"),
         ("twice.fmu", r#"<fmiModelDescription modelName="a" modelName="b"/>"#, "fmiModelDescription"),
         (
@@ -99,7 +99,7 @@ fn a_map_is_written_read_back_and_kept() {
     assert_eq!(check("--write-map").status.code(), Some(1));
     let template = fs::read_to_string(&map).unwrap();
     assert!(template.contains(r#""name": "pBoost""#), "{template}");
-    // What is there is not written over.
+    // An existing file is not overwritten.
     fs::write(&map, "mine").unwrap();
     assert_eq!(check("--write-map").status.code(), Some(2));
     assert_eq!(fs::read_to_string(&map).unwrap(), "mine");
@@ -107,24 +107,24 @@ fn a_map_is_written_read_back_and_kept() {
     let edited = |text: &str| {
         fs::write(&map, text).unwrap();
         let output = check("--map");
-        let said = [output.stdout, output.stderr].concat();
-        (output.status.code().unwrap(), String::from_utf8(said).unwrap())
+        let printed = [output.stdout, output.stderr].concat();
+        (output.status.code().unwrap(), String::from_utf8(printed).unwrap())
     };
     let map_of = |role: &str, fmu: &str, variables: &str| {
         format!(r#"{{"as": "{role}", "fmu": "{fmu}", "variables": {{{variables}}}}}"#)
     };
-    // Names that are left open are asked for, by name.
-    let (code, said) = edited(&template);
-    assert!(code == 2 && said.contains("leaves the name for hp_bypass open"), "{said}");
+    // Names that are left open are reported.
+    let (code, printed) = edited(&template);
+    assert!(code == 2 && printed.contains("leaves the name for hp_bypass open"), "{printed}");
     for (text, reason) in [
         (map_of("plant", "Other", r#""boost": null"#), "names boost, which is not a variable of a plant"),
         (map_of("plant", "Another", ""), "the map is for the FMU Another, not for Other"),
         (map_of("controller", "Other", ""), "the map is for a controller, not for a plant"),
         (map_of("plant", "Other", r#""boost_pressure": {"nam": "pBoost"}"#), "unknown field `nam`"),
-        ("{".to_owned(), "is not as it should be"),
+        ("{".to_owned(), "is not valid"),
     ] {
-        let (code, said) = edited(&text);
-        assert!(code == 2 && said.contains(reason) && said.contains(map_name), "{text}: {said}");
+        let (code, printed) = edited(&text);
+        assert!(code == 2 && printed.contains(reason) && printed.contains(map_name), "{text}: {printed}");
     }
     let unconnected = r#""vacuum_pump": null, "lp_wastegate": null, "hp_bypass": null, "tank_pressure": null,
         "supply_voltage_measured": null"#;
@@ -140,9 +140,9 @@ fn a_map_is_written_read_back_and_kept() {
         let variables = format!(
             r#"{unconnected}, "boost_pressure": {{"name": "pBoost", "unit": "bar"}}, "hp_wastegate_pwm": {duty}"#
         );
-        let (code, said) = edited(&map_of("plant", "Other", &variables));
-        assert!(code == expected && said.contains(reason), "{duty}: {code} {said}");
-        assert!(said.contains("boost_pressure = 100000 · pBoost"), "{said}");
+        let (code, printed) = edited(&map_of("plant", "Other", &variables));
+        assert!(code == expected && printed.contains(reason), "{duty}: {code} {printed}");
+        assert!(printed.contains("boost_pressure = 100000 · pBoost"), "{printed}");
     }
 }
 
@@ -154,7 +154,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// The descriptions of a plant and a controller that fit, of a name.
+/// The descriptions of a plant and a controller that fit, with a name.
 fn fitting(name: &str) -> [String; 2] {
     let real = |name: &&str, causality: &str| {
         format!(r#"<ScalarVariable name="{name}" causality="{causality}"><Real/></ScalarVariable>"#)
@@ -188,17 +188,17 @@ fn an_identifier_that_is_a_path_is_refused_by_every_command() {
         &["ssp", "--plant", &evil, "--controller", &controller],
     ] {
         let output = boost_fmu_in(&inner, arguments);
-        let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{said}");
+        let printed = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{printed}");
         let reason = r"the modelIdentifier '../../evil\u{1b}[2J' is not an identifier of C";
-        assert!(said.contains(&evil) && said.contains(reason), "{arguments:?}: {said}");
-        assert!(!said.contains('\u{1b}'), "{said:?}");
+        assert!(printed.contains(&evil) && printed.contains(reason), "{arguments:?}: {printed}");
+        assert!(!printed.contains('\u{1b}'), "{printed:?}");
     }
     assert_eq!(names(&folder), ["a"]);
     assert!(names(&inner).is_empty());
 }
 
-/// In names, units, descriptions, and where there is an error in them.
+/// In names, units, descriptions, and errors in them.
 #[test]
 fn a_description_does_not_control_the_terminal() {
     let harm = "&#27;]0;title&#7;\u{9b}31m\u{202e}&#10;";
@@ -209,24 +209,24 @@ fn a_description_does_not_control_the_terminal() {
     );
     let text = description(&variable).replace(r#"modelName="Other""#, &format!(r#"modelName="e{harm}""#));
     let fmu = archive("harm.fmu", "modelDescription.xml", &text);
-    let said = |arguments: &[&str]| {
+    let printed = |arguments: &[&str]| {
         let output = boost_fmu_in(&empty("harm"), arguments);
-        let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
-        assert!(said.chars().all(|character| character == '\n' || !character.is_control()), "{said:?}");
-        said
+        let printed = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+        assert!(printed.chars().all(|character| character == '\n' || !character.is_control()), "{printed:?}");
+        printed
     };
-    let table = said(&["info", &fmu]);
+    let table = printed(&["info", &fmu]);
     for name in ["a", "b", "c", "d", "e"] {
         assert!(table.contains(&format!("{name}{shown}")), "{table}");
     }
-    assert!(said(&["check", &fmu, "--as", "plant"]).contains(&format!("e{shown}")));
+    assert!(printed(&["check", &fmu, "--as", "plant"]).contains(&format!("e{shown}")));
     let broken = archive("harm_in_tag.fmu", "modelDescription.xml", "<a></\u{1b}[2J>");
-    assert!(said(&["info", &broken]).contains(r"\u{1b}[2J"));
+    assert!(printed(&["info", &broken]).contains(r"\u{1b}[2J"));
     let entry = archive("harm_in_entry.fmu", "../\u{1b}[2J", "");
-    assert!(said(&["info", &entry]).contains(r"'../\u{1b}[2J'"));
+    assert!(printed(&["info", &entry]).contains(r"'../\u{1b}[2J'"));
 }
 
-/// What is there in the end is one of both, and what others keep beside it is theirs.
+/// The file is one of theirs, and other files beside it are kept.
 #[test]
 fn two_processes_with_one_output_leave_one_complete_file() {
     let folder = empty("race");
@@ -274,15 +274,15 @@ fn outputs_that_are_inputs_are_refused() {
         (vec!["merge", "plant.fmu", "--out", "../overlap/plant.fmu"], "plant.fmu"),
     ] {
         let output = boost_fmu_in(&folder, &arguments);
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{said}");
-        assert!(said.contains(&format!("the input {lost} would be lost")), "{said}");
+        let printed = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{printed}");
+        assert!(printed.contains(&format!("the input {lost} would be lost")), "{printed}");
     }
     assert_eq!(fs::read(folder.join("plant.fmu")).unwrap(), plant);
     assert_eq!(names(&folder), ["controller.fmu", "plant.fmu", "set.ssv"]);
 }
 
-/// As on a full disk: nothing is left of what could not be written, and it is said once.
+/// As on a full disk: no part of the file is left, and the error is reported once.
 #[cfg(unix)]
 #[test]
 fn a_failed_write_leaves_no_file() {
@@ -307,9 +307,9 @@ fn a_failed_write_leaves_no_file() {
             .current_dir(&folder)
             .output()
             .unwrap();
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{said}");
-        assert_eq!(said.matches("File too large").count(), 1, "{said}");
+        let printed = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{printed}");
+        assert_eq!(printed.matches("File too large").count(), 1, "{printed}");
         assert!(names(&folder).is_empty(), "{arguments:?}: {:?}", names(&folder));
     }
 }

@@ -1,10 +1,10 @@
-"""The boost pressure controller in Python, for PythonFMU: what the one in Rust is compared with.
+"""The boost pressure controller in Python, for PythonFMU, to compare the one in Rust with.
 
 The law is that of `src/controller/` in mode boost with the paper's own structure: feedforward by bilinear
 interpolation, PID controller by lambda-tuning at the interpolated operating point, compensation of the supply
 voltage, and the relay of the vacuum tank, with the declared parameters. It does less than the FMU in Rust:
-each step is a sample, whatever its size; the high-pressure stage is never passed by; nothing is checked, and
-no intermediate value is handed out.
+each step is a sample, whatever its size; the high-pressure stage is never bypassed; nothing is checked, and
+no intermediate value is an output.
 """
 
 import json
@@ -35,7 +35,7 @@ class PythonController(Fmi2Slave):
         self.register_variable(Real("hp_wastegate_pwm", causality=Fmi2Causality.output))
         self.register_variable(Real("vacuum_pump", causality=Fmi2Causality.output))
 
-        # It lies beside this script wherever that is: in the folder of the build, in the FMU's resources.
+        # Beside this script, both in the build folder and in the FMU's resources.
         declared = json.loads(Path(__file__).with_name("controller.json").read_text())
         start = {variable["name"]: variable.get("start") for variable in declared["variables"]}
         (schedule,) = (c["variables"] for c in declared["components"] if c["name"] == "schedule")
@@ -56,7 +56,7 @@ class PythonController(Fmi2Slave):
 
     @staticmethod
     def place(axis, value):
-        """The grid point below a value, and how far on the way to the next one it is."""
+        """The grid point below a value, and the fraction of the interval to the next one."""
         below = bisect_right(axis, value, 1, len(axis) - 1) - 1
         fraction = (value - axis[below]) / (axis[below + 1] - axis[below])
         return below, min(max(fraction, 0.0), 1.0)

@@ -1,5 +1,4 @@
-/* A native master for FMUs that Python has loaded: what their functions cost without what each call from Python
- * does. */
+/* A native master for FMUs that Python has loaded: the cost of their functions without Python's call overhead. */
 #include <stddef.h>
 #include <time.h>
 
@@ -14,8 +13,8 @@ static double now(void)
     return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
 }
 
-/* How long (s) some steps of a size (s) from a time (s) on take. Before each, a row of inputs is set, where there
- * are any, and after it a row of outputs got. Negative when a call does not answer fmi2OK. */
+/* The duration (s) of some steps of a size (s) from a time (s) on. Before each, a row of inputs is set, if there
+* are any, and after it a row of outputs is read. Negative when a call does not return fmi2OK. */
 double run(SetReal *set_real, DoStep *do_step, GetReal *get_real, void *component, double time, double size,
            size_t steps, const unsigned *inputs, size_t input_count, const double *input_rows,
            const unsigned *outputs, size_t output_count, double *output_rows)

@@ -27,17 +27,17 @@ STEP = 1 / 80
 """The size of a step in s."""
 STEPS = 124 * 80
 SCENARIO = ROOT / "crates" / "boost-lab" / "scenarios" / "figure_13.toml"
-"""What boost pressure shall be when."""
+"""Steps of the boost reference over time."""
 
 LOOPS, REPETITIONS = 5, 20
-"""Of the closed loop, and of what is short; the shortest of them counts."""
+"""Repetitions of the closed loop and of short runs; the shortest one counts."""
 
 PAPER = 2
-"""The value of the parameter `structure` for the one that was ported to Python."""
+"""The parameter `structure` for the law that was ported to Python."""
 
 
 class FMU2ByName(FMU2Slave):
-    """An instance whose variables go by their names. (FMPy knows by the class's name that it is of FMI 2.)"""
+    """An instance with access by variable names. (FMPy recognizes FMI 2 by the class's name.)"""
 
     def __init__(self, folder: str) -> None:
         description = read_model_description(folder)
@@ -80,8 +80,9 @@ class NativeMaster:
         rows: list[list[float]],
         outputs: Iterable[str],
     ) -> tuple[float, list[list[float]]]:
-        """How long (s) a step takes with a row of inputs set before and outputs got after it; and these."""
-        # Everything is imported and looked up by then.
+        """The duration (s) of a step with a row of inputs set before and outputs read after it; and these
+        outputs."""
+        # By now everything is imported and looked up.
         slave.doStep(0.0, STEP)
         input_references, output_references = slave.references(inputs), slave.references(outputs)
         values = [value for row in rows for value in row]
@@ -100,7 +101,7 @@ class NativeMaster:
             c_size_t(len(output_references)),
             got,
         )
-        assert duration > 0.0, f"{slave.modelIdentifier} does not answer fmi2OK"
+        assert duration > 0.0, f"{slave.modelIdentifier} does not return fmi2OK"
         width = len(output_references)
         return duration / STEPS, [list(got[i * width : (i + 1) * width]) for i in range(STEPS)]
 
@@ -113,12 +114,12 @@ class Masters:
         built = work / "python"
         built.mkdir(parents=True)
         script = shutil.copy(Path(__file__).with_name("controller.py"), built)
-        # Beside the script, which reads it when the FMU is built, too.
+        # The script reads it during the build as well.
         declaration = shutil.copy(ROOT / "modelDescription" / "controller.json", built)
         FmuBuilder.build_FMU(script, dest=built, project_files=[declaration])
         paths = [*exported.glob("*.fmu"), *built.glob("*.fmu")]
         self.native = NativeMaster(work)
-        # Once: a library must not be written anew while it is loaded.
+        # Once: a library must not be overwritten while it is loaded.
         self.folders = {path.stem: extract(path, work / path.stem) for path in paths}
 
     def slave(self, name: str) -> FMU2ByName:
@@ -156,9 +157,9 @@ class Masters:
         return duration, [dict(zip(measurements, values, strict=True)) for values in measured]
 
     def controllers(self, measured: list[dict[str, float]]) -> dict[str, float]:
-        """How long (s) a controller's step takes in Rust and by PythonFMU, each called alike.
+        """The duration (s) of a controller's step in Rust and in PythonFMU, called in the same way.
 
-        Both get what was measured in the closed loop, and have to give the same duties.
+        Both get the measurements of the closed loop, and must give the same duties.
         """
         rows = [
             [reference, *row.values()] for reference, row in zip(boost_references(), measured, strict=True)
@@ -175,21 +176,21 @@ class Masters:
             return self.slave("PythonController").initialize()
 
         def steps(make: Callable[[], FMU2ByName]) -> float:
-            """A call of fmi2DoStep by the native master."""
+            """fmi2DoStep under the native master."""
             slave = make()
             duration, _ = self.native.run(slave, inputs=[], rows=[], outputs=[])
             slave.freeInstance()
             return duration
 
         def exchanges(make: Callable[[], FMU2ByName]) -> tuple[float, list[list[float]]]:
-            """The same with inputs set and outputs got; and the outputs."""
+            """The same with inputs set and outputs read; and the outputs."""
             slave = make()
             found = self.native.run(slave, inputs, rows, outputs)
             slave.freeInstance()
             return found
 
         def exchanges_by_fmpy(make: Callable[[], FMU2ByName]) -> float:
-            """The same by FMPy."""
+            """The same under FMPy."""
             slave = make()
             input_references, output_references = slave.references(inputs), slave.references(outputs)
             start = perf_counter()
@@ -203,7 +204,7 @@ class Masters:
 
         duties = [[row[0] for row in exchanges(make)[1]] for make in (rust, python)]
         apart = max(abs(a - b) for a, b in zip(*duties, strict=True))
-        # Both compute in doubles; the order of some sums is another.
+        # Both compute in doubles, but some sums have a different order.
         assert apart < 1e-9, f"the controllers' duties differ by {apart} %"
         measurements = {
             "step, Rust": lambda: steps(rust),
@@ -213,7 +214,7 @@ class Masters:
             "exchange by FMPy, Rust": lambda: exchanges_by_fmpy(rust),
             "exchange by FMPy, PythonFMU": lambda: exchanges_by_fmpy(python),
         }
-        # In turn, because a machine is slower for a while rather than now and then.
+        # In turn, because a machine stays slow for a while.
         runs = [{name: measure() for name, measure in measurements.items()} for _ in range(REPETITIONS)]
         return {name: min(run[name] for run in runs) for name in measurements}
 

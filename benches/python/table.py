@@ -1,7 +1,7 @@
 """Prints what `benches/run` measured: `python table.py TARGET`, with cargo's target folder.
 
-Times are the least of all samples in all passes, per step or call: on a machine that does other things, too,
-the rest says more of these. Instructions do not depend on that; they decide on what is a matter of percents.
+Times are the least of all samples in all passes, per step or call, since other load only adds to them.
+Instruction counts do not depend on other load, and decide where percents matter.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 from masters import STEP, STEPS
 
 Figures = dict[tuple[str, str], float]
-"""By what is done, and who does it."""
+"""By benchmark group and implementation."""
 
 RANDOM = range(1, 11)
 """The experiments in which all inputs move at random."""
@@ -36,7 +36,6 @@ GROUPS = [
     "instantiate settled",
     "closed loop",
 ]
-"""The rows of the table."""
 
 
 def times(target: Path) -> Figures:
@@ -53,7 +52,7 @@ def times(target: Path) -> Figures:
 
 
 def instructions(target: Path) -> Figures:
-    """As callgrind counted them."""
+    """Instructions counted by callgrind."""
     found = {}
     folder = target / "benches" / "counts"
     with (folder / "names.csv").open() as file:
@@ -129,7 +128,7 @@ def print_targets(time: Figures, count: Figures, python: dict[str, float]) -> No
     ratio = time[group, "fmu"] / time[group, "reference"]
     target("slowest step at most 2 times the reference's", f"{ratio:.2f} times", ratio <= 2)
     step, exchange = (python[f"{what}, PythonFMU"] / python[f"{what}, Rust"] for what in ("step", "exchange"))
-    measured = f"{step:.0f} times ({exchange:.0f} with inputs set and outputs got)"
+    measured = f"{step:.0f} times ({exchange:.0f} with inputs set and outputs read)"
     target("controller's step 100 times faster than PythonFMU's", measured, step >= 100)
     for mode, limit in (("running", 100e-6), ("settled", 20e-3)):
         seconds = time[f"instantiate {mode}", "fmu"]
@@ -149,7 +148,7 @@ def main() -> None:
 
     native, simulated = time["closed loop", "fmu"], STEPS * STEP
     heading("closed loop of 124 s at 80 Hz", "time", "times real time", "share inside the FMUs")
-    # The native master makes the same calls as the one in Python, and does nothing else that takes time.
+    # The native master makes the same calls as the one in Python, with negligible overhead.
     for who, seconds, share in (
         ("both models called in Rust", time["closed loop", "direct"], ""),
         ("both FMUs under a native master", native, ""),
@@ -157,11 +156,11 @@ def main() -> None:
     ):
         row(who, duration(seconds), f"{simulated / seconds:.0f}", share)
 
-    # Both FMUs in one process with Python, which that of PythonFMU needs, under the same masters.
+    # Both FMUs in one process with Python, which PythonFMU needs, under the same masters.
     heading("controller's step", "in Rust", "by PythonFMU", "ratio")
     for name, what in (
         ("step", "fmi2DoStep under a native master"),
-        ("exchange", "the same with inputs set and outputs got"),
+        ("exchange", "the same with inputs set and outputs read"),
         ("exchange by FMPy", "the same under FMPy"),
     ):
         rust, other = python[f"{name}, Rust"], python[f"{name}, PythonFMU"]

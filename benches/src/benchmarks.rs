@@ -1,4 +1,4 @@
-//! What is measured: each subject in some groups, once for each that it is compared with.
+//! The benchmarks: groups of one task each, once for every implementation.
 
 use std::collections::BTreeMap;
 use std::hint::black_box;
@@ -22,23 +22,23 @@ use crate::plant::{Fmu, Plant, RungeKutta, library};
 use crate::random_experiment::RandomExperiment;
 use crate::reference::Reference;
 
-/// What is measured.
+/// A task to measure.
 pub trait Subject {
-    /// Brings it to where what is measured begins.
+    /// Prepares the next run, outside of the measurement.
     fn prepare(&mut self) {}
-    /// What is measured.
+    /// Runs the task.
     fn run(&mut self);
 }
 
-/// A subject before it is made, which may take a while.
+/// A benchmark, with a constructor of its task, since that may take a while.
 pub struct Benchmark {
-    /// What is done.
+    /// The task.
     pub group: String,
-    /// Who does it: `fmu`, `direct` or `reference`.
+    /// The implementation: `fmu`, `direct` or `reference`.
     pub by: &'static str,
-    /// How often it is done in one run.
+    /// Repetitions in one run.
     pub elements: u64,
-    /// Whether its instructions are worth counting, too.
+    /// Whether to count its instructions as well.
     pub counted: bool,
     make: Box<dyn Fn() -> Box<dyn Subject>>,
 }
@@ -63,24 +63,24 @@ impl Benchmark {
         Self { counted: false, ..self }
     }
 
-    /// Makes the subject.
+    /// Makes the task.
     #[must_use]
     pub fn make(&self) -> Box<dyn Subject> {
         (self.make)()
     }
 }
 
-/// Steps of 1 ms, in s.
+/// In s.
 const SHORT_STEP: f64 = 1e-3;
-/// How often what is short is done in one run, so that reading the clock does not count.
+/// Repetitions of a short task in one run, so that reading the clock does not count.
 const OFTEN: usize = 1000;
-/// How many values are got and set at once.
+/// The number of values read or set in one call.
 const VALUES: usize = 10;
-/// An area in m² on which the exhaust pushes the wastegate: the gas path acts on the actuation there, so that
-/// the plant cannot be integrated in two halves.
+/// In m². With an exhaust area the gas path acts on the actuation, and the plant cannot be integrated in two
+/// halves.
 const EXHAUST_AREA: f64 = 1e-4;
 
-/// Everything that is measured, in the order of the table.
+/// All benchmarks, in the order of the table.
 #[must_use]
 pub fn all() -> Vec<Benchmark> {
     let mut all = vec![
@@ -123,7 +123,7 @@ pub fn all() -> Vec<Benchmark> {
     let default = FeedbackStructure::ModelReference;
     for (group, size, sample_time, structure) in [
         ("controller 12.5 ms", STEP, STEP, default),
-        // What the controller in Python has.
+        // As the controller in Python.
         ("controller 12.5 ms paper", STEP, STEP, FeedbackStructure::Paper),
         ("controller 1 ms", SHORT_STEP, STEP, default),
         ("controller empty", 1e-7, 1.0, default),
@@ -174,7 +174,7 @@ impl RightHandSide for Reference {
     }
 }
 
-/// A right-hand side all over the recorded experiment.
+/// A right-hand side, evaluated along the recorded experiment.
 struct Rates<R> {
     system: R,
     points: Vec<(States, Inputs)>,
@@ -205,7 +205,7 @@ impl<R: RightHandSide> Subject for Rates<R> {
     }
 }
 
-/// The plant over a stretch of the recorded experiment, by each.
+/// The plant over a stretch of the recorded experiment, for each implementation.
 fn plant_steps(group: &str, stretch: Stretch, size: f64, exhaust_area: f64) -> [Benchmark; 3] {
     let count = steps(stretch.count, size);
     [
@@ -219,9 +219,9 @@ fn plant_steps(group: &str, stretch: Stretch, size: f64, exhaust_area: f64) -> [
     ]
 }
 
-/// The states at the begin of a step of the recorded experiment, with an exhaust area in m².
+/// The states at the beginning of a step of the recorded experiment, with an exhaust area in m².
 fn states_at(row: usize, exhaust_area: f64) -> States {
-    /// By the bits of the area: at the begin of each step.
+    /// By the bits of the area, for the beginning of each step.
     static STATES: Mutex<BTreeMap<u64, Vec<States>>> = Mutex::new(BTreeMap::new());
     let mut states = STATES.lock().expect("nothing panicked");
     states.entry(exhaust_area.to_bits()).or_insert_with(|| {
@@ -248,7 +248,7 @@ struct PlantSteps<P: Plant> {
 impl<P: Plant> PlantSteps<P> {
     fn new(stretch: &Stretch, size: f64, exhaust_area: f64) -> Self {
         let recorded = Experiment::recorded();
-        // Half a second of steps before, for a method that chooses its steps by those before.
+        // Half a second of steps before, since the step size control depends on earlier steps.
         let first = stretch.first.saturating_sub(40);
         let before = Stretch { name: "", first, count: stretch.first - first };
         let states = if first == 0 { recorded.states } else { states_at(first, exhaust_area) };
@@ -286,14 +286,14 @@ impl<P: Plant> Subject for PlantSteps<P> {
     }
 }
 
-/// The step of the recorded experiment that takes the FMU longest.
+/// The step of the recorded experiment on which the FMU spends the longest time.
 fn slowest_step() -> usize {
     static SLOWEST: OnceLock<usize> = OnceLock::new();
     *SLOWEST.get_or_init(|| {
         let recorded = Experiment::recorded();
         let mut plant = Fmu::given(&recorded.states, &recorded.inputs[0], 0.0);
         let begin = plant.save();
-        // What else the machine does, it does at other steps in each pass.
+        // Other load hits different steps in each pass.
         let mut least = vec![Duration::MAX; recorded.inputs.len()];
         for _ in 0..10 {
             plant.restore(&begin);
@@ -342,7 +342,7 @@ impl<P: Plant> Subject for SlowestStep<P> {
     }
 }
 
-/// The controller's inputs: an error that does not vanish.
+/// Inputs of the controller with a lasting control error.
 const REFERENCE: f64 = 150e3;
 const MEASUREMENT: f64 = 149e3;
 
@@ -407,7 +407,7 @@ impl Subject for DirectController {
 /// The value references of the plant's first Real variables of a causality.
 fn references(causality: Causality) -> [ValueReference; VALUES] {
     let names: Vec<_> = library().named(causality).take(VALUES).collect();
-    library().references(&names).try_into().expect("there are as many")
+    library().references(&names).try_into().expect("there are ten")
 }
 
 /// Values of the plant's FMU, after a step.
@@ -428,7 +428,7 @@ impl FmuReals {
     }
 }
 
-/// Gets them.
+/// Reads the values.
 struct FmuGet(FmuReals);
 
 impl Subject for FmuGet {
@@ -440,7 +440,7 @@ impl Subject for FmuGet {
     }
 }
 
-/// Sets them.
+/// Sets the values.
 struct FmuSet(FmuReals);
 
 impl Subject for FmuSet {
@@ -451,7 +451,7 @@ impl Subject for FmuSet {
     }
 }
 
-/// Values of the plant's variables, by the generated accessors.
+/// Values of the plant's variables, through the generated accessors.
 struct DirectReals {
     variables: Variables,
     references: [ValueReference; VALUES],
@@ -466,7 +466,6 @@ impl DirectReals {
     }
 }
 
-/// Reads them.
 struct DirectGet(DirectReals);
 
 impl Subject for DirectGet {
@@ -480,7 +479,6 @@ impl Subject for DirectGet {
     }
 }
 
-/// Writes them.
 struct DirectSet(DirectReals);
 
 impl Subject for DirectSet {
@@ -494,7 +492,7 @@ impl Subject for DirectSet {
     }
 }
 
-/// From nothing to a plant's FMU that is ready for its first step.
+/// The plant's FMU from instantiation until it is ready for its first step.
 struct FmuStart {
     mode: InitializationMode,
     instance: Option<Instance<'static>>,
@@ -514,7 +512,7 @@ impl Subject for FmuStart {
     }
 }
 
-/// The same of the model.
+/// The same for the model.
 struct DirectStart {
     mode: InitializationMode,
     plant: Option<Box<Direct<BoostPlant>>>,

@@ -1,5 +1,5 @@
-//! The closed loop over the steps of the paper's Fig. 13, as `benches/python/masters.py` has it: 124 s at
-//! 80 Hz, in each step the controller first.
+//! The closed loop over the steps of the paper's Fig. 13, as in `benches/python/masters.py`: 124 s at 80 Hz, in
+//! each step the controller first.
 
 use std::sync::OnceLock;
 
@@ -22,18 +22,18 @@ const STEP: f64 = 1.0 / 80.0;
 pub const STEPS: u32 = 124 * 80;
 
 fn boost_reference(step: u32) -> f64 {
-    // Half a step later than it begins, where rounding does not matter.
+    // Half a step later, where rounding does not matter.
     let time = (f64::from(step) + 0.5) * STEP;
     BOOST_STEPS[BOOST_STEPS.partition_point(|&(begin, _)| begin <= time) - 1].1
 }
 
-/// The exported library of the controller, which is loaded once.
+/// The exported library of the controller, loaded once.
 pub fn controller_library() -> &'static Library {
     static LIBRARY: OnceLock<Library> = OnceLock::new();
     LIBRARY.get_or_init(Library::load::<BoostController>)
 }
 
-/// Value references of what one takes from the other, and room for the values.
+/// The value references of a connection at both ends, and a buffer for the values.
 #[derive(Debug)]
 struct Wires {
     sources: Vec<ValueReference>,
@@ -42,7 +42,7 @@ struct Wires {
 }
 
 impl Wires {
-    /// Outputs and inputs of equal names.
+    /// Connects outputs to inputs of equal names.
     fn between(source: &Library, target: &Library) -> Self {
         let inputs: Vec<_> = target.named(Causality::Input).collect();
         let names: Vec<_> = source.named(Causality::Output).filter(|name| inputs.contains(name)).collect();

@@ -1,12 +1,12 @@
-//! Runs what is measured once each, for valgrind to count the instructions; `benches/run` does so.
+//! Runs each benchmark once under valgrind, which counts the instructions; `benches/run` does so.
 //!
-//! Prints group, who did it and how often, in the order in which [`counted`] is left.
+//! Prints group, implementation and repetitions, in the order in which [`counted`] returns.
 
 use std::hint::black_box;
 
 use benches::benchmarks::{Subject, all};
 
-/// What valgrind is told to count: everything below this function, and nothing else.
+/// Valgrind counts the instructions in calls of this function, and no others.
 #[inline(never)]
 fn counted(subject: &mut dyn Subject) {
     subject.run();
@@ -16,7 +16,7 @@ fn counted(subject: &mut dyn Subject) {
 fn main() {
     for benchmark in all().into_iter().filter(|benchmark| benchmark.counted) {
         let mut subject = benchmark.make();
-        // Once before, for what is done on first use.
+        // A warm-up for what is done on first use.
         subject.prepare();
         subject.run();
         subject.prepare();

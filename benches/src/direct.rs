@@ -1,22 +1,22 @@
-//! A model called directly: what a loop in Rust costs without FMI.
+//! A model called directly, without FMI.
 
 use fmu_export::{Context, Experiment, InputSignal, InputsOf, Model, Step};
 
-/// A model with what surrounds it.
+/// A model with its variables, inputs and time.
 #[derive(Clone)]
 pub struct Direct<M: Model> {
     /// The model.
     pub model: M,
     /// Its variables.
     pub variables: M::Variables,
-    /// Its inputs from now on.
+    /// The inputs of the next step.
     pub inputs: InputSignal<InputsOf<M>>,
     /// The end of the last step in s.
     pub time: f64,
 }
 
 impl<M: Model> Direct<M> {
-    /// A model that was initialized at time 0 with its inputs and changed variables.
+    /// A model, initialized at time 0 with its inputs and changed variables.
     ///
     /// # Panics
     /// When it cannot be initialized.
@@ -31,12 +31,12 @@ impl<M: Model> Direct<M> {
         Self { model, variables, inputs, time: 0.0 }
     }
 
-    /// Takes new inputs.
+    /// Sets the inputs.
     pub fn set(&mut self, inputs: InputsOf<M>) {
         self.inputs = InputSignal::constant(inputs);
     }
 
-    /// One communication step of a size in s.
+    /// A communication step with its size in s.
     ///
     /// # Panics
     /// When it fails.

@@ -1,8 +1,8 @@
 //! The recorded experiment of 40 s, `tests/data/plant_trace.csv`, and stretches of it; and those of 20 s in which
 //! all inputs move at random.
 //!
-//! In the recorded one a controller is at work until 20 s (steps of its reference at 2, 10 and 18 s, of the voltage
-//! at 8, 12 and 16 s), until 30 s the speed rises, and then the duty goes from rail to rail.
+//! The recorded one is closed-loop until 20 s (steps of the reference at 2, 10 and 18 s, of the voltage at 8, 12
+//! and 16 s); the speed rises until 30 s, and then the duty steps between its limits.
 
 use std::sync::OnceLock;
 
@@ -24,16 +24,16 @@ pub struct Experiment {
 }
 
 impl Experiment {
-    /// The experiment, which is read once.
+    /// The experiment, read once.
     ///
     /// # Panics
-    /// When the file is not what it was.
+    /// When the file has another format.
     pub fn recorded() -> &'static Self {
         static RECORDED: OnceLock<Experiment> = OnceLock::new();
         RECORDED.get_or_init(|| {
             let mut lines = include_str!("../../tests/data/plant_trace.csv").lines();
             let states = initial_states(lines.next());
-            // The heading has no numbers.
+            // The header.
             let rows = lines.map(|line| numbers(line, ',')).filter(|row| !row.is_empty());
             Self { states, inputs: rows.map(|row| inputs_of(&row[1..11])).collect() }
         })
@@ -54,7 +54,7 @@ impl Experiment {
         let mut held = None;
         (0..steps(stretch.count, size))
             .map(|step| {
-                // Half a step in: away from the rounding at its begin.
+                // Half a step in, away from rounding at its beginning.
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
                 let row = ((step as f64 + 0.5) * size / STEP) as usize;
                 let changes = held != Some(inputs[row]);
@@ -65,7 +65,7 @@ impl Experiment {
     }
 }
 
-/// How many steps of a size in s go into as many of the experiment's.
+/// The number of steps of a size in s in so many of the experiment's.
 #[must_use]
 pub fn steps(count: usize, size: f64) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
@@ -76,16 +76,16 @@ pub fn steps(count: usize, size: f64) -> usize {
 /// A part of the experiment.
 #[derive(Clone, Copy, Debug)]
 pub struct Stretch {
-    /// What happens in it.
+    /// For the benchmark's name.
     pub name: &'static str,
-    /// Its first step.
+    /// The index of its first step.
     pub first: usize,
-    /// How many steps it has.
+    /// The number of its steps.
     pub count: usize,
 }
 
 impl Stretch {
-    /// Nothing changes, a second after the last step of the duty.
+    /// A second after the last step of the duty; nothing changes.
     pub const QUIET: Self = Self { name: "quiet", first: 2800, count: 80 };
     /// The voltage falls by 0.9 V, and the controller compensates.
     pub const VOLTAGE: Self = Self { name: "voltage", first: 640, count: 20 };
@@ -93,6 +93,6 @@ impl Stretch {
     pub const DUTY: Self = Self { name: "duty", first: 2560, count: 20 };
     /// The throttle shuts to 30 %, and the duty falls.
     pub const LOAD: Self = Self { name: "load", first: 2880, count: 20 };
-    /// All of it.
+    /// The whole experiment.
     pub const WHOLE: Self = Self { name: "whole", first: 0, count: 3200 };
 }

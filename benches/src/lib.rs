@@ -1,9 +1,9 @@
-//! What the models and their FMUs cost, and what to compare it with.
+//! Benchmarks of the models and their FMUs.
 //!
-//! [`benchmarks::all`] lists what is measured, each by several: the exported library through the C
+//! [`benchmarks::all`] lists them, each for several implementations: the exported library through the C
 //! functions of FMI 2.0 ([`library`]), the model called directly ([`direct`]), and for the plant the
 //! straightforward right-hand side under a plain Runge-Kutta method ([`mod@reference`]). `src/time.rs` measures
-//! how long they take, `src/count.rs` lets valgrind count their instructions. `bash benches/run` does both and
+//! times, `src/count.rs` instruction counts, with valgrind. `bash benches/run` does both and
 //! prints the table.
 
 pub mod benchmarks;

@@ -1,4 +1,4 @@
-//! The exported libraries, called through the C functions of FMI 2.0 as an importer calls them.
+//! The exported libraries, called through the C functions of FMI 2.0, as importers do.
 
 use std::env;
 use std::ffi::{CString, c_char, c_int};
@@ -12,7 +12,7 @@ use fmu_export::c_types::{
 use fmu_export::description::{Causality, VariableDescription};
 use fmu_export::{Model, Variables};
 
-/// Declares the functions that are called, by their names in the standard.
+/// Declares functions by their names in the standard.
 macro_rules! functions {
     ($($name:ident: $symbol:literal ($($argument:ty),*) $(-> $answer:ty)?;)*) => {
         /// The library of an FMU.
@@ -20,9 +20,9 @@ macro_rules! functions {
         pub struct Library {
             $($name: unsafe extern "C" fn($($argument),*) $(-> $answer)?,)*
             guid: CString,
-            /// What its value references stand for.
+            /// By value reference.
             variables: &'static [VariableDescription],
-            /// Last, so that it is unloaded when nothing points into it any more.
+            /// Last, so that it is dropped after all pointers into it.
             _loaded: libloading::Library,
         }
 
@@ -30,7 +30,7 @@ macro_rules! functions {
             /// The library of a model, as the export made it.
             ///
             /// # Panics
-            /// When it was not exported, or by another version of the models.
+            /// When it was not exported, or from another version of the models.
             #[must_use]
             pub fn load<M: Model>() -> Self {
                 let description = M::Variables::DESCRIPTION;
@@ -41,8 +41,8 @@ macro_rules! functions {
                     panic!("{}: {error}; export first: cargo run --release -- export", path.display())
                 });
                 Self {
-                    // SAFETY: the types are those of the standard, by which the library declares them.
-                    $($name: *unsafe { loaded.get($symbol) }.expect("every function is there"),)*
+                    // SAFETY: the library exports the standard's functions with the standard's types.
+                    $($name: *unsafe { loaded.get($symbol) }.expect("the library exports every function"),)*
                     guid: CString::new(description.guid).expect("no NUL in it"),
                     variables: description.variables,
                     _loaded: loaded,
@@ -68,18 +68,18 @@ functions! {
     do_step: b"fmi2DoStep\0" (Component, f64, f64, Boolean) -> Status;
 }
 
-/// Where the export has cargo put a library, and packs it from: in the folder of this program's profile.
+/// The library in cargo's folder for this program's profile, from which the export packs it.
 fn path(model_identifier: &str) -> PathBuf {
-    let program = env::current_exe().expect("the program has a place");
+    let program = env::current_exe().expect("the program has a path");
     let mut folder = program.parent().expect("it is in a folder");
-    // That of benches and of what else is named after a hash.
+    // Benchmarks are in a folder below.
     if folder.ends_with("deps") {
-        folder = folder.parent().expect("cargo's folder is around it");
+        folder = folder.parent().expect("it is below cargo's folder");
     }
     folder.join(format!("{}{model_identifier}{}", env::consts::DLL_PREFIX, env::consts::DLL_SUFFIX))
 }
 
-/// Checks an answer as masters do.
+/// Checks a status as masters do.
 fn check(status: Status) {
     assert_eq!(status, Status::Ok);
 }
@@ -88,7 +88,7 @@ impl Library {
     /// The value references of variables.
     ///
     /// # Panics
-    /// When there is no variable of a name.
+    /// When there is no such variable.
     #[must_use]
     pub fn references(&self, names: &[&str]) -> Vec<ValueReference> {
         let reference = |name| {
@@ -118,8 +118,7 @@ impl Library {
             step_finished: None,
             component_environment: ptr::null_mut(),
         };
-        // SAFETY: strings and callbacks outlive the call; null stands for the resources, of which there are
-        // none.
+        // SAFETY: strings and callbacks outlive the call; the model has no resources, and takes null.
         let component = unsafe {
             (self.instantiate)(
                 c"benchmark".as_ptr(),
@@ -139,7 +138,7 @@ impl Library {
 /// An instance of an FMU.
 #[derive(Debug)]
 pub struct Instance<'a> {
-    /// What it is an instance of.
+    /// The FMU's library.
     pub library: &'a Library,
     component: Component,
     /// The end of its last step in s.
@@ -148,7 +147,7 @@ pub struct Instance<'a> {
 
 impl Drop for Instance<'_> {
     fn drop(&mut self) {
-        // SAFETY: the component is the library's and was not freed.
+        // SAFETY: the component comes from this library and was not freed.
         unsafe { (self.library.free_instance)(self.component) }
     }
 }
@@ -156,7 +155,7 @@ impl Drop for Instance<'_> {
 impl Instance<'_> {
     /// Enters the initialization mode for an experiment that starts at 0.
     pub fn enter_initialization(&mut self) {
-        // SAFETY: as in `drop`; so are the calls below, and their arrays have the lengths that are told.
+        // SAFETY: as in `drop`, also for the calls below, whose arrays have the lengths passed.
         unsafe {
             check((self.library.setup_experiment)(self.component, FALSE, 0.0, 0.0, FALSE, 0.0));
             check((self.library.enter_initialization_mode)(self.component));
@@ -169,10 +168,10 @@ impl Instance<'_> {
         check(unsafe { (self.library.exit_initialization_mode)(self.component) });
     }
 
-    /// Gets Real values.
+    /// Reads Real values.
     ///
     /// # Panics
-    /// When there are not as many as references, or the library refuses.
+    /// When there are not as many as references, or the call fails.
     pub fn get(&mut self, references: &[ValueReference], values: &mut [f64]) {
         assert_eq!(references.len(), values.len());
         // SAFETY: see above.
@@ -189,7 +188,7 @@ impl Instance<'_> {
     /// Sets Real values.
     ///
     /// # Panics
-    /// When there are not as many as references, or the library refuses.
+    /// When there are not as many as references, or the call fails.
     pub fn set(&mut self, references: &[ValueReference], values: &[f64]) {
         assert_eq!(references.len(), values.len());
         // SAFETY: see above.
@@ -206,14 +205,14 @@ impl Instance<'_> {
         });
     }
 
-    /// One step of a size in s.
+    /// A step with its size in s.
     pub fn step(&mut self, size: f64) {
         // SAFETY: see above.
         check(unsafe { (self.library.do_step)(self.component, self.time, size, TRUE) });
         self.time += size;
     }
 
-    /// Saves everything; the state goes with the instance.
+    /// Saves the state, which is freed with the instance.
     pub fn save(&mut self) -> State {
         let mut state = ptr::null_mut();
         // SAFETY: see above; a null state asks for a new one.
@@ -221,9 +220,9 @@ impl Instance<'_> {
         State { state, time: self.time }
     }
 
-    /// Goes back to what was saved.
+    /// Restores a saved state.
     pub fn restore(&mut self, saved: &State) {
-        // SAFETY: see above; the library knows the states that are its own.
+        // SAFETY: see above; the library checks that the state is one of this instance.
         check(unsafe { (self.library.set_fmu_state)(self.component, saved.state) });
         self.time = saved.time;
     }

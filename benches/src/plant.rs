@@ -1,4 +1,4 @@
-//! The plant by each of the three that compute it, alike for whoever steps it.
+//! The plant's three implementations behind one trait.
 
 use std::sync::OnceLock;
 
@@ -12,31 +12,30 @@ use crate::direct::Direct;
 use crate::library::{Instance, Library, State};
 use crate::reference::Reference;
 
-/// A plant that can go back to where it was.
+/// A plant that can save and restore its state.
 pub trait Plant {
-    /// What it needs for that.
+    /// A saved state.
     type Saved;
-    /// A plant that starts from states. The exhaust pushes on an area in m² of its wastegate, which is none as
-    /// declared.
+    /// A plant that starts from states. The exhaust acts on an area in m² of its wastegate, by default 0.
     fn given(states: &States, inputs: &Inputs, exhaust_area: f64) -> Self;
-    /// Takes new inputs.
+    /// Sets the inputs.
     fn set(&mut self, inputs: &Inputs);
-    /// One communication step of a size in s.
+    /// A communication step with its size in s.
     fn step(&mut self, size: f64);
-    /// Saves everything.
+    /// Saves the state.
     fn save(&mut self) -> Self::Saved;
-    /// Goes back to what was saved.
+    /// Restores a saved state.
     fn restore(&mut self, saved: &Self::Saved);
 }
 
-/// The exported library of the plant, which is loaded once.
+/// The exported library of the plant, loaded once.
 pub fn library() -> &'static Library {
     static LIBRARY: OnceLock<Library> = OnceLock::new();
     LIBRARY.get_or_init(Library::load::<BoostPlant>)
 }
 
-/// The FMU.
 #[derive(Debug)]
+/// The FMU.
 pub struct Fmu {
     /// The instance.
     pub instance: Instance<'static>,
@@ -114,7 +113,7 @@ impl Plant for Direct<BoostPlant> {
     }
 }
 
-/// The straightforward right-hand side under the Runge-Kutta method.
+/// The straightforward right-hand side with the Runge-Kutta method.
 #[derive(Clone)]
 pub struct RungeKutta {
     reference: Reference,

@@ -1,9 +1,9 @@
-//! The straightforward right-hand side that the plant's own is measured against, and the plainest way to
-//! integrate it: the classical Runge-Kutta method at 1/2400 s.
+//! The straightforward right-hand side to compare the plant with, and the simplest integration: the classical
+//! Runge-Kutta method at 1/2400 s.
 //!
-//! The equations are those of `src/plant/`, which has their sources, written straight down in plain
-//! numbers: no derivatives, nothing kept from one evaluation to the next, no outputs. This text must not
-//! drift from the plant's: the test at its end holds both to the same values.
+//! The equations are those of `src/plant/`, which names their sources, in plain numbers: no derivatives, nothing
+//! kept from one evaluation to the next, no outputs. The test below compares both, so that they do not drift
+//! apart.
 
 use std::f64::consts::PI;
 
@@ -13,7 +13,7 @@ use boost_fmu::plant::variables::{
 
 /// The step of the Runge-Kutta method in s.
 const STEP: f64 = 1.0 / 2400.0;
-/// The pressure in Pa from which states are seen.
+/// Pressures (Pa) are at least this.
 const LOWEST_PRESSURE: f64 = 1.0;
 
 /// An ideal gas.
@@ -69,8 +69,8 @@ impl Orifice {
         area * (pressure / (self.gas.constant * temperature).sqrt()) * flow
     }
 
-    /// The flow from the first to the second side, each given by pressure and temperature.
-    #[allow(clippy::float_cmp, reason = "an area of exactly 0 is an opening that is shut")]
+    /// The flow from the first to the second side, each with its pressure and temperature.
+    #[allow(clippy::float_cmp, reason = "an area of exactly 0 is a shut opening")]
     fn flow(&self, area: f64, first: (f64, f64), second: (f64, f64)) -> f64 {
         if area == 0.0 {
             0.0
@@ -82,14 +82,14 @@ impl Orifice {
     }
 }
 
-/// What a compressor or a turbine does.
+/// The operating point of a compressor or turbine.
 struct Turbomachine {
     mass_flow: f64,
     outlet_temperature: f64,
     power: f64,
 }
 
-/// The plant with its parameters, and the constants that follow from them.
+/// The plant's parameters, and the constants that follow from them.
 #[derive(Clone)]
 pub struct Reference {
     parameters: Parameters,
@@ -126,7 +126,7 @@ impl Reference {
 
     /// Advances the states by a duration in s.
     pub fn advance(&self, states: &mut States, inputs: &Inputs, duration: f64) {
-        // The cast is of a count that fits; the share is that of rounding in the duration.
+        // The count fits; the factor allows for rounding in the duration.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let count = (duration / STEP - 1e-6).ceil().max(1.0) as u32;
         let step = duration / f64::from(count);
@@ -422,11 +422,11 @@ mod tests {
     use crate::bench::{Bench, FULL_SCALES, inputs_of, numbers, reference_states, states_of};
     use crate::random::Random;
 
-    /// Holds the right-hand side to the plant's, which is what its initialization hands out.
+    /// Compares the right-hand side with the plant's, which its initialization calculates.
     ///
-    /// 1e-9 leaves room for another order of the operations, as in the plant's own tests. Beside it stands
-    /// 1e-9 of the full scale a second, for rates that are differences of nearly equal flows.
-    fn assert_the_same(case: &str, states: States, inputs: Inputs) {
+    /// The tolerance of 1e-9 allows for another order of operations, as in the plant's own tests; 1e-9 of the full
+    /// scale per second is added, for rates that are differences of nearly equal flows.
+    fn assert_equal(case: &str, states: States, inputs: Inputs) {
         let expected = Bench::given(inputs, states).variables.derivatives;
         let found = Reference::new(&Parameters::default()).right_hand_side(&states, &inputs);
         let pairs = reference_states(&found).into_iter().zip(reference_states(&expected)).zip(FULL_SCALES);
@@ -439,22 +439,22 @@ mod tests {
     }
 
     #[test]
-    fn the_right_hand_side_is_the_plant_s_at_the_golden_points() {
+    fn the_right_hand_side_is_the_plants_at_the_golden_points() {
         let golden = |case: &str, quantity: &str| {
             let heading = format!("{case} {quantity} ");
             let mut rows = include_str!("../../tests/data/golden.txt").lines();
             numbers(rows.find_map(|line| line.strip_prefix(&heading)).expect("the case exists"), ' ')
         };
         for case in ["G1", "G2", "G3"] {
-            assert_the_same(case, states_of(&golden(case, "x")), inputs_of(&golden(case, "u")));
+            assert_equal(case, states_of(&golden(case, "x")), inputs_of(&golden(case, "u")));
         }
     }
 
     #[test]
-    fn the_right_hand_side_is_the_plant_s_at_random_points() {
+    fn the_right_hand_side_is_the_plants_at_random_points() {
         let mut random = Random(1);
         for point in 0..1000 {
-            // From a stopped engine's to beyond full load's, in any combination.
+            // From a stopped engine to beyond full load, in any combination.
             let states = states_of(&[
                 random.between(5e2, 6e4),
                 random.between(2e4, 1.1e5),
@@ -485,7 +485,7 @@ mod tests {
                 random.between(8e4, 1.1e5),
                 random.between(2.4e2, 3.2e2),
             ]);
-            assert_the_same(&format!("point {point}"), states, inputs);
+            assert_equal(&format!("point {point}"), states, inputs);
         }
     }
 }

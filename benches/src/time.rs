@@ -1,5 +1,5 @@
-//! How long everything takes: `cargo bench --profile fmu-library --package benches`, after
-//! `cargo run --release -- export`; a part of a name measures that alone.
+//! Times: `cargo bench --profile fmu-library --package benches`, after
+//! `cargo run --release -- export`; an argument selects benchmarks by a part of the name.
 
 use std::time::{Duration, Instant};
 
@@ -17,7 +17,7 @@ fn main() {
         group.throughput(Throughput::Elements(benchmark.elements));
         group.sampling_mode(SamplingMode::Flat);
         if matches!(&*benchmark.group, "plant 12.5 ms whole" | "closed loop") {
-            // Long enough by itself.
+            // One run is long enough.
             group.sample_size(10);
         }
         let mut made: Option<Box<dyn Subject>> = None;

@@ -1,4 +1,4 @@
-//! Compiles the logger that FMUs call: its arguments are variadic, and stable Rust cannot define such a function.
+//! Compiles the logger that FMUs call: stable Rust cannot define a variadic function.
 
 fn main() {
     println!("cargo:rerun-if-changed=src/importer/logger.c");

@@ -1,21 +1,22 @@
-"""A PI controller of boost pressure in Python: somebody else's controller, for BoostPlant.
+"""A PI controller of boost pressure in Python, as an FMU from another tool for BoostPlant.
 
-It meets the plant by equal names, and takes its place with nothing else to be said.
+It has the interface's names and units, and needs no map.
 """
 
 from pythonfmu import Fmi2Causality, Fmi2Variability
 from quantity import Quantity, SlaveWithUnits
 
 PWM_MIN, PWM_MAX = 25.0, 75.0
-"""Within which the wastegate's actuator moves, at the nominal voltage (%)."""
+"""The range in which the wastegate's actuator moves, at the nominal voltage (%)."""
 NOMINAL_VOLTAGE, LEAST_VOLTAGE = 12.0, 6.0
-"""At which a duty needs no compensation, and below which none is made (V)."""
+"""The nominal voltage, and the one below which a duty is not compensated (V)."""
 TANK_PRESSURE_ON, TANK_PRESSURE_OFF = 35e3, 30e3
-"""Above the first the vacuum pump goes on, below the second off (Pa)."""
+"""Above the first the vacuum pump is switched on, below the second off (Pa)."""
 
 
 class PiController(SlaveWithUnits):
-    """The law's increments are added up within the limits of the duty: no integral winds up."""
+    """The law's increments are added up within the limits of the duty, so that the integral does not wind
+    up."""
 
     def __init__(self, **kwargs):
         super().__init__(**kwargs)
@@ -23,13 +24,13 @@ class PiController(SlaveWithUnits):
         self.boost_reference = self.boost_pressure = 125e3
         self.tank_pressure = 32.5e3
         self.supply_voltage_measured = NOMINAL_VOLTAGE
-        # As of BoostController's maps at 1500 rpm and 180 kPa, where a duty does most: a time constant of
-        # 1.8 s, -96 hPa/%, a delay of 0.07 s; so that the closed loop has a time constant of 0.3 s.
+        # By BoostController's maps at 1500 rpm and 180 kPa, with the largest gain: a time constant of 1.8 s,
+        # -96 hPa/%, a delay of 0.07 s; for a closed loop with a time constant of 0.3 s.
         self.gain, self.integral_time = -5.6e-4, 1.8
         # At 1500 rpm and 125 kPa.
         self.hp_wastegate_pwm = self.duty = 44.0
         self.vacuum_pump = 0.0
-        # The stages of the engine stay as they are.
+        # The stages do not change.
         self.lp_wastegate = self.hp_bypass = 0.0
         self.error = None
 
@@ -52,7 +53,7 @@ class PiController(SlaveWithUnits):
             )
 
     def do_step(self, current_time, step_size):
-        # Some masters hand over zeros before the first measurement.
+        # Some masters pass zeros before the first measurement.
         if self.boost_pressure == 0.0:
             return True
         error = self.boost_reference - self.boost_pressure

@@ -1,7 +1,7 @@
-"""Units for FMUs of PythonFMU: variables that have one, and models that define those of their variables.
+"""Units for FMUs of PythonFMU: variables with units, and models that define these.
 
-PythonFMU 0.7 itself writes none. What a variable and a model write of themselves is for a class to extend,
-though; with the units declared, `boost-fmu check` sees what must be converted.
+PythonFMU 0.7 itself writes none, but its classes for variables and models can be extended. With declared
+units, `boost-fmu check` finds the conversions.
 """
 
 from xml.etree.ElementTree import Element, SubElement
@@ -18,7 +18,7 @@ BASE_UNITS = {
     "Pa": {"kg": "1", "m": "-1", "s": "-2"},
     "bar": {"kg": "1", "m": "-1", "s": "-2", "factor": "1e5"},
 }
-"""What each unit is in the SI's base units: a value times the factor is the SI's."""
+"""Each unit in SI base units: a value times the factor is in SI units."""
 
 
 class Quantity(Real):
@@ -42,9 +42,9 @@ class SlaveWithUnits(Fmi2Slave):
         definitions = Element("UnitDefinitions")
         for unit in sorted({variable.unit for variable in self.vars.values()}):
             SubElement(SubElement(definitions, "Unit", name=unit), "BaseUnit", BASE_UNITS[unit])
-        # The standard wants them between CoSimulation and LogCategories.
+        # The standard requires them between CoSimulation and LogCategories.
         root.insert(1, definitions)
-        # The standard wants calculated outputs here as well; PythonFMU 0.7 leaves them out.
+        # The standard requires calculated outputs here as well; PythonFMU 0.7 omits them.
         structure = root.find("ModelStructure")
         structure.append(Element("InitialUnknowns"))
         structure.find("InitialUnknowns").extend(structure.find("Outputs"))

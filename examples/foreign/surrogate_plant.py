@@ -1,7 +1,7 @@
-"""A quick model of a turbocharged engine in Python: somebody else's plant, for BoostController.
+"""A simple model of a turbocharged engine in Python, as an FMU from another tool for BoostController.
 
-It has other names and other units than BoostPlant. What it computes is fitted to BoostController's maps at
-1500 rpm: the static boost pressure by a logistic function of the wastegate's duty, and its lag.
+It has other names and units than BoostPlant. It is fitted to BoostController's maps at 1500 rpm: the static
+boost pressure is a logistic function of the wastegate's duty, followed by a lag.
 """
 
 from math import exp
@@ -12,17 +12,18 @@ from quantity import Quantity, SlaveWithUnits
 AMBIENT_PRESSURE = 1.01325
 """bar."""
 BOOST_LEAST, BOOST_SPAN = 1.05, 1.35
-"""With the wastegate open, and by how much it rises with the wastegate shut (bar)."""
+"""With the wastegate open, and the rise with the wastegate shut (bar)."""
 DUTY_MIDDLE, DUTY_WIDTH = 0.37, 0.037
-"""Where it is half way between, and over which duties it changes."""
+"""The duty of half the rise, and the width of the change."""
 ENGINE_SPEED, VOLTAGE = 157.08, 12.0
-"""At which this holds (rad/s, V): boost above ambient goes with the speed, the valve with the voltage."""
+"""The operating point (rad/s, V): boost above ambient is proportional to the speed, the valve to the
+voltage."""
 TIME_CONSTANT, ACTUATOR_TIME_CONSTANT = 1.5, 0.07
 """Of boost pressure and of the wastegate's actuator (s)."""
 TANK_LEAK, TANK_PUMPED = 0.001, 0.0058
-"""By what the pressure in the vacuum tank rises, and what the pump takes away (bar/s)."""
+"""The rise of the pressure in the vacuum tank, and its fall by the pump (bar/s)."""
 PUMP_VOLTAGE = 0.2
-"""By what the pump lowers the supply's voltage (V)."""
+"""The voltage drop by the pump (V)."""
 
 
 class SurrogatePlant(SlaveWithUnits):

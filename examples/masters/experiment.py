@@ -1,12 +1,12 @@
-"""What every master of this folder runs: the steps of the boost reference of the paper's Fig. 13."""
+"""The experiment of every master in this folder: the steps of the boost reference of the paper's Fig. 13."""
 
 STEP = 1 / 80
-"""From one communication point to the next (s): the controller's sample time."""
+"""The communication step (s): the controller's sample time."""
 STEPS = 124 * 80
 COMMANDS = ["hp_wastegate_pwm", "vacuum_pump", "lp_wastegate", "hp_bypass"]
-"""What the controller puts out and the plant takes."""
+"""From the controller to the plant."""
 MEASUREMENTS = ["boost_pressure", "tank_pressure", "supply_voltage_measured"]
-"""What the plant puts out and the controller takes."""
+"""From the plant to the controller."""
 
 KILOPASCALS = {
     0: 125,
@@ -30,7 +30,7 @@ def boost_reference(step):
 
 
 def report(rows):
-    """Prints how far boost pressure, the first of what each step reached, went past the reference."""
+    """Prints the overshoot of boost pressure, the first value of each row."""
     up = down = 0.0
     begins = [80 * time for time in KILOPASCALS][1:]
     for begin, end in zip(begins, [*begins[1:], STEPS], strict=True):

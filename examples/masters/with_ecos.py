@@ -1,4 +1,4 @@
-"""Both FMUs in Ecos: pip install ecospy tbb, and LD_LIBRARY_PATH says where TBB is."""
+"""Both FMUs in Ecos: pip install ecospy tbb, with the folder of TBB in LD_LIBRARY_PATH."""
 
 from ecospy import EcosSimulation, EcosSimulationStructure
 from experiment import COMMANDS, MEASUREMENTS, STEP, STEPS, boost_reference, report

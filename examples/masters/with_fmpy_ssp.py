@@ -5,7 +5,7 @@ from fmpy.ssp.simulation import simulate_ssp
 
 inputs = {
     "boost_reference": lambda time: boost_reference(round(time / STEP)),
-    # FMPy hands over zero where it is given nothing: it leaves out the system's parameter bindings.
+    # FMPy ignores the system's parameter bindings, and passes zero for other inputs.
     "engine_speed": lambda time: 1500.0,
     "supply_voltage": lambda time: 12.0,
     "throttle": lambda time: 1.0,

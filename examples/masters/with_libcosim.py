@@ -1,4 +1,4 @@
-"""Boost.ssp in libcosim, by its Python interface: pip install libcosimpy."""
+"""Boost.ssp in libcosim, with its Python interface: pip install libcosimpy."""
 
 from zipfile import ZipFile
 
@@ -10,7 +10,7 @@ from libcosimpy.CosimObserver import CosimObserver
 
 ZipFile("target/fmu/Boost.ssp").extractall("target/boost")
 log_output_level(CosimLogLevel.FATAL)
-# libcosim knows no connectors of a system: Components.ssd is the system without them.
+# libcosim does not support connectors of a system: Components.ssd is the system without them.
 execution = CosimExecution.from_ssp_file("target/boost/Components.ssd", step_size=round(STEP * 1e9))  # ns
 observer, manipulator = CosimObserver.create_last_value(), CosimManipulator.create_override()
 execution.add_observer(observer)

@@ -1,4 +1,4 @@
-//! `check`: whether an FMU can take the plant's or the controller's place, as a table.
+//! `check`: whether an FMU can replace the plant or the controller, as a table.
 
 use std::path::Path;
 
@@ -7,12 +7,12 @@ use boost_interface::{Compatibility, NameMap, Role};
 use fmu_package::terminal::print;
 use fmu_package::{FmuDescription, writing};
 
-/// Prints how an FMU fits, and writes a map to be edited where one is asked for. Whether it fits.
+/// Prints how an FMU fits, and writes a map to be edited if wanted. Returns whether it fits.
 pub fn run(path: &Path, role: Role, map: Option<&Path>, write_map: Option<&Path>) -> Result<bool> {
     let description = FmuDescription::read(path)?;
     let file = map;
     let map = file.map(NameMap::read).transpose()?;
-    // A map is all that can be wrong.
+    // Only the map can be wrong.
     let compatibility = Compatibility::new(role, &description, map.as_ref())
         .with_context(|| file.map_or_else(String::new, |file| file.display().to_string()))?;
     print(&compatibility.to_string())?;

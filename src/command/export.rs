@@ -1,5 +1,4 @@
-//! `export`: exports the models as `cargo fmu export` does, and where both are exported, the system that they
-//! make as a package beside them.
+//! `export`: exports the models as `cargo fmu export` does, and the package of their system if both are exported.
 
 use std::path::PathBuf;
 
@@ -10,7 +9,7 @@ use fmu_package::reading;
 
 use super::ssp;
 
-/// Exports models; the package of both binds the parameter sets.
+/// Exports models; the package binds the parameter sets.
 pub fn run(export: Export, parameters: &[PathBuf]) -> Result<()> {
     let plan = export.plan()?;
     let members = [Role::Plant, Role::Controller].map(Role::model_identifier);

@@ -1,4 +1,4 @@
-//! The command line: what it takes, and which module does it.
+//! The command line's arguments, and the module that runs each command.
 
 mod check;
 mod coupling;
@@ -12,7 +12,7 @@ use boost_interface::Role;
 use cargo_fmu::{Info, Merge, Parameters};
 use clap::{Parser, Subcommand};
 
-/// What the process ends with.
+/// For the help.
 const EXIT_STATUSES: &str = "\
 Exit status:
   0    it is done; `check`: the FMU can take the place
@@ -21,7 +21,7 @@ Exit status:
   130  it was interrupted";
 
 /// Exports the plant and the controller of the boost control as FMI 2.0 co-simulation FMUs, and couples them
-/// with FMUs of other makers.
+/// with FMUs from other tools.
 #[derive(Parser)]
 #[command(name = "boost-fmu", version, arg_required_else_help = true, after_help = EXIT_STATUSES)]
 struct Arguments {
@@ -35,27 +35,27 @@ enum Command {
     Export {
         #[command(flatten)]
         export: cargo_fmu::Export,
-        /// Parameter sets that Boost.ssp binds to the FMU that has their parameters
+        /// Parameter sets, each bound in Boost.ssp to the FMU that has its parameters
         #[arg(long, value_name = "FILE.ssv")]
         parameters: Vec<PathBuf>,
     },
     Merge(Merge),
     Info(Info),
     Parameters(Parameters),
-    /// Tell whether an FMU can take the plant's or the controller's place
+    /// Check whether an FMU can replace the plant or the controller
     ///
     /// Exits with 0 when it can, with 1 when it cannot and with 2 on an error
     Check {
-        /// An FMU of any maker
+        /// An FMU from any tool
         #[arg(value_name = "FILE.fmu")]
         file: PathBuf,
         /// The place
         #[arg(long = "as", value_name = "PLACE")]
         role: Role,
-        /// Which of its variables are those of the interface, and their units
+        /// A map from its names and units to the interface
         #[arg(long, value_name = "FILE.json")]
         map: Option<PathBuf>,
-        /// Write a map to be edited, with the names that may be meant
+        /// Write a map to be edited, with suggested names
         #[arg(long, value_name = "FILE.json")]
         write_map: Option<PathBuf>,
     },
@@ -70,7 +70,7 @@ enum Command {
         /// Maps for FMUs with other names and units, as `check --write-map` writes them
         #[arg(long, value_name = "FILE.json")]
         map: Vec<PathBuf>,
-        /// Parameter sets that are bound to the FMU that has their parameters
+        /// Parameter sets, each bound to the FMU that has its parameters
         #[arg(long, value_name = "FILE.ssv")]
         parameters: Vec<PathBuf>,
         /// The file to write [default: Boost.ssp]
@@ -79,7 +79,7 @@ enum Command {
     },
 }
 
-/// Does what the command line asks for. Whether the answer is yes, where it is a question.
+/// Runs the command. Returns false when `check` finds that an FMU does not fit.
 pub fn run() -> Result<bool> {
     match Arguments::parse().command {
         Command::Export { export, parameters } => export::run(export, &parameters).map(|()| true),

@@ -95,7 +95,7 @@ fn place(set: &ParameterSet, plant: &FmuDescription, controller: &FmuDescription
         Role::Plant => (plant, controller),
         Role::Controller => (controller, plant),
     };
-    // What neither has is refused with the names of the other, when the set is compared with it.
+    // Parameters of neither FMU are refused when the set is compared with this one.
     if let Some(stray) =
         set.parameters.iter().find(|parameter| !has(own, &parameter.name) && has(other, &parameter.name))
     {
@@ -110,7 +110,7 @@ fn place(set: &ParameterSet, plant: &FmuDescription, controller: &FmuDescription
     Ok(role)
 }
 
-/// Writes a package and says so.
+/// Writes a package and prints its path.
 pub fn write(package: &SystemPackage, path: &Path) -> Result<()> {
     writing::write(path, |writer| package.write(writer))?;
     cargo_fmu::say(path, "")

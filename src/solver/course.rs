@@ -1,5 +1,5 @@
-//! The course of a system's states through an interval of time, in steps of [`rosenbrock`](super::rosenbrock) whose
-//! length follows from their errors, and what is remembered from one interval to the next.
+//! The integration of a system over an interval of time, in steps of [`rosenbrock`](super::rosenbrock) with error
+//! control, and the memory from one interval to the next.
 
 use std::cell::Cell;
 
@@ -11,33 +11,33 @@ use super::rosenbrock::{Begin, Linearization};
 use super::step_size::{StepSize, largest_error, relative_error};
 use crate::elementary::power;
 
-/// The length in s below which a step that does not meet its tolerance is given up.
+/// The shortest step in s; the integration fails if it is rejected.
 const SMALLEST_STEP: f64 = 1e-9;
-/// The difference of times, relative to a step, for derivatives with respect to time.
+/// The difference in time for numerical derivatives, relative to the step.
 pub(super) const TIME_DIFFERENCE: f64 = 1e-3;
-/// A jump of the inputs changes the slopes at once. Where this alone would change the states by more than so
-/// many tolerances over the step that was proposed before, the linearization belongs to another place.
+/// The linearization is no longer used after a jump of the inputs that changes the slopes by more than so many
+/// tolerances over the proposed step.
 const JUMP_RENEWS: f64 = 100.0;
-/// How the first step after a jump is shortened: by a power of the ratio to so many tolerances. A step that is
-/// long and damps the fast modes would not see that the jump has excited them.
+/// The first step after a jump is shortened by a power of the ratio to so many tolerances: a long step would damp the
+/// fast modes that the jump has excited, without an error in its estimate.
 #[derive(Clone, Copy, Debug)]
 pub struct JumpLaw {
-    /// The change in tolerances from which on the step is shortened.
+    /// The least change, in tolerances, for a shorter step.
     pub tolerances: f64,
     /// The exponent of the ratio.
     pub exponent: f64,
 }
 
-/// How the steps of a system are judged.
+/// The error control of a system.
 #[derive(Clone, Copy, Debug)]
 pub struct Rules<const N: usize> {
     /// The states' names.
     pub names: [&'static str; N],
-    /// What counts as 100 % of each state where the error of a step is judged.
+    /// The full scale of each state, for the error of a step.
     pub error_scales: [f64; N],
-    /// The magnitude of each state, for the differences that linearizations are made of.
+    /// The magnitude of each state, for the differences of linearizations.
     pub magnitudes: [f64; N],
-    /// The least that each state can be. A step that leads below it was too long.
+    /// The least value of each state. A step to a lower value is rejected.
     pub least: [f64; N],
     /// The share of the tolerance for the error of a single step.
     pub share: f64,
@@ -45,20 +45,20 @@ pub struct Rules<const N: usize> {
     pub jump: JumpLaw,
     /// The longest step in s.
     pub longest_step: f64,
-    /// For how many steps at most a linearization serves.
+    /// The most steps with the same linearization.
     pub linearization_serves: u32,
 }
 
-/// Why the states at the end of an interval are not known.
+/// A failed integration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IntegrationFailure {
-    /// The time in s until which they are.
+    /// The time in s that was reached.
     pub time: f64,
     /// The name of the state whose error is too large.
     pub state: &'static str,
 }
 
-/// The steps that may still be tried, so that an integration ends in bounded time.
+/// The remaining number of trial steps, which bounds the time of an integration.
 #[derive(Debug)]
 pub struct Budget(Cell<f64>);
 
@@ -68,43 +68,43 @@ impl Budget {
         Self(Cell::new(trials))
     }
 
-    /// Counts a trial. Whether another one is allowed.
+    /// Counts a trial, and returns whether it is allowed.
     fn spend(&self) -> bool {
         self.0.set(self.0.get() - 1.0);
         self.0.get() > 0.0
     }
 }
 
-/// An interval of time to go through.
+/// An interval of time.
 #[derive(Clone, Copy, Debug)]
 pub struct Interval<'a> {
-    /// Its begin in s.
+    /// In s.
     pub from: f64,
-    /// Its end in s.
+    /// In s.
     pub to: f64,
-    /// The error that the states may have, relative to their full scales.
+    /// The allowed error of the states, relative to their full scales.
     pub tolerance: f64,
-    /// What may be spent on this interval and those after it.
+    /// For this interval and those after it.
     pub budget: &'a Budget,
 }
 
 impl Interval<'_> {
-    /// Whether no more steps are tried after one that was taken or not.
+    /// Whether the integration stops after a step that was accepted or rejected.
     fn is_given_up(&self, steps: &StepSize, taken: bool) -> bool {
         !self.budget.spend() || !taken && steps.next < SMALLEST_STEP
     }
 }
 
-/// What is remembered of a system from one interval to the next. It only saves work.
+/// The memory of a system from one interval to the next, which only saves work.
 #[derive(Clone, Copy, Debug)]
 pub struct StepMemory<const STATES: usize, const INPUTS: usize> {
     /// The length of the next step in s.
     pub step: f64,
-    /// What the steps are solved with.
+    /// The linear equations of the steps.
     pub linearization: Linearization<STATES>,
     /// The derivatives at the end of the last interval, …
     slopes: [f64; STATES],
-    /// … and the inputs that they belong to; not numbers where there are none.
+    /// … and the inputs that they belong to; not-a-number if there are none.
     inputs: [f64; INPUTS],
 }
 
@@ -119,7 +119,7 @@ impl<const STATES: usize, const INPUTS: usize> Persistent for StepMemory<STATES,
 }
 
 impl<const STATES: usize, const INPUTS: usize> StepMemory<STATES, INPUTS> {
-    /// Nothing remembered but the length of the first step in s.
+    /// An empty memory, with the length of the first step in s.
     pub fn new(first_step: f64) -> Self {
         Self {
             step: first_step,
@@ -129,13 +129,13 @@ impl<const STATES: usize, const INPUTS: usize> StepMemory<STATES, INPUTS> {
         }
     }
 
-    /// The derivatives where the last interval ended, if they are those with these inputs.
+    /// The derivatives at the end of the last interval, if they belong to these inputs.
     pub fn slopes(&self, inputs: &[f64; INPUTS]) -> Option<[f64; STATES]> {
         let is_same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
         self.inputs.iter().zip(inputs).all(is_same).then_some(self.slopes)
     }
 
-    /// Adapts to slopes that have jumped since the last interval.
+    /// Adapts to a jump of the slopes since the last interval.
     pub fn adapt_to_jump(&mut self, course: &mut Course<'_, STATES>) {
         if self.inputs[0].is_nan() {
             return;
@@ -152,32 +152,31 @@ impl<const STATES: usize, const INPUTS: usize> StepMemory<STATES, INPUTS> {
         }
     }
 
-    /// Remembers where an interval ends.
+    /// Remembers the end of an interval.
     pub fn end(&mut self, course: &Course<'_, STATES>, inputs: [f64; INPUTS]) {
         (self.step, self.slopes, self.inputs) = (course.steps.next, course.slopes, inputs);
     }
 }
 
-/// The states of a system on their way through an interval.
+/// The integration of a system within an interval.
 #[derive(Debug)]
 pub struct Course<'a, const N: usize> {
-    /// The interval.
     pub interval: Interval<'a>,
     rules: &'a Rules<N>,
-    /// The reciprocals of the errors that a step may have.
+    /// The reciprocals of the tolerances.
     weights: [f64; N],
-    /// The length of the next step.
+    /// The step size control.
     pub steps: StepSize,
-    /// The time that is reached.
+    /// The time that was reached.
     pub time: f64,
-    /// The states there.
+    /// The states at this time.
     pub states: [f64; N],
     /// Their derivatives.
     pub slopes: [f64; N],
 }
 
 impl<'a, const N: usize> Course<'a, N> {
-    /// A course from states with their derivatives.
+    /// A course that starts at states with their derivatives.
     pub fn new(
         interval: Interval<'a>,
         first_step: f64,
@@ -202,12 +201,12 @@ impl<'a, const N: usize> Course<'a, N> {
         (length, if length >= left { self.interval.to } else { self.time + length })
     }
 
-    /// Where the next step begins.
+    /// The start of the next step.
     pub fn begin<'b>(&'b self, drift: &'b [f64; N]) -> Begin<'b, N> {
         Begin { time: self.time, states: &self.states, slopes: &self.slopes, drift }
     }
 
-    /// How the derivatives change with time alone, at the begin of a step of a length.
+    /// The partial derivatives with respect to time at the start of a step of a length.
     pub fn drift(
         &self,
         derivatives: impl FnOnce(f64, &[f64; N]) -> [f64; N],
@@ -222,8 +221,7 @@ impl<'a, const N: usize> Course<'a, N> {
         std::array::from_fn(|i| (later[i] - self.slopes[i]) / difference)
     }
 
-    /// Takes a step, or has it tried again with another length. Without a trial its linear equations had no
-    /// solution.
+    /// Accepts or rejects a step. Without a trial, its linear equations had no solution.
     pub fn settle(
         &mut self,
         trial: Option<Trial<N>>,

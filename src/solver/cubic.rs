@@ -1,17 +1,17 @@
 //! Interpolation between the steps of an integrator: a cubic through values and slopes at both ends (Hermite),
 //! whose error falls with the fourth power of the step.
 
-/// A cubic between two points of a curve, of which the slopes there are known.
+/// A cubic between two points with known slopes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Cubic {
     begin: f64,
     duration: f64,
-    /// By powers of the time relative to the duration.
+    /// Coefficients of the powers of the time relative to the duration.
     coefficients: [f64; 4],
 }
 
 impl Cubic {
-    /// The cubic over `duration` from a time, through values and slopes at begin and end.
+    /// The cubic over `duration` from a time, through values and slopes at start and end.
     pub fn new(begin: f64, duration: f64, values: [f64; 2], slopes: [f64; 2]) -> Self {
         let rise = values[1] - values[0];
         let [first, second] = slopes.map(|slope| slope * duration);
@@ -37,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cubic_is_met_everywhere() {
+    fn a_cubic_is_interpolated_exactly() {
         // t³ − 2·t from 1 to 3.
         let cubic = Cubic::new(1.0, 2.0, [-1.0, 21.0], [1.0, 25.0]);
         for t in [1.0_f64, 1.3, 2.0, 2.9, 3.0] {

@@ -31,7 +31,7 @@ pub fn solve<const N: usize>(mut matrix: [[f64; N]; N], mut right_side: [f64; N]
 /// `None` when the matrix is singular to working precision or not finite.
 #[must_use]
 pub fn inverse<const N: usize>(mut matrix: [[f64; N]; N]) -> Option<[[f64; N]; N]> {
-    // In place: the columns that become those of the unit matrix hold those of the inverse instead.
+    // In place: columns of the inverse are stored instead of the unit matrix's.
     let mut pivots = [0; N];
     for column in 0..N {
         let pivot = pivot(&matrix, column)?;
@@ -51,7 +51,7 @@ pub fn inverse<const N: usize>(mut matrix: [[f64; N]; N]) -> Option<[[f64; N]; N
         }
         matrix[column] = row;
     }
-    // Rows were exchanged before the inversion, so columns are after it.
+    // Exchanged rows of a matrix are exchanged columns of its inverse.
     for column in (0..N).rev().filter(|&column| pivots[column] != column) {
         for row in &mut matrix {
             row.swap(column, pivots[column]);
@@ -60,7 +60,7 @@ pub fn inverse<const N: usize>(mut matrix: [[f64; N]; N]) -> Option<[[f64; N]; N
     matrix.iter().flatten().all(|x| x.is_finite()).then_some(matrix)
 }
 
-/// The row from the diagonal on that has the largest element of a column; `None` if it is nothing to divide by.
+/// The row from the diagonal on with the largest element of a column; `None` if it is zero or not finite.
 #[inline]
 fn pivot<const N: usize>(matrix: &[[f64; N]; N], column: usize) -> Option<usize> {
     let mut pivot = column;

@@ -1,8 +1,7 @@
 //! Integration of a system in two parts, each with the steps that suit it.
 //!
-//! The fast part does not depend on the slow one. It goes ahead in small steps; the slow part follows behind in
-//! large ones. One state of the fast part drives the slow one, which finds it between the steps of the fast part by
-//! cubic interpolation.
+//! The fast part does not depend on the slow one, and leads in small steps; the slow part follows in large ones. One
+//! state of the fast part drives the slow one, with cubic interpolation between the fast steps.
 
 use fmu_export::Error;
 use fmu_export::persistence::{Archive, Persistent};
@@ -11,20 +10,20 @@ use super::course::{Course, IntegrationFailure, Interval, Rules, StepMemory, TIM
 use super::cubic::Cubic;
 use super::rosenbrock::step;
 
-/// How many steps the fast part may be ahead.
+/// The most steps that the fast part may lead.
 const MOST_AHEAD: usize = 16;
 
-/// The part that goes ahead.
+/// The leading part.
 pub trait Fast<const STATES: usize, const INPUTS: usize>: Copy {
-    /// What it does at an instant.
+    /// Its values at an instant.
     type Evaluation: Copy;
-    /// How its steps are judged.
+    /// Its error control.
     const RULES: &'static Rules<STATES>;
-    /// Whether its inputs are the same at any time.
+    /// Whether its inputs are constant.
     fn is_constant(&self) -> bool;
-    /// The inputs that it sees at a time.
+    /// Its inputs at a time.
     fn inputs(&self, time: f64) -> [f64; INPUTS];
-    /// What it does at a time with states.
+    /// Its values at a time with states.
     fn evaluate(&self, time: f64, states: &[f64; STATES]) -> Self::Evaluation;
     /// The derivatives of its states.
     fn derivatives(evaluation: &Self::Evaluation) -> [f64; STATES];
@@ -32,23 +31,23 @@ pub trait Fast<const STATES: usize, const INPUTS: usize>: Copy {
     fn driver(states: &[f64; STATES]) -> f64;
 }
 
-/// The part that follows, driven by a state of the fast one.
+/// The following part, driven by a state of the fast one.
 pub trait Slow<const STATES: usize, const INPUTS: usize>: Copy {
-    /// What it does at an instant.
+    /// Its values at an instant.
     type Evaluation: Copy;
-    /// How its steps are judged.
+    /// Its error control.
     const RULES: &'static Rules<STATES>;
-    /// Whether its inputs, but for the driver, are the same at any time.
+    /// Whether its inputs other than the driver are constant.
     fn is_constant(&self) -> bool;
-    /// The inputs that it sees at a time.
+    /// Its inputs at a time.
     fn inputs(&self, time: f64) -> [f64; INPUTS];
-    /// What it does at a time with states, and a driver.
+    /// Its values at a time with states and a driver.
     fn evaluate(&self, time: f64, states: &[f64; STATES], driver: f64) -> Self::Evaluation;
     /// The derivatives of its states.
     fn derivatives(evaluation: &Self::Evaluation) -> [f64; STATES];
-    /// The function of the driver in which the derivatives are nearly linear.
+    /// The driver's effect: a function of it in which the derivatives are nearly linear.
     fn effect(&self, driver: f64) -> f64;
-    /// How the derivatives, which are `slopes` with a driver, change with its effect.
+    /// The derivatives of the slopes with respect to the effect; `slopes` are those with the driver.
     fn by_effect(
         &self,
         time: f64,
@@ -58,17 +57,17 @@ pub trait Slow<const STATES: usize, const INPUTS: usize>: Copy {
     ) -> [f64; STATES];
 }
 
-/// What is remembered of the slow part from one interval to the next.
+/// The memory of the slow part from one interval to the next.
 #[derive(Clone, Copy, Debug)]
 pub struct SlowMemory<const STATES: usize, const INPUTS: usize> {
-    /// What is remembered of any system.
+    /// The memory of any system.
     pub memory: StepMemory<STATES, INPUTS>,
     /// See [`Slow::by_effect`]; belongs to the linearization.
     by_effect: [f64; STATES],
 }
 
 impl<const STATES: usize, const INPUTS: usize> SlowMemory<STATES, INPUTS> {
-    /// Nothing remembered but the length of the first step in s.
+    /// An empty memory, with the length of the first step in s.
     pub fn new(first_step: f64) -> Self {
         Self { memory: StepMemory::new(first_step), by_effect: [0.0; STATES] }
     }
@@ -82,10 +81,10 @@ impl<const STATES: usize, const INPUTS: usize> Persistent for SlowMemory<STATES,
     }
 }
 
-/// A part with what is remembered of it, and its states at the begin of the interval, which become those at its end.
+/// A part with its memory and its states, which advance from the start to the end of the interval.
 pub type Going<'a, Remembered, const STATES: usize> = (&'a mut Remembered, &'a mut [f64; STATES]);
 
-/// Advances both parts of a system over an interval. Returns what they do at its end.
+/// Advances both parts of a system over an interval. Returns their values at its end.
 pub fn advance<P, const FAST: usize, const FAST_INPUTS: usize, const SLOW: usize, const SLOW_INPUTS: usize>(
     system: P,
     (fast_memory, fast_states): Going<'_, StepMemory<FAST, FAST_INPUTS>, FAST>,
@@ -113,9 +112,9 @@ struct Ahead<'a, P: Fast<STATES, INPUTS>, const STATES: usize, const INPUTS: usi
     system: P,
     memory: &'a mut StepMemory<STATES, INPUTS>,
     course: Course<'a, STATES>,
-    /// What it does at the end of the interval, once a step was tried that leads there.
+    /// Its values at the end of the interval, once a trial step has reached it.
     at_end: Option<P::Evaluation>,
-    /// The driver over the steps that the slow part has not left behind.
+    /// The driver over the steps that the slow part still needs.
     drivers: [Cubic; MOST_AHEAD],
     count: usize,
 }
@@ -136,7 +135,7 @@ impl<'a, P: Fast<STATES, INPUTS>, const STATES: usize, const INPUTS: usize> Ahea
         Self { system, memory, course, at_end: None, drivers, count: 0 }
     }
 
-    /// Goes on at least to a time, or as far as drivers are remembered.
+    /// Advances at least to a time, or until the memory of drivers is full.
     #[inline(never)]
     fn go_to(&mut self, time: f64) -> Result<(), IntegrationFailure> {
         while self.course.time < time && self.count < MOST_AHEAD {
@@ -183,7 +182,7 @@ impl<'a, P: Fast<STATES, INPUTS>, const STATES: usize, const INPUTS: usize> Ahea
         Ok(())
     }
 
-    /// The driver at a time between that of the slow part and the own.
+    /// The driver at a time between the slow part's and this part's.
     fn driver(&self, time: f64) -> f64 {
         let past = self.drivers[..self.count].iter().find(|cubic| time < cubic.end());
         past.map_or_else(|| P::driver(&self.course.states), |cubic| cubic.at(time))
@@ -196,7 +195,7 @@ impl<'a, P: Fast<STATES, INPUTS>, const STATES: usize, const INPUTS: usize> Ahea
         self.count -= past;
     }
 
-    /// Ends the interval. Returns what the part does there.
+    /// Ends the interval. Returns the part's values there.
     fn end(&mut self) -> P::Evaluation {
         let time = self.course.time;
         self.memory.end(&self.course, self.system.inputs(time));
@@ -209,7 +208,7 @@ struct Behind<'a, P: Slow<STATES, INPUTS>, const STATES: usize, const INPUTS: us
     system: P,
     memory: &'a mut SlowMemory<STATES, INPUTS>,
     course: Course<'a, STATES>,
-    /// What it does at the end of the interval, once a step was tried that leads there.
+    /// Its values at the end of the interval, once a trial step has reached it.
     at_end: Option<P::Evaluation>,
 }
 
@@ -274,7 +273,7 @@ impl<'a, P: Slow<STATES, INPUTS>, const STATES: usize, const INPUTS: usize> Behi
         Ok(())
     }
 
-    /// Linearizes the part where it is, at a driver.
+    /// Linearizes the part at its present states and a driver.
     fn linearize(&mut self, driver: f64) {
         let Self { system, course, .. } = self;
         let Course { time, states, slopes, .. } = course;
@@ -288,7 +287,7 @@ impl<'a, P: Slow<STATES, INPUTS>, const STATES: usize, const INPUTS: usize> Behi
         self.memory.by_effect = system.by_effect(*time, states, slopes, driver);
     }
 
-    /// Ends the interval. Returns what the part does there.
+    /// Ends the interval. Returns the part's values there.
     fn end(&mut self, driver: f64) -> P::Evaluation {
         let time = self.course.time;
         self.memory.memory.end(&self.course, self.system.inputs(time));

@@ -2,10 +2,9 @@
 //! Rosenbrock W-methods of order 3 for partial differential algebraic equations of index 1, BIT Numerical
 //! Mathematics 45, 2005), four evaluations and four linear solutions a step.
 //!
-//! It is L-stable: modes that are much faster than the step are damped, not followed. And it keeps its order
-//! with any matrix A in the place of the Jacobian (a W-method), so that one, made from differences, serves for
-//! many steps, and its inverse for all steps of about the same length. The estimated error falls with the third
-//! power of the step.
+//! It is L-stable: modes much faster than the step are damped. It keeps its order with any matrix A instead of the
+//! Jacobian (a W-method), so that one from finite differences is used for many steps, and its inverse for all steps
+//! of about the same length. The estimated error falls with the third power of the step.
 
 use fmu_export::Error;
 use fmu_export::persistence::{Archive, Persistent};
@@ -14,23 +13,23 @@ use super::{Trial, linear};
 
 /// γ of the method.
 const GAMMA: f64 = 0.435_866_521_508_459;
-/// Size of the differences relative to the scale of a state, about the root of the rounding unit.
+/// Finite differences relative to the scale of a state, about the root of the rounding unit.
 const INCREMENT: f64 = 1e-7;
-/// By how much, relatively, a step may be longer or shorter than the one that the inverse was made for.
+/// The largest relative difference of a step's length from the one of the inverse.
 const SIMILAR: f64 = 0.4;
 
-/// What the methods solve linear equations with.
+/// The linear equations of the method.
 #[derive(Clone, Copy, Debug)]
 pub struct Linearization<const N: usize> {
-    /// The Jacobian, about: the derivatives' derivatives, by columns.
+    /// The approximate Jacobian, by columns.
     jacobian: [[f64; N]; N],
-    /// For how many more steps; 0: there is none.
+    /// The number of remaining steps with it; 0 if there is none.
     serves: u32,
-    /// Whether no step was taken with it.
+    /// Whether no step was accepted with it yet.
     is_fresh: bool,
     /// The inverse of 1 − γ·h·A, by columns.
     inverse: [[f64; N]; N],
-    /// The product γ·h that it was made for; 0: there is none.
+    /// The product γ·h of the inverse; 0 if there is none.
     weight: f64,
 }
 
@@ -51,20 +50,17 @@ impl<const N: usize> Default for Linearization<N> {
     }
 }
 
-/// Where a step begins.
+/// The start of a step.
 #[derive(Clone, Copy, Debug)]
 pub struct Begin<'a, const N: usize> {
-    /// The time.
     pub time: f64,
-    /// The states.
     pub states: &'a [f64; N],
-    /// Their derivatives.
     pub slopes: &'a [f64; N],
-    /// The derivatives' partial derivatives with respect to time, about.
+    /// The approximate partial derivatives of the slopes with respect to time.
     pub drift: &'a [f64; N],
 }
 
-/// What solves the linear equations of a step, of the length that it was last made ready for.
+/// Solves the linear equations of a step of the prepared length.
 pub trait Solver<const N: usize> {
     /// The product of the inverse of 1 − γ·h·A and a vector.
     fn solve(&self, vector: [f64; N]) -> [f64; N];
@@ -81,7 +77,7 @@ impl<const N: usize> Solver<N> for Linearization<N> {
 #[inline]
 fn product<const N: usize>(matrix: &[[f64; N]; N], vector: &[f64; N]) -> [f64; N] {
     let mut product = [0.0; N];
-    // Column by column, so that the sums of all rows run at the same time.
+    // Column by column, so that the sums of all rows are computed in parallel.
     for (column, x) in matrix.iter().zip(vector) {
         for (sum, element) in product.iter_mut().zip(column) {
             *sum += element * x;
@@ -90,7 +86,7 @@ fn product<const N: usize>(matrix: &[[f64; N]; N], vector: &[f64; N]) -> [f64; N
     product
 }
 
-/// Two linearizations of a system's first and last states, of which what couples them is left out.
+/// Two linearizations, of a system's first and last states, without their coupling.
 #[derive(Clone, Copy, Debug)]
 pub struct Blocks<'a, const A: usize, const B: usize>(pub &'a Linearization<A>, pub &'a Linearization<B>);
 
@@ -104,26 +100,25 @@ impl<const A: usize, const B: usize, const N: usize> Solver<N> for Blocks<'_, A,
 }
 
 impl<const N: usize> Linearization<N> {
-    /// Whether it must be made anew before the next step.
+    /// Whether the next step needs a new one.
     pub fn is_used_up(&self) -> bool {
         self.serves == 0
     }
 
-    /// Counts a step that was taken.
+    /// Counts an accepted step.
     pub fn count(&mut self) {
         self.is_fresh = false;
         self.serves = self.serves.saturating_sub(1);
     }
 
-    /// Has it made anew before the next step, unless no step was taken since: then it is of this place.
+    /// Discards it, unless no step was accepted with it: then it is still up to date.
     pub fn discard(&mut self) {
         if !self.is_fresh {
             self.serves = 0;
         }
     }
 
-    /// Makes it at states where the derivatives are `slopes`, to serve for some steps; `scales` is the
-    /// magnitude of each state.
+    /// Linearizes at states with the derivatives `slopes`, for a number of steps; `scales` is the magnitude of each state.
     pub fn renew(
         &mut self,
         mut derivatives: impl FnMut(&[f64; N]) -> [f64; N],
@@ -143,7 +138,7 @@ impl<const N: usize> Linearization<N> {
         self.weight = 0.0;
     }
 
-    /// Makes ready for a step of a length. Whether that can be.
+    /// Prepares a step of a length. Returns whether the matrix is regular.
     pub fn prepare(&mut self, length: f64) -> bool {
         let weight = GAMMA * length;
         if (self.weight - weight).abs() <= SIMILAR * weight {
@@ -159,9 +154,8 @@ impl<const N: usize> Linearization<N> {
     }
 }
 
-/// A step from the states at the begin; `derivatives` computes dx/dt at a time, `at_end` those of
-/// the states to which the step leads. The estimated error is how far these are from those of a method of second
-/// order that is embedded.
+/// A step; `derivatives` computes dx/dt at a time, `at_end` those at the step's end. The estimated error is the
+/// difference from the embedded method of second order.
 #[inline]
 pub fn step<const N: usize>(
     solver: &impl Solver<N>,
@@ -170,7 +164,7 @@ pub fn step<const N: usize>(
     begin: &Begin<'_, N>,
     length: f64,
 ) -> Trial<N> {
-    // The printed coefficients (α, Γ, b) for the sums u = Γ·k instead of k, which spares products with A:
+    // The printed coefficients (α, Γ, b) for the sums u = Γ·k instead of k, which avoids products with A:
     // α·Γ⁻¹, γ·(1/γ − Γ⁻¹), b·Γ⁻¹ and, for the error, (b − b̂)·Γ⁻¹.
     let Begin { time, states, slopes, drift } = begin;
     let solve = |slopes: &[f64; N], drift_weight: f64, others: [f64; N]| {
@@ -210,8 +204,8 @@ pub fn step<const N: usize>(
 mod tests {
     use super::*;
 
-    /// Integrates x' = λ·(x − y − cos t) + y·cos t − sin t, y' = y·cos t to 2 with a Jacobian from the begin
-    /// that serves to the end. The errors: the solution is y = exp(sin t), x = y + cos t.
+    /// The errors at 2 of x' = λ·(x − y − cos t) + y·cos t − sin t, y' = y·cos t with the Jacobian from the start; the
+    /// solution is y = exp(sin t), x = y + cos t.
     fn error(stiffness: f64, steps: u32) -> [f64; 2] {
         let exact = |t: f64| [t.sin().exp() + t.cos(), t.sin().exp()];
         let rates = |t: f64, z: &[f64; 2]| {
@@ -235,9 +229,9 @@ mod tests {
     }
 
     #[test]
-    fn the_errors_fall_with_the_order_though_the_jacobian_is_an_old_one() {
+    fn the_order_of_the_errors_holds_with_an_old_jacobian() {
         let ratio = error(-1.0, 80)[1] / error(-1.0, 160)[1];
-        // The third power of 2 but for the next order's term.
+        // The third power of 2, except for terms of higher order.
         assert!((ratio / 8.0 - 1.0).abs() < 0.15, "the error falls by {ratio}");
     }
 
@@ -249,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn the_estimates_fall_with_the_third_power_and_are_of_the_errors_size() {
+    fn the_estimates_fall_with_the_third_power_and_have_the_magnitude_of_the_errors() {
         // x' = x·cos t from 1 at t = 1: x = exp(sin t − sin 1).
         let rates = |t: f64, x: &[f64; 1]| [x[0] * t.cos()];
         let first_step = |length: f64| {
@@ -264,7 +258,7 @@ mod tests {
             (trial.states[0] - exact, trial.error[0])
         };
         let (long, short) = (first_step(0.1), first_step(0.05));
-        // The estimate is of the embedded method, which is less exact.
+        // The estimate is the embedded method's error, which is larger.
         assert!(long.0.abs() <= 3.0 * long.1.abs(), "{long:?}");
         let ratio = long.1 / short.1;
         assert!((6.0..10.0).contains(&ratio), "the estimate falls by {ratio}");

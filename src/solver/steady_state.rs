@@ -1,8 +1,8 @@
 //! The steady state of a system dx/dt = f(x) of a few unknowns, by pseudo-transient continuation.
 //!
-//! Each iteration is one linearised implicit Euler step, (1/Δt − J)·Δx = f(x). While Δt is short this follows the transient from the guess and so finds the
-//! steady state that the system itself would reach; as the changes become small Δt grows, and the
-//! iteration turns into Newton's, which ends at the precision of the arithmetic (Kelley and Keyes,
+//! Each iteration is one linearized implicit Euler step, (1/Δt − J)·Δx = f(x). While Δt is short this follows the
+//! transient from the guess, and so finds the steady state that the system would reach; as the changes become small,
+//! Δt grows and the iteration becomes Newton's, which converges to the precision of the arithmetic (Kelley and Keyes,
 //! Convergence analysis of pseudo-transient continuation, SIAM J. Numer. Anal. 35(2), 1998).
 
 use super::linear;
@@ -13,28 +13,28 @@ const FIRST_STEP: f64 = 1e-3;
 const NEWTON_STEP: f64 = 1e7;
 /// The largest change of a scaled unknown in one iteration.
 const LARGEST_CHANGE: f64 = 0.2;
-/// How much of a step's residual its linearisation may leave: above, the step was too long for it.
+/// The largest fraction of a step's residual that may remain; above, the step was too long for its linearization.
 const LARGEST_CONTRACTION: f64 = 0.8;
-/// A change of the scaled unknowns below which Newton's iteration has converged but for rounding.
+/// A change of the scaled unknowns below which Newton's iteration has converged up to rounding.
 const CONVERGED: f64 = 1e-10;
-/// Iterations after which the search is given up; tens are usual.
+/// The most iterations; tens are usual.
 const MOST_ITERATIONS: usize = 400;
-/// Newton iterations after convergence, of which the one with the smallest residual is taken.
+/// Newton iterations after convergence; the one with the smallest residual is used.
 const POLISHING_ITERATIONS: usize = 4;
 
-/// Why there is no steady state to return.
+/// Why no steady state was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoSteadyState {
     /// The Jacobian is singular: any steady state is one of infinitely many.
     NotIsolated,
-    /// The iteration does not come to rest.
+    /// The iteration does not converge.
     NotConverged,
 }
 
 /// Finds the steady state of positive unknowns.
 ///
-/// `derivatives` is f, `derivatives_along` its derivative with respect to the unknown at a position; `guess` is
-/// where the search begins, `scales` the magnitude of each unknown.
+/// `derivatives` is f, `derivatives_along` its derivative with respect to the unknown at a position; `scales` is the
+/// magnitude of each unknown.
 pub fn find<const N: usize>(
     derivatives: impl Fn(&[f64; N]) -> [f64; N],
     derivatives_along: impl Fn(&[f64; N], usize) -> [f64; N],
@@ -77,12 +77,12 @@ pub fn find<const N: usize>(
         let share = admissible_share(&y, &change);
         let next: [f64; N] = std::array::from_fn(|i| y[i] + share * change[i]);
         let next_slopes = scaled(&next);
-        // What the linearisation leaves of the implicit Euler step's residual.
+        // The remaining fraction of the implicit Euler step's residual.
         let left: [f64; N] = std::array::from_fn(|i| next_slopes[i] - damping * share * change[i]);
         let contraction = magnitude(&left) / magnitude(&slopes);
         if settled || share >= 1.0 && contraction < LARGEST_CONTRACTION {
             (y, slopes) = (next, next_slopes);
-            // Where there is nothing left to do, `contraction` is a quotient of rounding errors.
+            // At convergence, `contraction` is a quotient of rounding errors.
             let growth = if settled { 10.0 } else { (0.3 / contraction).clamp(0.5, 10.0) };
             step = (step * growth).min(NEWTON_STEP);
         } else {
@@ -92,8 +92,8 @@ pub fn find<const N: usize>(
     Err(NoSteadyState::NotConverged)
 }
 
-/// Takes a few more Newton steps and returns the unknowns with the smallest residual: at this precision
-/// rounding, no longer the method, decides which iterate is best.
+/// Makes a few more Newton steps and returns the unknowns with the smallest residual, which rounding decides at this
+/// precision.
 fn polish<const N: usize>(
     scaled: &impl Fn(&[f64; N]) -> [f64; N],
     damped: &impl Fn(&[f64; N], f64) -> [[f64; N]; N],
@@ -112,8 +112,7 @@ fn polish<const N: usize>(
     Ok(best.1)
 }
 
-/// The share of a change that keeps within [`LARGEST_CHANGE`] and does not bring any unknown more than
-/// half way to zero.
+/// The fraction of a change that keeps within [`LARGEST_CHANGE`] and at most halves any unknown.
 fn admissible_share<const N: usize>(y: &[f64; N], change: &[f64; N]) -> f64 {
     let towards_zero =
         (0..N).filter(|&i| change[i] < 0.0).map(|i| 0.5 * y[i].max(0.0) / -change[i]).fold(1.0, f64::min);
@@ -156,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn endless_growth_is_given_up() {
+    fn endless_growth_is_an_error() {
         assert_eq!(find(|_| [1.0], |_, _| [0.0], [1.0], &[1.0]), Err(NoSteadyState::NotConverged));
         assert_eq!(find(|x| [1.0 + x[0]], |_, _| [1.0], [1.0], &[1.0]), Err(NoSteadyState::NotConverged));
     }

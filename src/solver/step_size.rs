@@ -1,44 +1,44 @@
-//! The length of an integrator's steps: long where its error is small.
+//! Step size control of an integrator.
 //!
-//! A step is taken when no state's estimated error exceeds its tolerance. Estimates fall with the third power
-//! of the step, so that the third root of the error says by how much the step was too long or too short; after
-//! a step that was taken the next one follows this with the fourth root, which calms it.
+//! A step is accepted when no state's estimated error exceeds its tolerance. Estimates fall with the third power of
+//! the step, so that the third root of the error gives the length that would meet the tolerance; after an accepted
+//! step the fourth root is used, which damps the changes.
 
 use crate::elementary::{larger, power, smaller};
 
-/// How far below the length that would just meet the tolerance the next step stays.
+/// The safety factor below the length that would just meet the tolerance.
 const SAFETY: f64 = 0.9;
 /// The largest change of the length from one step to the next, in either direction.
 const LARGEST_CHANGE: f64 = 5.0;
-/// How much longer than proposed a step may be, so that rounding of its end does not make two of it.
+/// A step may be longer than proposed by so much, so that rounding of its end does not split it.
 const ROUNDING: f64 = 1e-6;
 
-/// Controls the length of the steps of one integrator.
+/// The step size control.
 #[derive(Clone, Copy, Debug)]
 pub struct StepSize {
     /// The length of the next step.
     pub next: f64,
     /// The length of the longest step.
     longest: f64,
-    /// Whether the last step was not taken.
+    /// Whether the last step was rejected.
     rejected: bool,
 }
 
 impl StepSize {
-    /// A control that begins with steps of a length, and does not go beyond another.
+    /// Starts with a length, and does not exceed another one.
     pub fn new(first: f64, longest: f64) -> Self {
         Self { next: first, longest, rejected: false }
     }
 
-    /// The length of the next step, when `left` is still to go: the longest that leads to the end in equal
-    /// steps. What was computed for one length then serves again.
+    /// The length of the next step for the remaining time `left`: the longest that reaches the end in equal steps, which
+    /// can share an inverse matrix.
     pub fn within(&self, left: f64) -> f64 {
         left / (left / (self.next * (1.0 + ROUNDING))).ceil().max(1.0)
     }
 
-    /// Judges a step of a length by its error relative to the tolerance. Whether it is to be taken.
+    /// Returns whether to accept a step of a length with an error relative to the tolerance.
     ///
-    /// Where it was cut short, what it allows is less than what was proposed before; then that stands.
+    /// A step that was shortened to reach the end allows less than was proposed before; then the proposal is kept.
     pub fn judge(&mut self, length: f64, error: f64) -> bool {
         if error <= 1.0 {
             let ratio = error.recip().sqrt().sqrt();
@@ -58,8 +58,8 @@ impl StepSize {
     }
 }
 
-/// The largest error of states relative to its tolerance, of which `weights` are the reciprocals; infinite
-/// where an error or a state is no number.
+/// The largest error of states relative to its tolerance, whose reciprocals are `weights`; infinite if an error or a
+/// state is not finite.
 pub fn relative_error<const N: usize>(states: &[f64; N], error: &[f64; N], weights: &[f64; N]) -> f64 {
     let mut largest = 0.0_f64;
     let mut sum = 0.0;
@@ -68,12 +68,11 @@ pub fn relative_error<const N: usize>(states: &[f64; N], error: &[f64; N], weigh
         largest = larger(largest, relative);
         sum += relative + 0.0 * state;
     }
-    // The maximum passes over what is no number; the sum does not.
+    // The maximum ignores not-a-number; the sum does not.
     if sum.is_finite() { largest } else { f64::INFINITY }
 }
 
-/// The place of the largest error relative to its tolerance, or of the first state or error that is no
-/// number.
+/// The position of the largest error relative to its tolerance, or of the first state or error that is not finite.
 pub fn largest_error<const N: usize>(states: &[f64; N], error: &[f64; N], weights: &[f64; N]) -> usize {
     let relative = |i: usize| {
         let relative = (error[i] * weights[i]).abs() + 0.0 * states[i];

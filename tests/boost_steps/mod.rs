@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-/// From when on (s) boost pressure shall be what (Pa).
+/// Steps of the boost reference: times (s) and values (Pa).
 pub static BOOST_STEPS: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| {
     let text = include_str!("../../crates/boost-lab/scenarios/figure_13.toml");
     let scenario: toml::Table = text.parse().expect("the scenario is TOML");

@@ -8,7 +8,7 @@ pub struct Bench {
     pub model: BoostController,
     pub variables: Variables,
     experiment: Experiment,
-    /// What was logged: category and message.
+    /// The log: category and message.
     pub log: Vec<(&'static str, String)>,
 }
 
@@ -49,7 +49,7 @@ impl Bench {
         self.variables.outputs
     }
 
-    /// The sample with a number, at the controller's own pace.
+    /// The sample of a number, in steps of the controller's sample time.
     pub fn sample(&mut self, number: u32, inputs: &Inputs) -> Outputs {
         let sample_time = self.variables.parameters.sample_time;
         self.step(f64::from(number) * sample_time, sample_time, inputs)

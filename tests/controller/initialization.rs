@@ -1,5 +1,5 @@
-//! Initialization: outputs of the mode without memory, depending on what is declared and nothing else; and
-//! the wait for the first measurement.
+//! Initialization: outputs of the mode without memory, with the declared dependencies; and the wait for the first
+//! measurement.
 
 use std::collections::BTreeSet;
 
@@ -35,7 +35,7 @@ fn the_outputs_are_those_of_the_mode_without_memory() {
     assert_eq!((fast.hp_wastegate_pwm, fast.lp_wastegate, fast.hp_bypass), (75.0 * 1.2, 0.0, 1.0));
 }
 
-/// In mode boost the map is within its limits: 110 kPa at 2000 rpm asks for 100 %, and there are 75 %.
+/// In mode boost the duty is limited: 110 kPa at 2000 rpm needs 100 %, and `pwm_max` is 75 %.
 #[test]
 fn the_limits_hold_in_initialization() {
     let inputs = Inputs { boost_reference: 110e3, engine_speed: 2000.0, ..Inputs::default() };
@@ -48,7 +48,7 @@ fn the_limits_hold_in_initialization() {
     assert_eq!(bench.variables.outputs.hp_wastegate_pwm, 60.0);
 }
 
-/// Masters compute initialization again and again, at other inputs each time.
+/// Masters repeat the initialization, with other inputs each time.
 #[test]
 fn initialization_forgets() {
     let inputs = Inputs { boost_reference: 150e3, boost_pressure: 130e3, ..Inputs::default() };
@@ -82,20 +82,20 @@ fn before_the_first_measurement_the_outputs_are_those_of_initialization() {
         assert_eq!(bench.sample(number, &almost), initial);
         assert_eq!(bench.variables.locals.sample_count, i32::try_from(number).unwrap() + 1);
     }
-    // From there on it is a controller that has just been started.
+    // From there on it behaves as a controller that has just started.
     let mut fresh = Bench::new(&inputs, |_| {});
     for number in 0..100 {
         let measured = Inputs { boost_pressure: 20e3 + 1e3 * f64::from(number), ..inputs };
         assert_eq!(bench.sample(number + 5, &measured), fresh.sample(number, &measured));
     }
-    // Once it has begun, a pressure below is a value like any other.
+    // After the start, a lower pressure is a measurement like any other.
     let before = bench.variables.locals.unsaturated_pwm;
     bench.sample(105, &Inputs { boost_pressure: 0.0, ..inputs });
     assert!(bench.variables.locals.unsaturated_pwm != before);
 }
 
-/// Masters hand zeros to what is wired: to be compensated for, 0 V would double the duty. Starting an engine
-/// takes a supply down to 3 V (ISO 16750-2), not further.
+/// Masters set connected inputs to zero; compensation for 0 V would double the duty. An engine's start lowers the
+/// supply to 3 V (ISO 16750-2), not further.
 #[test]
 fn a_voltage_below_3_v_is_not_compensated_before_the_first_measurement() {
     for mode in [ControlMode::Boost, ControlMode::Position, ControlMode::OpenLoop] {
@@ -103,7 +103,7 @@ fn a_voltage_below_3_v_is_not_compensated_before_the_first_measurement() {
         let at = |supply_voltage_measured| Inputs { supply_voltage_measured, ..nominal };
         for nothing in [0.0, 2.999] {
             assert_eq!(initial_outputs(&at(nothing), mode), initial_outputs(&nominal, mode));
-            // Nothing is remembered of initialization: some masters hand over start values there, zeros later.
+            // Initialization leaves no memory: some masters pass start values there, and zeros later.
             for start in [at(nothing), nominal] {
                 let change = |parameters: &mut Parameters| parameters.mode = mode;
                 let (mut bench, mut expected) = (Bench::new(&start, change), Bench::new(&nominal, change));
@@ -111,7 +111,7 @@ fn a_voltage_below_3_v_is_not_compensated_before_the_first_measurement() {
                     assert_eq!(bench.sample(number, &at(nothing)), expected.sample(number, &nominal));
                     assert_eq!(bench.variables.locals.voltage_compensation, 1.0);
                 }
-                // The first measurement counts at once; from then on a supply that fails is one.
+                // The first measurement is used at once; from then on 0 V is a measurement, too.
                 for (number, voltage, factor) in [(3, 3.0, 2.0), (4, 10.0, 1.2), (5, nothing, 2.0)] {
                     bench.sample(number, &at(voltage));
                     assert_eq!(bench.variables.locals.voltage_compensation, factor);
@@ -160,8 +160,8 @@ fn declared_dependencies() -> Vec<(&'static str, BTreeSet<&'static str>)> {
         .collect()
 }
 
-/// Changes every input and Real parameter, one by one, at operating points that exercise all branches: an
-/// output moves by what is declared, and by each of those.
+/// Changes every input and Real parameter, one by one, at operating points that exercise all branches: the outputs
+/// depend on exactly what is declared.
 #[test]
 fn initialization_depends_on_what_is_declared() {
     let description = Variables::DESCRIPTION;
@@ -223,9 +223,9 @@ fn initialization_depends_on_what_is_declared() {
     assert_eq!(moved, declared_dependencies());
 }
 
-/// Modes, boost references, engine speeds and, where the map itself does not serve, what stands in all of
-/// it: the high-pressure stage passed by and just not, a reference above the boost limit, a duty below the
-/// least and one above the largest, and a place in each cell of the map with a duty between.
+/// Modes, boost references, engine speeds and, for some, a constant map: the high-pressure stage bypassed and just
+/// not, a reference above the boost limit, a duty below the least and one above the largest, and a point in each
+/// cell of the map with a duty between.
 fn operating_points() -> Vec<(ControlMode, f64, f64, Option<f64>)> {
     let schedule = Variables::default().parameters.schedule;
     let mut points = vec![

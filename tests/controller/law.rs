@@ -1,4 +1,4 @@
-//! The formulas, against numbers worked out by hand, and the modes without feedback.
+//! The formulas, against hand calculations, and the modes without feedback.
 
 use boost_fmu::controller::actuator_inverse;
 use boost_fmu::controller::feedback::FeedbackSettings;
@@ -7,7 +7,7 @@ use boost_fmu::controller::variables::{ControlMode, FeedbackStructure, Inputs, P
 
 use crate::bench::Bench;
 
-/// Numbers by hand carry all digits of a double; both sides round a handful of times.
+/// Hand calculations have all digits of a double; both round a few times.
 fn assert_close(actual: f64, expected: f64) {
     assert!((actual - expected).abs() <= 1e-14 * expected.abs(), "{actual} instead of {expected}");
 }
@@ -31,9 +31,9 @@ fn tables_are_exact_at_their_points() {
 fn tables_are_bilinear_between_points_and_clamped_outside() {
     let schedule = &Parameters::default().schedule;
     let feedforward = |pressure, speed| OperatingPoint::new(schedule, pressure, speed).feedforward();
-    // Midway: (43.9864 + 47.5779 + 42.6568 + 45.8364) / 4.
+    // In the middle: (43.9864 + 47.5779 + 42.6568 + 45.8364) / 4.
     assert_close(feedforward(127_500.0, 1625.0), 45.014_375);
-    // A quarter of the way from 43.9864 to 42.6568.
+    // A quarter of the interval from 43.9864 to 42.6568.
     assert_close(feedforward(126_250.0, 1500.0), 43.654);
     assert_eq!(feedforward(5e4, 500.0), 42.8864);
     assert_eq!(feedforward(3e5, 500.0), 26.0);
@@ -75,8 +75,8 @@ fn the_terms_of_the_paper_structure_by_hand() {
     assert_close(locals.derivative_term, 0.994_138_069_270_65 * 8.0 * 0.269_987_685_280_702_4);
 }
 
-/// The reference model begins at the measurement, so the first sample has no error, and the feedforward
-/// leads the model towards the reference with the time constant λ.
+/// The reference model starts at the measurement, so the first sample has no error, and the feedforward moves the
+/// model towards the reference with the time constant λ.
 #[test]
 fn the_first_sample_of_the_reference_model_by_hand() {
     let inputs = Inputs { boost_reference: 126e3, boost_pressure: 125e3, ..Inputs::default() };
@@ -130,7 +130,7 @@ fn the_duty_is_compensated_for_the_supply_voltage() {
     assert_eq!(open_loop(44.0, 8.0, false), (44.0, 1.0, false));
 }
 
-/// Where full duty falls below the least one, it wins.
+/// Full duty takes precedence over a larger least one.
 #[test]
 fn full_duty_overrides_the_lower_limit() {
     let inputs = Inputs { supply_voltage_measured: 6.0, ..Inputs::default() };
@@ -159,14 +159,14 @@ fn the_inverse_actuator_undoes_the_actuator() {
         assert!(duty > last, "more duty opens further");
         last = duty;
     }
-    // Lift-off and full stroke, by bisection apart from this code.
+    // Lift-off and full stroke, from an independent bisection.
     assert_close(actuator_inverse::duty(inverse, 0.0), 28.817_807_269_357_402);
     assert_close(actuator_inverse::duty(inverse, 1.0), 71.279_179_227_842_75);
     // In the plant 44 % open the wastegate to 50.722 %, against 0.2 N of friction, that is 133 Pa on the
     // membrane or 0.16 % of duty, which the inverse neglects.
     let neglected = 44.0 - actuator_inverse::duty(inverse, 0.507_22);
     assert!((0.15..0.17).contains(&neglected), "{neglected}");
-    // Beyond its ends the opening is that of the end.
+    // The opening is limited.
     assert_eq!(actuator_inverse::duty(inverse, -1.0), actuator_inverse::duty(inverse, 0.0));
     assert_eq!(actuator_inverse::duty(inverse, 2.0), actuator_inverse::duty(inverse, 1.0));
 }

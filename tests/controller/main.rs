@@ -1,5 +1,5 @@
 //! The boost pressure controller, called as a model: its law against independent transcriptions and
-//! numbers worked out by hand, its clock, its initialization and what it refuses.
+//! hand calculations, its clock, its initialization and its errors.
 
 #![allow(clippy::float_cmp, reason = "where equality is asserted, the law is exact")]
 

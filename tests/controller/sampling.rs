@@ -11,7 +11,7 @@ use crate::random::Random;
 
 const SAMPLE_TIME: f64 = 0.0125;
 
-/// Inputs of a sample: around a step of the reference, with something to do for every part of the law.
+/// Inputs of a sample: around a step of the reference, so that every part of the law acts.
 fn inputs_of_sample(number: u32) -> Inputs {
     let phase = f64::from(number) * SAMPLE_TIME;
     Inputs {
@@ -24,7 +24,7 @@ fn inputs_of_sample(number: u32) -> Inputs {
     }
 }
 
-/// The outputs and diagnostics after each of the first samples at the controller's own pace.
+/// The outputs and diagnostics after each of the first samples, in steps of the sample time.
 fn at_own_pace(samples: u32) -> Vec<(Outputs, Locals)> {
     let mut bench = Bench::new(&inputs_of_sample(0), |_| {});
     (0..samples)
@@ -96,13 +96,12 @@ fn a_step_without_a_sample_changes_nothing() {
     assert_eq!(after.locals.sample_count, 1);
     bench.step(0.005, 0.0075, &inputs_of_sample(99));
     assert_eq!(bench.variables, after);
-    // A sample 0.1 ms before the step's end belongs to it.
+    // A sample 0.1 ms before the step's end is executed in it.
     bench.step(0.0125, 0.0126, &inputs_of_sample(1));
     assert_eq!(bench.variables.locals.sample_count, 3);
 }
 
-/// 1e5 s at 80 Hz: each step executes its sample, none is lost or doubled, whichever way the master
-/// computes its communication points.
+/// 1e5 s at 80 Hz: each step executes one sample, however the master computes its communication points.
 #[test]
 fn the_clock_keeps_in_step_for_a_hundred_thousand_seconds() {
     let passing_on = |parameters: &mut Parameters| parameters.mode = ControlMode::OpenLoop;
@@ -158,8 +157,7 @@ fn other_sample_times() {
     }
 }
 
-/// Over the C interface, where derivatives of inputs are set: each sample of a long step takes the
-/// interpolated inputs of its time.
+/// Through the C interface, with derivatives of inputs: each sample of a long step uses the inputs of its time.
 #[test]
 fn a_long_step_interpolates_the_inputs_to_each_sample() {
     let reference = |name: &str| {

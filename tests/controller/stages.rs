@@ -1,4 +1,4 @@
-//! The stage strategy: which turbocharger works, and boost by the low-pressure wastegate.
+//! The stage strategy: the active turbocharger, and boost control by the low-pressure wastegate.
 
 use boost_fmu::controller::variables::{ControlMode, Inputs};
 
@@ -60,8 +60,7 @@ fn the_low_pressure_loop_by_hand() {
         // Sums of up to 400 terms.
         assert!((opening - f64::from(number) * rate).abs() < 1e-12, "sample {number}: {opening}");
     }
-    // Far below the reference it is shut, and it has not wound up: the time to open again is that of the
-    // tracking, a few times 1.5 s, not that of the hour spent below.
+    // Far below the reference it is shut, without windup: it opens after a few tracking times of 1.5 s.
     inputs.boost_pressure = 100e3;
     for number in 400..288_400 {
         bench.sample(number, &inputs);
@@ -87,9 +86,9 @@ fn the_low_pressure_loop_survives_an_integral_time_below_the_sample_time() {
     }
 }
 
-/// The memories of both loops begin anew at each hand-over.
+/// Each handover resets both loops.
 #[test]
-fn a_hand_over_begins_anew() {
+fn a_handover_resets_both_loops() {
     let mut inputs = Inputs { boost_reference: 150e3, boost_pressure: 140e3, ..Inputs::default() };
     let mut bench = Bench::new(&inputs, |_| {});
     for number in 0..100 {
@@ -104,7 +103,7 @@ fn a_hand_over_begins_anew() {
     inputs.boost_pressure = 145e3;
     bench.sample(101, &inputs);
     let locals = bench.variables.locals;
-    // As at a first sample, but for the derivative of the pressure, which is known from the one before.
+    // As at a first sample, except for the derivative of the pressure, which is already known.
     assert_eq!((locals.proportional_term, locals.integral_term), (0.0, 0.0));
     assert!(locals.derivative_term > 0.0);
     assert_eq!(locals.reference_model_pressure, 140e3);

@@ -1,12 +1,11 @@
-//! The law written down a second time, as plainly as the published algorithm, and compared with the
-//! controller over random inputs. It shares no code with it.
+//! An independent transcription of the published law, compared with the controller over random inputs.
 
 use boost_fmu::controller::variables::{ControlMode, FeedbackStructure, Inputs, Parameters};
 
 use crate::bench::Bench;
 use crate::random::Random;
 
-/// The controller in mode boost, as a list of numbers and one function.
+/// The controller in mode boost.
 #[derive(Default)]
 struct Transcription {
     started: bool,
@@ -20,7 +19,7 @@ struct Transcription {
     i_lp: Option<f64>,
 }
 
-/// What one tick gives.
+/// The results of a tick.
 struct Tick {
     pwm: f64,
     pump: f64,
@@ -152,9 +151,8 @@ impl Transcription {
     }
 }
 
-/// Relative to the value or, near 0, to a hundredth of full scale: the terms of a sum round by their own
-/// size. Both sides round differently, by a few 1e-16 in each operation, and the law forgets: differences
-/// shrink with the time constants of the terms.
+/// Relative to the value or, near 0, to a hundredth of full scale, since sums round by the size of their terms. Both
+/// round differently, by a few 1e-16 in each operation, and differences decay with the law's time constants.
 fn assert_close(what: &str, tick: u32, actual: f64, expected: f64, full_scale: f64) {
     let scale = expected.abs().max(full_scale / 100.0);
     assert!(
@@ -164,7 +162,7 @@ fn assert_close(what: &str, tick: u32, actual: f64, expected: f64, full_scale: f
     );
 }
 
-/// Inputs that wander slowly with jumps now and then, across every limit of the law.
+/// Inputs that drift slowly with some jumps, across every limit of the law.
 fn wander(inputs: &mut Inputs, random: &mut Random) {
     if random.between(0.0, 1.0) < 0.01 {
         inputs.boost_reference = random.between(9e4, 2.7e5);
@@ -212,7 +210,7 @@ fn compare(seed: u64, change: impl Fn(&mut Parameters)) {
         saturated += u32::from(locals.saturated);
     }
     // The inputs did lead through all branches.
-    assert!((1000..19_000).contains(&bypassed), "{bypassed} ticks with the high-pressure stage passed by");
+    assert!((1000..19_000).contains(&bypassed), "{bypassed} ticks with the high-pressure stage bypassed");
     assert!((1000..19_000).contains(&saturated), "{saturated} ticks at a limit");
 }
 

@@ -1,4 +1,4 @@
-"""Copies of the FMUs with something broken, to see that what finds no fault could find one."""
+"""Broken copies of the FMUs, to see that the checks can fail."""
 
 from __future__ import annotations
 

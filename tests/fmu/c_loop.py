@@ -17,7 +17,7 @@ SUFFIXES = {"linux64": "so", "win64": "dll", "aarch64-linux": "so"}
 
 
 def _arguments(fmu: Fmu, other: Fmu, platform: str, extra: list[str]) -> list[str]:
-    """An FMU as the master wants it: what it gives to the other one, takes from it, and what is printed."""
+    """The master's arguments for an FMU: its outputs and inputs in the connection, and what is printed."""
 
     def references(names: list[str]) -> str:
         return ",".join(str(fmu.variables[name].valueReference) for name in names)
@@ -36,7 +36,7 @@ def _arguments(fmu: Fmu, other: Fmu, platform: str, extra: list[str]) -> list[st
 
 
 def run_loop(program: list[str], platform: str, controller: Fmu, plant: Fmu) -> np.ndarray:
-    """Runs the experiment on a platform; both FMUs' outputs, the controller's first, in each step."""
+    """Runs the experiment on a platform; returns both FMUs' outputs, the controller's first, in each step."""
     command = [
         *program,
         repr(SAMPLE_TIME),

@@ -12,7 +12,7 @@ from master import Fmu, Instance
 
 ROOT = Path(__file__).resolve().parents[2]
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
-"""Where cargo puts what it builds, and the export its FMUs."""
+"""The folder of cargo's builds and the exported FMUs."""
 
 Make = Callable[[], Instance]
 
@@ -56,7 +56,7 @@ def laboratory() -> Path:
 
 @pytest.fixture(scope="session")
 def lab(laboratory: Path) -> Run:
-    """Runs the laboratory's command, with more variables of the environment where they are given."""
+    """Runs the laboratory's command, with additional environment variables."""
 
     def run(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
@@ -90,7 +90,7 @@ def fmus(plant_fmu: Fmu, controller_fmu: Fmu) -> dict[str, Fmu]:
 
 @pytest.fixture
 def make() -> Iterator[Callable[[Fmu], Instance]]:
-    """Makes instances and frees them in the end."""
+    """Makes instances, and frees them after the test."""
     made: list[Instance] = []
 
     def make(fmu: Fmu) -> Instance:
@@ -115,5 +115,5 @@ def controller(make: Callable[[Fmu], Instance], controller_fmu: Fmu) -> Make:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """What fails in a logger that is written in Python fails the test."""
+    """An exception in a logger written in Python fails the test."""
     config.addinivalue_line("filterwarnings", "error::pytest.PytestUnraisableExceptionWarning")

@@ -1,4 +1,4 @@
-"""The lines that the documents tell their readers to run, and a place to run them in."""
+"""The commands in the documents, and a folder to run them in."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def lines(document: str) -> list[str]:
 
 
 def clone(exported: Path, folder: Path) -> Path:
-    """Makes of a folder what the lines meet in that of the repository, wherever cargo's target folder is.
+    """Prepares a folder like the repository's, with cargo's target folder linked.
 
-    What they write stays in it.
+    The commands write only into it.
     """
     fmus = folder / "target" / "fmu"
     fmus.mkdir(parents=True)
@@ -38,8 +38,8 @@ def clone(exported: Path, folder: Path) -> Path:
 
 
 def run(line: str, folder: Path, **environment: str) -> str:
-    """Runs a line with this Python's commands first; gives its output."""
-    # The command itself, which the export built, as cargo finds no package in the folder.
+    """Runs a line with this Python's commands first; returns its output."""
+    # The built command, since there is no package for cargo in the folder.
     line = line.replace("cargo run --release --", str(TARGET.resolve() / "debug" / "boost-fmu"))
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     done = subprocess.run(

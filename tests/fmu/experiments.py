@@ -1,4 +1,4 @@
-"""The experiments of the paper's figures: how they start, what drives them, what is measured."""
+"""The experiments of the paper's figures: their starts, inputs and measures."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ SAMPLE_TIME = 1 / 80
 """The controller's (s)."""
 
 ON_TOLERANCE = 20.0
-"""Pa, 0.01 % of the full scale of boost pressure: what a figure may differ from the reference solver's."""
+"""The tolerance against the reference solver (Pa): 0.01 % of the full scale of boost pressure."""
 
 
 SCENARIOS = Path(__file__).parents[2] / "crates" / "boost-lab" / "scenarios"
-"""The paper's experiments as the laboratory runs them: what drives them stands there, once."""
+"""The paper's experiments as the laboratory runs them, which define the inputs."""
 
 
 def scenario(name: str) -> dict:
@@ -29,7 +29,7 @@ def staircase(*points: tuple[float, float]) -> Signal:
     """A signal that holds each value from its time on."""
     times = np.array([time for time, _ in points])
     values = [value for _, value in points]
-    # Communication points are computed as i * h: they may fall short of the time by rounding.
+    # Communication points are computed as i * h, and may be early by rounding.
     return lambda time: values[max(int(np.searchsorted(times, time + 1e-9, "right")) - 1, 0)]
 
 
@@ -49,9 +49,9 @@ def couple(
 
 
 def run_in(plant: Instance, inputs: Mapping[str, float], values: Mapping[str, Value] | None = None) -> None:
-    """Where the paper's experiments start: an engine that has run for 20 s, with its tank as at the start.
+    """The start of the paper's experiments: an engine that has run for 20 s with a frozen tank.
 
-    The plant ends at the time 0, its tank released.
+    The plant is at time 0 then, with its tank released.
     """
     start = {"initialization.mode": "running", "tank.frozen": True, **inputs, **(values or {})}
     plant.start(start, start_time=-20.0)
@@ -68,7 +68,7 @@ def couple_running(
     **options,
 ) -> Master:
     """Both at time 0, the plant run in with the controller's initial outputs."""
-    # The plant's supply is known before; the controller's compensation reads it.
+    # The controller's compensation needs the plant's supply, which is known.
     supply = (plant_inputs or {}).get("supply_voltage", 12.0)
     start = {"supply_voltage_measured": supply, **(controller_values or {})}
     controller.start(start)
@@ -86,8 +86,8 @@ BOOST_STEPS_END = float(scenario("figure_13")["stop_time"])
 
 
 def ssp_of_fmpy(plant: Instance, controller: Instance) -> Master:
-    """The same as FMPy's SSP runs it: each FMU is initialized alone, zeros are handed over in the first step,
-    both step at once, and what the system takes comes a step late."""
+    """The same as FMPy's SSP runs it: each FMU is initialized alone, zeros are passed in the first step, both
+    step at once, and inputs of the system are a step late."""
     for instance in (controller, plant):
         instance.start()
         inputs = set(instance.fmu.named("input")) - {"ambient_pressure", "ambient_temperature"}
@@ -99,16 +99,16 @@ def ssp_of_fmpy(plant: Instance, controller: Instance) -> Master:
 
 
 OPERATING_POINT = {"engine_speed": 1500.0, "supply_voltage": 12.0, "throttle": 1.0}
-"""What a system has to be given where its master hands over zeros instead of start values."""
+"""The inputs of a system whose master passes zeros instead of start values."""
 
 
 def constants(values: Mapping[str, float]) -> dict[str, Signal]:
-    """Signals that hold their values."""
+    """Constant signals."""
     return {name: lambda _, value=value: value for name, value in values.items()}
 
 
 class Steps:
-    """How boost pressure followed the steps of its reference."""
+    """The response of boost pressure to the steps of its reference."""
 
     def __init__(self, record: Record, steps: list[tuple[float, float]], end: float) -> None:
         self.up: list[float] = []
@@ -129,7 +129,7 @@ class Steps:
             self.end_error.append(float(abs(boost[-1] - after)))
 
     def summary(self) -> str:
-        """For the reader of a test's output."""
+        """For a test's output."""
         return (
             f"overshoot up {max(self.up):.0f} Pa, down {max(self.down):.0f} Pa, "
             f"rise {min(self.rise):.2f} to {max(self.rise):.2f} s, "

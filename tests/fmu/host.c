@@ -1,18 +1,17 @@
-/* A master in C, plain and honest: it checks every status, and says nothing when all is well.
+/* A simple master in C: it checks every status, and prints errors only.
  *
  *   host couple HOW STEPS SERIALIZES FMU FMU
- *     couples two FMUs for some steps, saves, restores and resets them on the way, and lets them refuse
- *     what is wrong. HOW holds words for how the libraries are loaded (now or lazily, global or local) and
- *     for the floating-point environment that they find (traps, upward). Prints what was exchanged at the
- *     end, in hexadecimal, to be compared bit by bit.
+ *     couples two FMUs for some steps, saves, restores and resets them, and makes wrong calls. HOW has words
+ *     for how the libraries are loaded (now or lazy, global or local) and for the floating-point environment
+ *     (traps, upward). Prints the exchanged values at the end, in hexadecimal, to be compared bit by bit.
  *
  *   host cycle CYCLES SERIALIZES KEEP LEAK FMU
  *     loads, runs and unloads a library again and again; with KEEP 1 it stays loaded. Prints before, and
  *     after each quarter of the cycles, the bytes that are allocated and the number of mappings. LEAK bytes
  *     are lost in each cycle; where LEAK is "instance", an instance is.
  *
- * An FMU is four arguments: its library, its GUID, and the value references of the outputs that it gives and
- * of the inputs that it takes, with commas. SERIALIZES is 1 where the FMUs declare canSerializeFMUstate.
+ * An FMU is four arguments: its library, its GUID, and the value references of the connected outputs and inputs,
+ * with commas. SERIALIZES is 1 if the FMUs declare canSerializeFMUstate.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -71,12 +70,12 @@ static const double STEP = 0.0125;
 #define REQUIRE(condition, fmu)                                                                             \
     do {                                                                                                    \
         if (!(condition)) {                                                                                 \
-            fprintf(stderr, "%s: line %d: not so: %s\n", (fmu)->path, __LINE__, #condition);                \
+            fprintf(stderr, "%s: line %d: failed: %s\n", (fmu)->path, __LINE__, #condition);                \
             exit(1);                                                                                        \
         }                                                                                                   \
     } while (0)
 
-/* Formats the message, as loggers do, and checks what came with it. */
+/* Formats the message, as loggers do, and checks the arguments. */
 static void count(void *environment, const char *name, int status, const char *category,
                   const char *message, ...) {
     Fmu *fmu = environment;
@@ -126,13 +125,13 @@ static void enter(Fmu *fmu) {
 
 static void leave(Fmu *fmu) { REQUIRE(fmu->ExitInitializationMode(fmu->instance) == OK, fmu); }
 
-/* A state of the instance, which went through bytes where the FMU can do that. */
+/* A state of the instance, serialized and deserialized if the FMU supports it. */
 static void *save(Fmu *fmu, int serializes) {
     void *state = NULL;
     size_t size = 0;
     REQUIRE(fmu->GetFMUstate(fmu->instance, &state) == OK && state, fmu);
     if (!serializes) return state;
-    /* What a variable that was never set may hold: the handle of a state that is alive. */
+    /* A variable that was never set may happen to hold the handle of another state. */
     void *copy = state;
     REQUIRE(fmu->SerializedFMUstateSize(fmu->instance, state, &size) == OK && size > 0, fmu);
     char *bytes = malloc(size);
@@ -148,7 +147,7 @@ static void restore(Fmu *fmu, void *state) {
     REQUIRE(fmu->FreeFMUstate(fmu->instance, &state) == OK && !state, fmu);
 }
 
-/* What must be refused, each with a message. */
+/* Wrong calls, each of which must be an error with a message. */
 static void provoke(Fmu *fmu) {
     const char *unknown[] = {"no such category"};
     const double nan_value = NAN;
@@ -198,8 +197,8 @@ static int couple(const char *how, int steps, int serializes, Fmu *first, Fmu *s
     Fmu *fmus[] = {first, second};
     int flags = strstr(how, "now") ? RTLD_NOW : RTLD_LAZY;
     flags |= strstr(how, "global") ? RTLD_GLOBAL : RTLD_LOCAL;
-    /* Hosts in Fortran and Delphi let the processor trap; others round as they like. An FMU leaves these
-     * settings as it finds them (section 2.1.1). */
+    /* Hosts in Fortran and Delphi enable traps; others change the rounding. An FMU must not change these settings
+    * (section 2.1.1). */
     int traps = strstr(how, "traps") ? FE_DIVBYZERO | FE_INVALID | FE_OVERFLOW : 0;
     int rounding = strstr(how, "upward") ? FE_UPWARD : FE_TONEAREST;
     for (int i = 0; i < 2; i++) {
@@ -217,7 +216,7 @@ static int couple(const char *how, int steps, int serializes, Fmu *first, Fmu *s
     REQUIRE(fegetexcept() == traps && fegetround() == rounding, first);
     for (int i = 0; i < 2; i++) {
         REQUIRE(fmus[i]->Terminate(fmus[i]->instance) == OK, fmus[i]);
-        /* A state that is not freed goes with its instance (section 2.1.5, fmi2FreeInstance). */
+        /* A state that is not freed is freed with its instance (section 2.1.5, fmi2FreeInstance). */
         save(fmus[i], serializes);
         fmus[i]->FreeInstance(fmus[i]->instance);
         REQUIRE(dlclose(fmus[i]->library) == 0, fmus[i]);
@@ -225,7 +224,7 @@ static int couple(const char *how, int steps, int serializes, Fmu *first, Fmu *s
     return 0;
 }
 
-/* What memory the process holds. A library that is not loaded is in none of the mappings. */
+/* The process's memory. A library that is not loaded has no mapping. */
 static void report(const Fmu *fmu, int loaded) {
     char line[8192];
     int lines = 0, found = 0;
@@ -282,6 +281,6 @@ int main(int number, char **arguments) {
         Fmu fmu = parse(arguments + 6);
         return cycle(atoi(arguments[2]), atoi(arguments[3]), atoi(arguments[4]), arguments[5], &fmu);
     }
-    fprintf(stderr, "how it is called stands in host.c\n");
+    fprintf(stderr, "usage: see host.c\n");
     return 2;
 }

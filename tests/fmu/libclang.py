@@ -1,6 +1,6 @@
-"""Where the build of `tests/fmi-master` finds libclang: in the wheel, which needs no package of the system.
+"""The environment variables with which `tests/fmi-master` finds libclang, in its wheel.
 
-CONTRIBUTING.md says how a shell gets it.
+CONTRIBUTING.md says how to set them in a shell.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from pathlib import Path
 
 
 def environment() -> dict[str, str]:
-    """What the generator of bindings must know."""
+    """The variables for the generator of bindings."""
     (package,) = find_spec("clang").submodule_search_locations
-    # The wheel is without the headers that belong to a compiler, such as stddef.h: the C compiler has them.
+    # The wheel lacks the compiler's own headers, such as stddef.h; the C compiler has them.
     command = ["cc", "-print-file-name=include"]
     headers = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
     return {

@@ -1,7 +1,6 @@
 """A small co-simulation master on FMPy's raw interface.
 
-Variables go by their names, and a loop's values stay in arrays that are made once, so that a run at
-1 kHz costs seconds.
+Variables are accessed by name, through arrays that are allocated once, so that a run at 1 kHz takes seconds.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ WARNING, ERROR = 1, 3
 
 
 class Message(NamedTuple):
-    """What an instance logged."""
+    """A logged message."""
 
     status: int
     category: str
@@ -47,11 +46,11 @@ def _log(environment: int, _: bytes, status: int, category: bytes, message: byte
 
 
 _LOGGER = fmi2CallbackLoggerTYPE(_log)
-"""One for all: FMPy's proxy, which formats the messages, remembers only the last logger it was given."""
+"""A common one: FMPy's proxy, which formats the messages, keeps only the last logger."""
 
 
 class Fmu:
-    """An extracted FMU, of which any number of instances can be made."""
+    """An extracted FMU."""
 
     def __init__(self, path: Path, folder: Path) -> None:
         self.path = path
@@ -75,7 +74,7 @@ class Fmu:
 
 
 class Instance:
-    """An instance of an FMU, and what it logged."""
+    """An instance of an FMU with its messages."""
 
     def __init__(self, fmu: Fmu, name: str | None = None) -> None:
         self.fmu = fmu
@@ -155,7 +154,7 @@ class Instance:
 
 
 class Reals:
-    """Some Real variables of an instance, in arrays that are made once."""
+    """Real variables of an instance, in arrays that are allocated once."""
 
     def __init__(self, instance: Instance, names: list[str]) -> None:
         self.instance = instance
@@ -166,7 +165,7 @@ class Reals:
         self.values = np.frombuffer(self.memory)
 
     def get(self) -> np.ndarray:
-        """Gets the values; the array is the same each time."""
+        """Gets the values, always in the same array."""
         slave = self.instance.slave
         slave.fmi2GetReal(slave.component, self.references, self.count, self.memory)
         return self.values
@@ -187,7 +186,7 @@ class Reals:
 
 
 class Wires:
-    """What one instance takes from another: the outputs and inputs of equal names."""
+    """A connection of two instances: the outputs and inputs of equal names."""
 
     def __init__(self, source: Instance, target: Instance) -> None:
         inputs = set(target.fmu.named("input"))
@@ -196,12 +195,12 @@ class Wires:
         self.source, self.target = Reals(source, names), Reals(target, names)
 
     def transfer(self) -> None:
-        """Carries the values over."""
+        """Transfers the values."""
         self.target.set(self.source.get())
 
 
 class Record(dict[str, np.ndarray]):
-    """Time and variables at the communication points, by name."""
+    """Variables and time at the communication points, by name."""
 
     def at(self, time: float) -> dict[str, float]:
         """The values at a communication point."""
@@ -217,10 +216,10 @@ class Record(dict[str, np.ndarray]):
 
 
 class Master:
-    """Steps instances in their order; each one first takes what the others put out last.
+    """Steps instances in their order, each with the others' latest outputs.
 
-    `inputs` are signals over time, held during a step, for each instance that has an input of the name.
-    `clock` tells the communication points by their numbers, as a master does that counts otherwise.
+    `inputs` are signals over time, constant during a step, for each instance that has an input of the name.
+    `clock` gives the communication points by their numbers, as some masters compute them in another way.
     """
 
     def __init__(
@@ -256,7 +255,7 @@ class Master:
 
     @property
     def time(self) -> float:
-        """The communication point that was reached."""
+        """The current communication point."""
         if self.clock:
             return self.clock(self.steps_done)
         return self.start_time + self.steps_done * self.step
@@ -264,8 +263,8 @@ class Master:
     def initialize(self) -> Master:
         """Exchanges values in initialization mode and leaves it.
 
-        Twice, because a plant that settles for the controller's outputs gives the controller its measured
-        supply, and this its outputs.
+        Twice, because a plant that settles at the controller's outputs returns a measured supply, which
+        changes these.
         """
         self._apply(self.start_time)
         for _ in range(2):
@@ -287,7 +286,7 @@ class Master:
             wire.transfer()
 
     def run(self, stop_time: float) -> Record:
-        """Steps to a time and gives the record from where it was, inclusive."""
+        """Steps to a time; returns the record with its start and end."""
         count = round((stop_time - self.time) / self.step)
         table = np.empty((count + 1, 1 + len(self.names)))
         table[0] = self._row()

@@ -1,5 +1,4 @@
-"""The documentation inside the exported FMUs: a page for people, with curves of the FMUs themselves, and an
-icon."""
+"""The documentation in the exported FMUs: a page with curves of the FMUs, and an icon."""
 
 from __future__ import annotations
 
@@ -28,9 +27,9 @@ LARGEST = 300_000
 DRAWN = ROOT / "modelDescription" / "documentation"
 
 ROUNDING = 0.1 + 1e-9
-"""By how many drawn units a curve may differ from the kept one. Places are drawn to a tenth, so that the last
-bit of a result can move one by as much. 0.01 % of full scale is about as much: 20 Pa of boost pressure are
-0.12 units in the panel that shows it largest, 25 kPa on 150 units."""
+"""The tolerance of a curve against the stored one in drawn units. Positions are rounded to a tenth, so that
+the last bit of a result can change them by as much. 0.01 % of full scale is similar: 20 Pa of boost pressure
+are 0.12 units in the panel with the largest scale, 25 kPa on 150 units."""
 
 
 @pytest.fixture(params=ICONS)
@@ -53,12 +52,12 @@ def tree(page: str) -> etree._Element:
 
 
 def text_of(element: etree._Element) -> str:
-    """The text of an element with everything in it."""
+    """The text of an element and its descendants."""
     return "".join(element.itertext())
 
 
 def html_outline(node: object, depth: int = 0) -> Iterator[tuple[int, str]]:
-    """How deep each element is and what it is called; for the parser of HTML."""
+    """The depth and name of each element, for the HTML parser."""
     if node.name[0] not in "#!":
         yield depth, node.name
     for child in node.children or []:
@@ -66,7 +65,7 @@ def html_outline(node: object, depth: int = 0) -> Iterator[tuple[int, str]]:
 
 
 def xml_outline(node: etree._Element, depth: int = 1) -> Iterator[tuple[int, str]]:
-    """The same for the parser of XML."""
+    """The same for the XML parser."""
     if isinstance(node.tag, str):
         yield depth, etree.QName(node).localname
     for child in node:
@@ -74,14 +73,14 @@ def xml_outline(node: etree._Element, depth: int = 1) -> Iterator[tuple[int, str
 
 
 def test_page_is_html(page: str, tree: etree._Element) -> None:
-    """As it stands: HTML's parser, which mends whatever is wrong, makes of it what XML's does."""
+    """The HTML parser, which corrects errors, gives the same elements as the XML parser."""
     html = JustHTML(page, sanitize=False, strict=True)
     assert page.startswith("<!DOCTYPE html>")
     assert list(html_outline(html.root)) == list(xml_outline(tree))
 
 
-def test_page_is_whole_by_itself(page: str, tree: etree._Element) -> None:
-    """Nothing is loaded from elsewhere, and what it links to within is there."""
+def test_page_needs_no_other_file(page: str, tree: etree._Element) -> None:
+    """Nothing is loaded, and targets of internal links exist."""
     ids = tree.xpath("//@id")
     assert len(set(ids)) == len(ids)
     targets = [link[1:] for link in tree.xpath("//@href") if link.startswith("#")]
@@ -96,7 +95,7 @@ def test_page_is_whole_by_itself(page: str, tree: etree._Element) -> None:
 
 
 def test_page_describes_every_variable(fmus: dict[str, Fmu], name: str, tree: etree._Element) -> None:
-    """In the row of its name, or of its array's or its state's, by the words of the XML."""
+    """In the row of its name, or of its array or state, with the texts of the XML."""
     rows = {row.get("id"): row for row in tree.xpath("//table[@class='variables']//tr[@id]")}
     described = set()
     for variable in fmus[name].description.modelVariables:
@@ -110,7 +109,7 @@ def test_page_describes_every_variable(fmus: dict[str, Fmu], name: str, tree: et
         described.add(row.get("id"))
 
         def said(cell: etree._Element, is_derivative: bool = is_derivative) -> str:
-            """What a cell says of the variable itself, or of its derivative."""
+            """The text in a cell for the variable, or for its derivative."""
             return cell.findtext("span") if is_derivative else "".join(cell.xpath("text() | a/text()"))
 
         cells = {cell.get("class"): cell for cell in row.findall("td")}
@@ -129,7 +128,7 @@ def test_page_describes_every_variable(fmus: dict[str, Fmu], name: str, tree: et
 
 
 def test_page_shows_matrices(fmus: dict[str, Fmu], tree: etree._Element, name: str) -> None:
-    """Each start value of a two-dimensional array is in its place."""
+    """Each start value of a two-dimensional array is in its row and column."""
     wanted: dict[str, dict[tuple[int, int], float]] = {}
     for variable in fmus[name].description.modelVariables:
         if match := re.fullmatch(r"(.*)\[(\d+),(\d+)\]", variable.name):
@@ -169,7 +168,7 @@ def test_page_names_the_platforms_and_the_guid(
 
 
 def test_commands_of_the_page(exported: Path, tree: etree._Element, name: str, tmp_path: Path) -> None:
-    """The page's own lines, run as they stand there, with its own file of inputs and one more line."""
+    """The page's commands, with its file of inputs and one more line."""
     (tmp_path / f"{name}.fmu").symlink_to(exported / f"{name}.fmu")
     commands, inputs = (text_of(block) for block in tree.xpath("//section[@id='page-use']/pre"))
     header, first = inputs.splitlines()
@@ -199,7 +198,7 @@ def test_commands_of_the_page(exported: Path, tree: etree._Element, name: str, t
 
 
 def test_icon(exported: Path, name: str) -> None:
-    """A PNG of a size that importers show, with a picture on a background that is not everywhere."""
+    """A PNG of a suitable size, with a picture on a transparent background."""
     with zipfile.ZipFile(exported / f"{name}.fmu") as archive, archive.open("model.png") as file:
         content = file.read()
         file.seek(0)
@@ -209,13 +208,13 @@ def test_icon(exported: Path, name: str) -> None:
     assert pixels[0, 0, 3] == 0
     opaque = pixels[pixels[..., 3] == 1]
     assert len(opaque) > 0.9 * 160 * 160
-    # Not blank: no color has it all, and there are light and dark places.
+    # Not blank: several colors, light and dark.
     brightness = opaque[:, :3].mean(axis=1)
     assert 0.05 < (brightness > 0.5).mean() < 0.5
 
 
 def test_curves_are_those_of_the_fmus(exported: Path, tmp_path: Path) -> None:
-    """The kept pictures, drawn again."""
+    """The stored pictures, drawn again."""
     (tmp_path / "target").mkdir()
     (tmp_path / "target" / "fmu").symlink_to(exported)
     script = ROOT / "examples" / "documentation_curves.py"

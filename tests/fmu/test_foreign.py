@@ -1,8 +1,9 @@
-"""One of both FMUs is replaced by one of PythonFMU, from a source in examples/foreign/: both directions.
+"""One of the FMUs is replaced by one made with PythonFMU, from a source in examples/foreign/: both
+directions.
 
-The lines that make FMUs and systems are those of docs/masters.md. What loads an FMU of PythonFMU runs in a
-process of its own, which leaves out what runs at an exit: as the library of these FMUs is unloaded, it counts
-down in memory that is free.
+The commands that make FMUs and systems are those of docs/masters.md. Programs that load an FMU of PythonFMU
+run in a separate process without exit handlers: as the library of these FMUs is unloaded, it accesses freed
+memory.
 """
 
 from __future__ import annotations
@@ -47,10 +48,10 @@ LINES = documents.lines((ROOT / "docs" / "masters.md").read_text())
 REFERENCE = staircase(*BOOST_STEPS)
 
 LARGEST_STEP, SHORTEST_STEP = 20e3, 10.0
-"""Of the reference (Pa), and how long it holds (s)."""
+"""Largest step of the reference (Pa), and its duration (s)."""
 
 FIT = 6e3
-"""How well the surrogate's static map fits the controller's (Pa)."""
+"""The error of the surrogate's static map against the controller's (Pa)."""
 
 COMMANDS = [("hp_wastegate_pwm", "wg_duty", 0.01), ("vacuum_pump", "pump_on", 1.0)]
 MEASUREMENTS = [
@@ -58,12 +59,12 @@ MEASUREMENTS = [
     ("p_tank", "tank_pressure", 1e5),
     ("u_measured", "supply_voltage_measured", 1.0),
 ]
-"""What goes where between our controller and the surrogate, and what it is times in between."""
+"""Connections of our controller and the surrogate, with their factors."""
 
 
 @pytest.fixture(scope="module")
 def clone(exported: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the lines were run, but for those that install packages and run masters."""
+    """A folder where the commands were run, except for those that install packages and run masters."""
     folder = documents.clone(exported, tmp_path_factory.mktemp("foreign"))
     (folder / "target" / "foreign").mkdir()
     (folder / "target" / "release").symlink_to(TARGET.resolve() / "release")
@@ -75,12 +76,12 @@ def clone(exported: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def transfer(source: Instance, target: Instance, wires: list[tuple[str, str, float]]) -> None:
-    """Carries values over, in the target's names and units."""
+    """Transfers values in the target's names and units."""
     target.set({to: source.get(name) * factor for name, to, factor in wires})
 
 
 def control_surrogate(ours: Instance, surrogate: Instance, at_once: bool = False) -> Record:
-    """Steps our controller and the surrogate; gives what each step reached, in our names and units."""
+    """Steps our controller and the surrogate; returns the values after each step, in our names and units."""
     ours.begin()
     surrogate.begin()
     transfer(ours, surrogate, COMMANDS)
@@ -104,7 +105,7 @@ def control_surrogate(ours: Instance, surrogate: Instance, at_once: bool = False
 
 
 class Loops:
-    """What runs with FMUs of PythonFMU, in a separate process."""
+    """Runs with FMUs of PythonFMU, in a separate process."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -124,7 +125,7 @@ class Loops:
         return ssp_of_fmpy(*members).run(BOOST_STEPS_END)
 
     def foreign_controller_in_fmpy(self) -> Record:
-        # Which would unload the FMUs.
+        # Freeing would unload the FMUs.
         fmpy.ssp.simulation.free_fmu = lambda component: None
         result = simulate_ssp(
             str(self.folder / "target" / "foreign" / "pi.ssp"),
@@ -147,7 +148,7 @@ class Loops:
 
 
 def loop(folder: Path, name: str, *arguments: float) -> Record:
-    """Runs one of the loops and gives its record."""
+    """Runs one of the loops and returns its record."""
     command = [sys.executable, __file__, folder, name, json.dumps(arguments)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -156,37 +157,37 @@ def loop(folder: Path, name: str, *arguments: float) -> Record:
 
 
 def test_controller_of_another_make_controls_our_plant(clone: Path) -> None:
-    """It has the plant's names and units: nothing but the file changes."""
+    """It has the plant's names and units: only the file changes."""
     record = loop(clone, "foreign_controller")
     steps = Steps(record, BOOST_STEPS, BOOST_STEPS_END)
     print(steps.summary())
     # The closed loop is slowest at 125 kPa, where a time constant of 1.04 s and a gain of -3210 Pa/% leave
     # it a pole at 0.42 1/s.
     assert max(steps.end_error) <= LARGEST_STEP * exp(-0.42 * SHORTEST_STEP)
-    # What the paper reaches.
+    # As in the paper.
     assert max(steps.up) <= 5e3
     assert max(steps.down) <= 1e3
-    # A pump that never runs loses the vacuum that moves the wastegate.
+    # Without the pump the wastegate would lose its vacuum.
     assert set(record["vacuum_pump"]) == {0.0, 1.0}
 
 
 def test_our_controller_controls_a_plant_of_another_make(clone: Path) -> None:
-    """It has other names, and bar and 1 for Pa and %."""
+    """It has other names, and the units bar and 1 instead of Pa and %."""
     record = loop(clone, "foreign_plant")
     steps = Steps(record, BOOST_STEPS, BOOST_STEPS_END)
     print(steps.summary())
-    # Of a lag that the controller takes for another there remains what fades with the integral time: at most
+    # The error by a lag that differs from the controller's schedule decays with the integral time: at most
     # 1.9 s, the largest time constant of the schedule up to 190 kPa.
     assert max(steps.end_error) <= LARGEST_STEP * exp(-SHORTEST_STEP / 1.9)
-    # The feedforward goes first, and misses by what the surrogate's static map is off.
+    # The error of the feedforward is that of the surrogate's static map.
     assert max(steps.up + steps.down) <= FIT
-    # The relay of the tank keeps its limits, to what a step brings.
+    # The relay of the tank keeps its limits, except for the change in one step.
     assert record["tank_pressure"].min() >= 30e3 - 580 * SAMPLE_TIME
     assert record["tank_pressure"].max() <= 35e3 + 100 * SAMPLE_TIME * (1 + 1e-6)
 
 
 def test_surrogate_is_fitted_to_the_maps(clone: Path, controller_fmu: Fmu) -> None:
-    """Where its static map is in use, at 1500 rpm: the third column."""
+    """Its static map at 1500 rpm: the third column."""
 
     def column(name: str) -> np.ndarray:
         place = "[{}]" if name == "boost_reference" else "[{},3]"
@@ -204,7 +205,7 @@ def test_surrogate_is_fitted_to_the_maps(clone: Path, controller_fmu: Fmu) -> No
 def test_check_sees_what_the_map_is_for(
     clone: Path, boost_fmu: Callable[..., subprocess.CompletedProcess[str]]
 ) -> None:
-    """With the map the surrogate can take the plant's place, as the page has it; without, it cannot."""
+    """With the map the surrogate can replace the plant, as the page says; without, it cannot."""
     (line,) = [line for line in LINES if " check " in line and "--map" in line]
     done = documents.run(line, clone)
     assert "hp_wastegate_pwm = 100 · wg_duty" in done
@@ -214,7 +215,7 @@ def test_check_sees_what_the_map_is_for(
 
 
 def test_system_converts_by_the_map(clone: Path) -> None:
-    """Each connection with the surrogate, in the direction in which values go; the others convert nothing."""
+    """Connections with the surrogate convert in their direction; the others do not convert."""
     with ZipFile(clone / "target" / "foreign" / "surrogate.ssp") as archive:
         structure = etree.fromstring(archive.read("SystemStructure.ssd"))
     factors = {}
@@ -225,7 +226,7 @@ def test_system_converts_by_the_map(clone: Path) -> None:
             assert connection.get("suppressUnitConversion") == "true"
             assert transformation.get("offset", "0") == "0"
             factors[names] = float(transformation.get("factor"))
-    # But for the rounding of a quotient.
+    # Up to the rounding of a quotient.
     expected = {(start, end): factor for start, end, factor in COMMANDS + MEASUREMENTS if factor != 1.0}
     outside = {("p_boost", "boost_pressure"), ("p_tank", "tank_pressure"), ("engine_speed", "n_engine")}
     assert set(factors) == set(expected) | outside
@@ -234,7 +235,7 @@ def test_system_converts_by_the_map(clone: Path) -> None:
 
 
 def test_controller_of_another_make_in_the_ssp_of_fmpy(clone: Path) -> None:
-    """Against the own master, to the last bit. Nothing is to be converted, which FMPy would leave out."""
+    """Against the tests' master, to the last bit. No conversions are needed, which FMPy does not support."""
     result, record = (loop(clone, f"foreign_controller_{how}") for how in ("in_fmpy", "as_ssp_of_fmpy"))
     assert np.array_equal(result["boost_pressure"].view(np.uint64), record["boost_pressure"].view(np.uint64))
 
@@ -254,14 +255,14 @@ simulation.terminate()
 print(json.dumps(rows), flush=True)
 os._exit(0)
 """
-"""Runs a system, given the reference in each step; prints what each step reached."""
+"""Runs a system with the reference in each step; prints the values after each step."""
 
 
 def run_in_ecos(system: Path, controller: str, boost: str) -> np.ndarray:
-    """Boost pressure and duty that each step reached."""
+    """Boost pressure and duty after each step."""
     folder = system.with_suffix("")
     ZipFile(system).extractall(folder)
-    # Ecos knows no connectors of a system, and takes its structure from one file alone.
+    # Ecos does not support connectors of a system, and reads only this file.
     (folder / "Components.ssd").replace(folder / "SystemStructure.ssd")
     count = round(BOOST_STEPS_END / SAMPLE_TIME)
     reached = [boost, f"{controller}::hp_wastegate_pwm"]
@@ -278,7 +279,7 @@ def run_in_ecos(system: Path, controller: str, boost: str) -> np.ndarray:
 
 
 def test_system_with_the_controller_of_another_make(clone: Path) -> None:
-    """In Ecos, against the own master that steps both at once."""
+    """In Ecos, against the tests' master that steps both at once."""
     system = clone / "target" / "foreign" / "pi.ssp"
     table = run_in_ecos(system, "PiController", "BoostPlant::boost_pressure")
 
@@ -294,23 +295,23 @@ def test_system_with_the_plant_of_another_make(clone: Path) -> None:
 
     record = loop(clone, "foreign_plant", True)
     expected = np.stack([record["boost_pressure"] / 1e5, record["hp_wastegate_pwm"]], axis=1)
-    # Pressure is in bar again, which rounds twice.
+    # Pressure is converted to bar and back, which rounds twice.
     assert np.abs(table / expected - 1).max() <= 2 * np.finfo(float).eps
 
 
 WITH_PYTHON = {
     "LD_PRELOAD": str(Path(sysconfig.get_config_var("LIBDIR")) / str(sysconfig.get_config_var("INSTSONAME")))
 }
-"""The laboratory with the library of this Python loaded, which PythonFMU leaves to the host."""
+"""The laboratory with this Python's library loaded, which PythonFMU expects of its host."""
 
 SCENARIO = re.sub(r"\[fmu\.run_in\]\n(.+\n)+", "", (SCENARIOS / "figure_13.toml").read_text())
-"""The steps of fig. 13 from the settled start, which the FMUs here have, too."""
+"""The steps of Fig. 13 from the settled start, as the FMUs here."""
 
 MAP = "examples/foreign/surrogate_plant.json"
 
 
 def simulate(lab: Run, clone: Path, folder: Path, text: str, *more: str | Path) -> Record:
-    """What the laboratory records of a scenario."""
+    """The laboratory's record of a scenario."""
     scenario = folder / "scenario.toml"
     scenario.write_text(text)
     out = folder / "record.csv"
@@ -321,13 +322,13 @@ def simulate(lab: Run, clone: Path, folder: Path, text: str, *more: str | Path) 
     return Record(zip(names, np.array(rows, dtype=float).T, strict=True))
 
 
-def in_the_place_of(name: str, foreign: Path) -> list[str]:
-    """The option that puts an FMU into the place of the scenario's."""
+def replacing(name: str, foreign: Path) -> list[str]:
+    """The option that replaces an FMU of the scenario."""
     return ["--fmu", f"{name}={foreign}"]
 
 
 def bits(column: np.ndarray) -> np.ndarray:
-    """What tells doubles apart."""
+    """The bits of doubles."""
     return np.ascontiguousarray(column).view(np.uint64)
 
 
@@ -336,12 +337,12 @@ def bits(column: np.ndarray) -> np.ndarray:
 def test_laboratory_couples_a_plant_of_another_make_by_its_map(
     clone: Path, lab: Run, tmp_path: Path, stepping: str, given: str
 ) -> None:
-    """Against the own master, which converts by the numbers above, at each communication point.
+    """Against the tests' master, which converts by the numbers above, at each communication point.
 
-    To the last bit: both multiply each value once, by factors that are the same doubles.
+    To the last bit: both multiply each value once, by the same factors.
     """
     text = f'stepping = "{stepping}"\n{SCENARIO}'
-    more = in_the_place_of("plant", clone / "target" / "foreign" / "SurrogatePlant.fmu")
+    more = replacing("plant", clone / "target" / "foreign" / "SurrogatePlant.fmu")
     if given == "by the option":
         more += ["--map", str(ROOT / MAP)]
     else:
@@ -355,9 +356,9 @@ def test_laboratory_couples_a_plant_of_another_make_by_its_map(
 
 
 def test_laboratory_couples_a_controller_of_another_make(clone: Path, lab: Run, tmp_path: Path) -> None:
-    """By equal names alone."""
+    """Without a map."""
     foreign = clone / "target" / "foreign" / "PiController.fmu"
-    found = simulate(lab, clone, tmp_path, SCENARIO, *in_the_place_of("controller", foreign))
+    found = simulate(lab, clone, tmp_path, SCENARIO, *replacing("controller", foreign))
     for name, column in loop(clone, "foreign_controller").items():
         assert np.array_equal(bits(found[name]), bits(column)), name
 
@@ -371,12 +372,12 @@ def test_lines_of_the_laboratorys_page(clone: Path) -> None:
     for name in ["surrogate", "pi"]:
         with (clone / "target" / f"{name}.csv").open(newline="") as file:
             rows = list(csv.DictReader(file))
-        # What is left of the first step just before the second.
+        # The error before the second step.
         assert abs(float(rows[round(22 / SAMPLE_TIME)]["boost_pressure"]) - 150e3) < 100
 
 
 def entry(name: str, **more: str | float) -> dict[str, str | float]:
-    """What a map says of a variable."""
+    """A map's entry."""
     return {"name": name, **more}
 
 
@@ -402,7 +403,7 @@ def test_laboratory_refuses_a_map_that_is_wrong(
             del wrong["variables"][name]
     (tmp_path / "wrong.json").write_text(json.dumps(wrong))
     (tmp_path / "scenario.toml").write_text(SCENARIO)
-    more = in_the_place_of("plant", clone / "target" / "foreign" / "SurrogatePlant.fmu")
+    more = replacing("plant", clone / "target" / "foreign" / "SurrogatePlant.fmu")
     more += ["--map", tmp_path / "wrong.json", "--fmus", clone / "target" / "fmu", "--out", tmp_path]
     done = lab("simulate", tmp_path / "scenario.toml", *more, **WITH_PYTHON)
     assert done.returncode == 2
@@ -416,26 +417,27 @@ def test_map_for_an_fmu_that_is_not_there_is_refused(clone: Path, lab: Run, tmp_
     done = lab("simulate", tmp_path / "scenario.toml", *arguments)
     assert done.returncode == 2
     assert done.stderr == (
-        f"error: the map {ROOT / MAP} is for the FMU SurrogatePlant, which the scenario has not: it has "
+        f"error: the map {ROOT / MAP} is for the FMU SurrogatePlant, "
+        "which the scenario does not have: it has "
         "BoostController, BoostPlant\n"
     )
 
 
 def test_study_with_a_plant_of_another_make(clone: Path, lab: Run, tmp_path: Path) -> None:
-    """Its runs have the map as well, and its journal is of this map."""
+    """Its runs use the map, and its journal refuses another one."""
     (tmp_path / "scenario.toml").write_text(SCENARIO)
     (tmp_path / "study.toml").write_text(
         'scenario = "scenario.toml"\n[grid]\n"controller:lambda" = [0.3, 0.6]\n'
         '[measures]\npeak = { maximum = "boost_pressure" }\n'
     )
-    more = in_the_place_of("plant", clone / "target" / "foreign" / "SurrogatePlant.fmu")
+    more = replacing("plant", clone / "target" / "foreign" / "SurrogatePlant.fmu")
     arguments = ["sweep", tmp_path / "study.toml", "--fmus", clone / "target" / "fmu", *more]
     out = tmp_path / "out"
     done = lab(*arguments, "--map", ROOT / MAP, "--out", out, **WITH_PYTHON)
     assert done.returncode == 0, done.stderr
     with (out / "results.csv").open(newline="") as file:
         one, other = csv.DictReader(file)
-    # λ is 0.3 s where nothing is said.
+    # λ is 0.3 s by default.
     assert float(one["peak"]) == loop(clone, "foreign_plant")["boost_pressure"].max()
     assert other["peak"] != one["peak"]
 
@@ -447,12 +449,12 @@ def test_study_with_a_plant_of_another_make(clone: Path, lab: Run, tmp_path: Pat
 
 
 def test_tuning_to_a_plant_of_another_make(clone: Path, lab: Run, tmp_path: Path) -> None:
-    """What is known of the surrogate comes out, in the controller's units.
+    """The result is the surrogate's known behaviour, in the controller's units.
 
-    As in test_tune.py, 0.3 % of duty and 2 % of a gain are what an identification is worth.
+    As in test_tune.py, an identification is accurate to 0.3 % of duty and 2 % of a gain.
     """
     reached = [150e3, 160e3]
-    # Above its reach, where no time is spent on steps.
+    # Not reachable, so that no time is spent on steps.
     references = reached + [300e3 + 1e3 * row for row in range(14)]
     out = tmp_path / "tuned"
     done = lab(
@@ -471,7 +473,7 @@ def test_tuning_to_a_plant_of_another_make(clone: Path, lab: Run, tmp_path: Path
         gain = (above - below) / 2
         assert abs(at - reference) <= 0.3 * abs(gain)
         assert cell["gain"] == pytest.approx(gain, rel=0.02)
-        # Two lags of 1.5 and 0.07 s: the smaller one is seen partly as lag and partly as delay.
+        # Two lags of 1.5 and 0.07 s: the smaller one appears partly as lag and partly as delay.
         assert 1.5 < cell["time_constant"] < 1.57
         assert 0 < cell["delay"] < 0.07
 

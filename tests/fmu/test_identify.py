@@ -1,4 +1,4 @@
-"""The actuator's identification: known parameters of the plant, found again in what its sensors would say."""
+"""The actuator's identification: known parameters of the plant, found again in simulated measurements."""
 
 from __future__ import annotations
 
@@ -87,8 +87,8 @@ USEFUL = {
     "actuator.damping": 0.02,
     "actuator.mass": 0.06,
 }
-"""What part of its parameter a standard error may be, so that it is of use. The coefficients of eq. (6) are
-known together only: the area at a duty is what counts."""
+"""The largest useful standard error, relative to its parameter. The coefficients of eq. (6) are correlated:
+the area at a duty matters."""
 
 LEAKAGE = [f"valve.leakage_coefficient[{index}]" for index in (1, 2, 3)]
 
@@ -109,7 +109,7 @@ class Table:
         return self.rows[:, self.names.index(name)]
 
     def measured(self, seed: int) -> Table:
-        """With the sensors' noise."""
+        """The same with the sensors' noise."""
         generator = np.random.default_rng(seed)
         table = Table(self.names, self.rows.copy())
         for name, deviation in NOISE.items():
@@ -127,7 +127,7 @@ class Table:
 
 
 def bench(lab: Run, exported: Path, folder: Path, *, values: dict[str, float], parameters: str = "") -> Table:
-    """What a plant does on the bench."""
+    """The record of a plant on the bench."""
     listed = ", ".join(f'"{name}" = {value!r}' for name, value in values.items())
     lines = f'file = "BoostPlant.fmu"\nvalues = {{ {listed} }}\n{parameters}'
     scenario = folder / "bench.toml"
@@ -151,7 +151,7 @@ Identify = Callable[..., dict]
 
 
 def identification(lab: Run, exported: Path, folder: Path) -> Identify:
-    """Identifies from a table; gives the report."""
+    """Identifies from a table; returns the report."""
 
     def run(table: Table, *arguments: str | Path) -> dict:
         data = table.write(folder / "data.csv")
@@ -173,7 +173,7 @@ def identify(lab: Run, exported: Path, tmp_path: Path) -> Identify:
 def changed(
     lab: Run, exported: Path, benches: dict[str, Table], tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[dict, Path]:
-    """The report on the other plant, and the folder of what was written."""
+    """The report on the other plant, and the folder of the results."""
     folder = tmp_path_factory.mktemp("changed")
     return identification(lab, exported, folder)(benches["changed"].measured(1)), folder / "out"
 
@@ -193,19 +193,19 @@ def estimates(report: dict) -> dict[str, tuple[float, float]]:
 
 
 SEEDS = {"defaults": range(1, 7), "changed": range(11, 17)}
-"""Of the sensors' noise, for each plant others: what is independent counts."""
+"""Of the sensors' noise, different for each plant, so that the results are independent."""
 
 FARTHEST = NormalDist().inv_cdf(1 - 0.001 / (2 * 12 * len(DEFAULTS)))
-"""In standard errors, how far the farthest of all estimates of both plants may lie from the truth: none does
-with a probability of 99.9 %, by Bonferroni's inequality, which holds however they depend on each other."""
+"""The largest error of all estimates of both plants, in standard errors, with a probability of 99.9 % by
+Bonferroni's inequality, which holds for dependent estimates."""
 
 STUDENT = 4.437
 """Student's t for 99.9 % with 11 degrees of freedom: 12 identifications are independent of each other."""
 
 
 def test_known_parameters_are_found_again(identify: Identify, benches: dict[str, Table]) -> None:
-    """Each within its standard errors; and these are neither too large nor too small: in the mean the squares
-    of the errors over the standard errors are 1."""
+    """Each within its standard errors, which are neither too large nor too small: the mean square of the
+    errors over the standard errors is 1."""
     squares = []
     for plant, truth in [("defaults", DEFAULTS), ("changed", CHANGED)]:
         deviations: dict[str, list[float]] = {name: [] for name in truth}
@@ -243,7 +243,7 @@ FAR = {
     "actuator.damping": 63.0,
     "actuator.mass": 0.04,
 }
-"""Half and double of what the fit starts from: there it has false minima."""
+"""Half and double of the start of the fit, where it has local minima."""
 
 
 def test_a_far_start_finds_the_same_minimum(
@@ -256,10 +256,10 @@ def test_a_far_start_finds_the_same_minimum(
     assert not any("residuals" in note for note in report["notes"])
 
 
-def test_a_plant_of_another_structure_is_noticed(
+def test_a_plant_of_another_structure_is_reported(
     identify: Identify, lab: Run, exported: Path, tmp_path: Path
 ) -> None:
-    """The force of the exhaust gases, which the fits leave out."""
+    """The force of the exhaust gases, which the fits neglect."""
     report = identify(bench(lab, exported, tmp_path, values={"actuator.exhaust_area": 1e-4}).measured(1))
     assert any("residuals of the position are" in note for note in report["notes"]), report["notes"]
 
@@ -267,9 +267,9 @@ def test_a_plant_of_another_structure_is_noticed(
 def test_the_model_itself_errs_less_than_the_noise(
     identify: Identify, benches: dict[str, Table], changed: tuple[dict, Path]
 ) -> None:
-    """Without noise, what is left is the tolerance of the plant's integration, 0.01 % of full scale, and what
-    the fits leave out: by less than half a standard error they are not what limits the estimates. And the
-    errors that the fit of the motion states do not hide it."""
+    """Without noise, the errors are those of the plant's integration, 0.01 % of full scale, and of the fits'
+    model: less than half a standard error, so that they do not limit the estimates. The fit of the motion
+    includes them in its standard errors."""
     noisy = estimates(changed[0])
     found = estimates(identify(benches["changed"]))
     for name, (value, error) in found.items():
@@ -281,7 +281,7 @@ def test_the_model_itself_errs_less_than_the_noise(
 
 
 def test_validation_data_are_met_as_well(changed: tuple[dict, Path]) -> None:
-    """In data that no fit saw, the residuals are the sensors' noise, as in those that were fitted."""
+    """In the validation data, the residuals are the sensors' noise, as in the tuning data."""
     pressure, leakage, spring, motion = (fit["residuals"] for fit in changed[0]["fits"])
     assert [each["name"] for each in motion] == ["chamber pressure", "position"]
     for each, noise in zip(
@@ -293,7 +293,7 @@ def test_validation_data_are_met_as_well(changed: tuple[dict, Path]) -> None:
     for part in ["tuning", "validation"]:
         # More than 5000 rows at rest: 1 %.
         assert leakage[0][part] == pytest.approx(NOISE["tank_pressure"], rel=0.033)
-        # Means of 80 rows and more, at some 20 places and more: 16 % of what 80 rows leave.
+        # Means of at least 80 rows, in at least some 20 phases: 16 % of the error of 80 rows.
         mean = NOISE["actuator_pressure"] / np.sqrt(80)
         assert 0 < pressure[0][part] < 1.5 * mean
         assert 0 < spring[0][part] < 1.5 * 1.5e-3 * mean
@@ -302,7 +302,7 @@ def test_validation_data_are_met_as_well(changed: tuple[dict, Path]) -> None:
 def test_no_fit_sees_the_validation_data(
     identify: Identify, benches: dict[str, Table], defaults: dict
 ) -> None:
-    """The fourth phase at rest is the first that validates, at a share of 0.3."""
+    """The fourth phase at rest is the first validation phase, at a share of 0.3."""
     table = benches["defaults"].measured(1)
     time = table["time"]
     # At 18 %, from one second after the step on: the fourth duty of the bench.
@@ -312,14 +312,14 @@ def test_no_fit_sees_the_validation_data(
         assert estimates(changed)[name] == estimates(defaults)[name]
     left = [report["fits"][0]["residuals"][0]["validation"] for report in (defaults, changed)]
     assert left[1] > 4 * left[0]
-    # Without validation data it is seen.
+    # Without validation data it has an effect.
     assert estimates(identify(table, "--validation-share=0")) != estimates(changed)
 
 
 def test_the_parameter_set_makes_the_plant_that_was_measured(
     changed: tuple[dict, Path], lab: Run, exported: Path, benches: dict[str, Table], tmp_path: Path
 ) -> None:
-    """The default plant with identified.ssv against the other one, by the sensors' noise."""
+    """The default plant with identified.ssv against the other one, within the sensors' noise."""
     _, out = changed
     parameters = f'parameters = ["{out / "identified.ssv"}"]\n'
     found = bench(lab, exported, tmp_path, values={}, parameters=parameters)
@@ -327,14 +327,14 @@ def test_the_parameter_set_makes_the_plant_that_was_measured(
     for name in ["actuator_pressure", "actuator.position"]:
         error = np.sqrt(np.mean((found[name] - expected[name]) ** 2))
         assert error < 0.5 * NOISE[name], name
-        # Which is not what the default plant does.
+        # The default plant differs.
         assert np.sqrt(np.mean((default[name] - expected[name]) ** 2)) > 5 * NOISE[name]
 
 
 def test_the_parameter_set_fits_the_plant(
     changed: tuple[dict, Path], boost_fmu: Run, exported: Path, tmp_path: Path
 ) -> None:
-    """To the last bit what the report says, and `boost-fmu` binds it in a system."""
+    """Its values equal the report's to the last bit, and `boost-fmu` binds it in a system."""
     report, out = changed
     read = {each.name: (float(each.value), each.unit) for each in read_ssv(out / "identified.ssv").parameters}
     assert read == {each["name"]: (each["value"], each["unit"]) for each in report["parameters"]}
@@ -344,7 +344,7 @@ def test_the_parameter_set_fits_the_plant(
     assert done.returncode == 0, done.stderr
 
 
-def test_report_stands_alone(changed: tuple[dict, Path]) -> None:
+def test_report_needs_no_other_file(changed: tuple[dict, Path]) -> None:
     text = (changed[1] / "report.html").read_text()
     assert text.count("<svg") == 4
     assert all(name in text for name in DEFAULTS)
@@ -365,13 +365,13 @@ SPRING = {f"actuator.spring_{what}" for what in ("preload", "stiffness", "harden
 
 
 def left_out(report: dict, missing: set[str], reason: str) -> None:
-    """What is missing is named with the reason; what is told is right, and nothing is both."""
-    told = {each["name"]: each["reason"] for each in report["unidentified"]}
-    assert missing <= set(told)
-    assert all(reason in told[name] for name in missing), told
+    """Missing parameters are named with the reason, others are right, and none is both."""
+    reasons = {each["name"]: each["reason"] for each in report["unidentified"]}
+    assert missing <= set(reasons)
+    assert all(reason in reasons[name] for name in missing), reasons
     found = estimates(report)
-    assert not set(found) & set(told)
-    assert set(found) | set(told) == set(DEFAULTS)
+    assert not set(found) & set(reasons)
+    assert set(found) | set(reasons) == set(DEFAULTS)
     for name, (value, error) in found.items():
         assert abs(value - DEFAULTS[name]) < FARTHEST * error, name
 
@@ -385,7 +385,7 @@ def left_out(report: dict, missing: set[str], reason: str) -> None:
         (347, 497, SPRING | FRICTION, "the spring needs 8 phases at rest with the rod between its stops"),
     ],
 )
-def test_what_the_data_do_not_tell_is_named_and_left_out(
+def test_undetermined_parameters_are_named_and_left_out(
     identify: Identify,
     benches: dict[str, Table],
     tmp_path: Path,
@@ -405,9 +405,9 @@ def test_a_pump_that_never_rests_hides_the_leakage(identify: Identify, benches: 
     table = benches["defaults"].measured(1)
     table["vacuum_pump"][:] = 1.0
     report = identify(table)
-    told = {each["name"]: each["reason"] for each in report["unidentified"]}
-    assert set(told) == {*LEAKAGE, "pump.mass_flow"}
-    assert all("in which the pump is off" in reason for reason in told.values())
+    reasons = {each["name"]: each["reason"] for each in report["unidentified"]}
+    assert set(reasons) == {*LEAKAGE, "pump.mass_flow"}
+    assert all("in which the pump is off" in reason for reason in reasons.values())
 
 
 def test_a_pump_that_never_runs_is_not_identified(identify: Identify, benches: dict[str, Table]) -> None:
@@ -417,7 +417,8 @@ def test_a_pump_that_never_runs_is_not_identified(identify: Identify, benches: d
 
 
 def test_a_port_that_never_opens_is_not_identified(identify: Identify, benches: dict[str, Table]) -> None:
-    """Large steps, of which those that let air in do not begin at rest: these phases' ends are missing."""
+    """Large steps, of which those that vent do not start at rest: the ends of the phases before are
+    missing."""
     table = benches["defaults"].measured(1).between(297, 347)
     since = (table["time"] - 297) % 2.5
     rests = Table(table.names, table.rows[(table["hp_wastegate_pwm"] < 50) | (since < 1)])
@@ -425,7 +426,7 @@ def test_a_port_that_never_opens_is_not_identified(identify: Identify, benches: 
 
 
 def test_names_and_units_are_free(identify: Identify, benches: dict[str, Table], defaults: dict) -> None:
-    """The same data, as others write them, who did not measure what surrounds the plant."""
+    """The same data with other names and units, and without ambient conditions."""
     table = benches["defaults"].measured(1)
     table = Table(table.names[:-2], table.rows[:, :-2])
     expected = estimates(defaults)
@@ -448,7 +449,7 @@ def test_names_and_units_are_free(identify: Identify, benches: dict[str, Table],
     assert "The data have no ambient pressure: taken as 101325 Pa." in report["notes"]
     found = estimates(report)
     for name, (value, error) in expected.items():
-        # Other roundings: far below the errors, which differences in place of derivatives have, too.
+        # Rounding, and numerical derivatives: far below the errors.
         assert found[name][0] == pytest.approx(value, abs=0.01 * error), name
         assert found[name][1] == pytest.approx(error, rel=0.01), name
 
@@ -456,7 +457,7 @@ def test_names_and_units_are_free(identify: Identify, benches: dict[str, Table],
 def test_known_values_are_used(
     identify: Identify, benches: dict[str, Table], defaults: dict, tmp_path: Path
 ) -> None:
-    """A membrane of another area: forces are in its proportion for the same pressures."""
+    """A membrane of another area: forces are proportional to it at the same pressures."""
     table = benches["defaults"].measured(1)
     known = tmp_path / "known.ssv"
     text = (ROOT / "parameters" / "strong_spring.ssv").read_text()
@@ -482,7 +483,7 @@ def test_known_values_are_used(
         ),
     ],
 )
-def test_what_is_wrong_with_the_data_is_named(
+def test_errors_in_the_data_are_named(
     lab: Run, exported: Path, benches: dict[str, Table], tmp_path: Path, old: str, new: str, message: str
 ) -> None:
     data = benches["defaults"].between(0, 1).write(tmp_path / "data.csv")
@@ -507,7 +508,7 @@ def test_what_is_wrong_with_the_data_is_named(
         ),
     ],
 )
-def test_data_that_tell_nothing_are_refused(
+def test_data_without_information_are_refused(
     lab: Run,
     exported: Path,
     benches: dict[str, Table],
@@ -516,7 +517,7 @@ def test_data_that_tell_nothing_are_refused(
     end: float,
     message: str,
 ) -> None:
-    """Too few rows, and no step."""
+    """Too few rows, or no step."""
     data = benches["defaults"].measured(1).between(begin, end).write(tmp_path / "data.csv")
     done = lab(
         "identify", "actuator", data, "--plant", exported / "BoostPlant.fmu", "--out", tmp_path / "out"

@@ -1,4 +1,4 @@
-"""The laboratory: what `boost-lab` does with the exported FMUs, against the master of these tests on FMPy."""
+"""The laboratory: `boost-lab` with the exported FMUs, against the master of these tests on FMPy."""
 
 from __future__ import annotations
 
@@ -77,13 +77,13 @@ def test_simulate_gets_the_numbers_of_fmpy(
     assert_equal(
         found["boost_reference"], np.array([reference(time) for time in record["time"]]), "reference"
     )
-    # Nothing above would notice constant columns.
+    # The comparison would not detect constant columns.
     assert sum(np.ptp(column) > 0 for column in found.values()) > 10
     assert (tmp_path / "steps.svg").read_text().count("<polyline") >= len(record) - 1
 
 
 def test_both_orders_differ(lab: Run, exported: Path, tmp_path: Path) -> None:
-    """Otherwise the test above would show one order only."""
+    """Otherwise the test above would test one order only."""
     text = (SCENARIOS / "figure_13.toml").read_text()
     columns = []
     for stepping in ["in_turn", "at_once"]:
@@ -106,7 +106,7 @@ def test_noise_is_the_same_each_time_and_reaches_the_measurement_only(
         records.append(read(tmp_path / "noise.csv"))
     assert_equal(records[0]["boost_pressure"], records[1]["boost_pressure"], "the same seed")
     assert (records[0]["hp_wastegate_pwm"] != records[2]["hp_wastegate_pwm"]).any()
-    # What is recorded is the plant's own: it moves by a fraction of the noise from sample to sample.
+    # The record has the plant's value: it changes by a fraction of the noise from sample to sample.
     assert np.std(np.diff(records[0]["boost_pressure"][400:])) < 50
     assert np.std(np.diff(records[0]["hp_wastegate_pwm"][400:])) > 0
 
@@ -138,7 +138,7 @@ def test_every_claim_of_the_paper_holds(reproduction: Path) -> None:
         assert figure["claims"]
         for claim in figure["claims"]:
             assert claim["holds"] is True
-            # Each can fail, and says how it is computed and where the number comes from.
+            # Each can fail, and has the origin of its number.
             assert claim["least"] is not None or claim["most"] is not None
             assert claim["how"]
             assert claim["basis"] in {"calibration", "prediction", "construction"}
@@ -156,7 +156,7 @@ def test_report_needs_no_other_file(reproduction: Path) -> None:
 
 
 def test_figures_of_the_dip_are_those_of_fmpy(values: dict, plant: Make) -> None:
-    """Fig. 1, measured here by other code."""
+    """Fig. 1, with independent measures."""
     inputs = scenario("figure_1")["inputs"]
     voltage = staircase(*inputs["supply_voltage"]["steps"])
     instance = plant()
@@ -166,7 +166,7 @@ def test_figures_of_the_dip_are_those_of_fmpy(values: dict, plant: Make) -> None
     found = values[1]
     assert found["actuator_pressure_change"] == after["actuator_pressure"] - before["actuator_pressure"]
     change = 100 * (before["hp_wastegate_position"] - after["hp_wastegate_position"])
-    # The product is rounded elsewhere.
+    # The product is rounded in another order.
     assert found["position_change"] == pytest.approx(change, rel=1e-14)
 
 
@@ -213,7 +213,7 @@ def test_an_experiment_that_cannot_be_run_is_reported(lab: Run, exported: Path, 
 def test_a_statement_that_does_not_hold_sets_the_exit_status(
     lab: Run, exported: Path, plant_fmu: Fmu, tmp_path: Path
 ) -> None:
-    """A plant that gives another pressure as the actuator's."""
+    """A plant with another pressure under the actuator's name."""
     fmus = tmp_path / "fmus"
     fmus.mkdir()
     other = plant_fmu.variables["intake_manifold_pressure"].valueReference
@@ -252,7 +252,7 @@ def test_failing_step_ends_with_time_and_the_fmus_message(lab: Run, tmp_path: Pa
     shutil.copy(TARGET / "test-model" / "TestModel.fmu", tmp_path)
     more = 'run_in = { duration = 1, after = { "fault.place" = "step", "fault.manner" = "error" } }'
     file = tmp_path / "alone.toml"
-    # The record holds numbers only, which not all outputs of this FMU are.
+    # Not all outputs of this FMU are numbers.
     file.write_text('record = ["output"]' + ALONE.format(start=5, stop=6, file="TestModel.fmu", more=more))
     out = tmp_path / "alone.csv"
     done = lab("simulate", file, "--out", out)
@@ -263,7 +263,7 @@ def test_failing_step_ends_with_time_and_the_fmus_message(lab: Run, tmp_path: Pa
 
 
 def test_a_library_that_cannot_be_loaded_is_reported_with_the_reason(lab: Run, tmp_path: Path) -> None:
-    """PythonFMU leaves it to the host to be, or to have loaded, a Python."""
+    """PythonFMU expects Python's library in the host."""
     source = tmp_path / "lag.py"
     source.write_text(LAG)
     FmuBuilder.build_FMU(source, dest=tmp_path)
@@ -277,7 +277,7 @@ def test_a_library_that_cannot_be_loaded_is_reported_with_the_reason(lab: Run, t
 
 
 def refusal(lab: Run, tmp_path: Path, fmus: Path, text: str) -> str:
-    """What is said of a scenario, with the file's folder left out."""
+    """The message for a scenario, without the file's folder."""
     file = tmp_path / "wrong.toml"
     file.write_text(text)
     done = lab("simulate", file, "--fmus", fmus, "--out", tmp_path)
@@ -344,7 +344,7 @@ WRONG = [
         r"line \d+, noise.boost: no FMU gets boost from another",
     ),
 ]
-"""What is replaced in the scenario of fig. 13, by what, and what is said of it."""
+"""A text in the scenario of Fig. 13, its replacement, and the message."""
 
 
 @pytest.mark.parametrize(("old", "new", "expected"), WRONG, ids=[new for _, new, _ in WRONG])
@@ -352,8 +352,8 @@ def test_an_error_in_a_scenario_is_reported_with_its_place(
     lab: Run, exported: Path, tmp_path: Path, old: str, new: str, expected: str
 ) -> None:
     assert FIGURE_13.count(old) >= 1
-    told = refusal(lab, tmp_path, exported, FIGURE_13.replace(old, new, 1))
-    assert re.match(f"error: wrong.toml, {expected}", told), told
+    message = refusal(lab, tmp_path, exported, FIGURE_13.replace(old, new, 1))
+    assert re.match(f"error: wrong.toml, {expected}", message), message
 
 
 def test_a_refused_value_is_reported_with_its_place_and_the_fmus_message(
@@ -362,12 +362,12 @@ def test_a_refused_value_is_reported_with_its_place_and_the_fmus_message(
     text = FIGURE_13.replace(
         'file = "BoostController.fmu"', 'file = "BoostController.fmu"\nvalues = { lambda = -1 }'
     )
-    told = refusal(lab, tmp_path, exported, text)
+    message = refusal(lab, tmp_path, exported, text)
     assert re.match(
-        r"error: wrong.toml, line \d+, fmu\[1\].values.lambda: controller: fmi2SetReal of lambda ", told
+        r"error: wrong.toml, line \d+, fmu\[1\].values.lambda: controller: fmi2SetReal of lambda ", message
     )
-    assert "lambda" in told.splitlines()[1]
-    assert "-1" in told.splitlines()[1]
+    assert "lambda" in message.splitlines()[1]
+    assert "-1" in message.splitlines()[1]
 
 
 def test_fmu_that_would_write_outside_of_its_folder_is_refused(
@@ -379,12 +379,12 @@ def test_fmu_that_would_write_outside_of_its_folder_is_refused(
     shutil.copy(exported / "BoostPlant.fmu", fmus)
     with zipfile.ZipFile(fmus / "BoostPlant.fmu", "a") as archive:
         archive.writestr("../../outside", "harm")
-    told = refusal(lab, tmp_path, fmus, FIGURE_13)
-    assert "its entry '../../outside' would be extracted outside of its folder" in told
+    message = refusal(lab, tmp_path, fmus, FIGURE_13)
+    assert "its entry '../../outside' would be extracted outside of its folder" in message
 
 
 def test_units_that_differ_are_converted(lab: Run, exported: Path, tmp_path: Path) -> None:
-    """A plant that says that its Pa is 0.8 Pa: the controller reaches its reference, by another number."""
+    """A plant whose unit Pa is 0.8 Pa: the controller reaches its reference, with another number."""
     fmus = tmp_path / "fmus"
     fmus.mkdir()
     shutil.copy(exported / "BoostController.fmu", fmus)
@@ -395,20 +395,20 @@ def test_units_that_differ_are_converted(lab: Run, exported: Path, tmp_path: Pat
     done = lab("simulate", file, "--fmus", fmus, "--out", tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     found = read(tmp_path / "units.csv")
-    # The tuning holds for a plant of 0.8 times the gain, too: nine tenths of what there was to do are done.
+    # The tuning suits a plant of 0.8 times the gain: nine tenths of the step are reached.
     first, last = (0.8 * found["boost_pressure"][row] - 125e3 for row in (0, -1))
     assert abs(last) < 0.1 * abs(first)
 
     copy_with(exported / "BoostPlant.fmu", fmus / "BoostPlant.fmu", pattern, r'\1 mol="1"/>')
-    told = refusal(lab, tmp_path, fmus, FIGURE_13)
+    message = refusal(lab, tmp_path, fmus, FIGURE_13)
     what = r"\w+ is in Pa, but plant has it in Pa, which does not convert"
-    assert re.match(rf"error: wrong.toml, line \d+, fmu\[1\].file: {what}", told), told
+    assert re.match(rf"error: wrong.toml, line \d+, fmu\[1\].file: {what}", message), message
 
-    # A signal for both would be another value in each of them.
+    # A common signal would have different values in both.
     pattern = r'(<Unit name="rpm">\s*<BaseUnit [^/]*factor=)"[^"]*"'
     copy_with(exported / "BoostPlant.fmu", fmus / "BoostPlant.fmu", pattern, r'\1"0.1"')
-    told = refusal(lab, tmp_path, fmus, FIGURE_13 + "\n[inputs.engine_speed]\nsteps = [[0, 1500]]\n")
-    assert "controller has engine_speed in rpm, plant in rpm: give each a signal of its own, or a map" in told
+    message = refusal(lab, tmp_path, fmus, FIGURE_13 + "\n[inputs.engine_speed]\nsteps = [[0, 1500]]\n")
+    assert "controller has engine_speed in rpm, plant in rpm: give each its own signal, or a map" in message
 
 
 def test_fmu_can_be_given_by_its_name(lab: Run, exported: Path, tmp_path: Path) -> None:
@@ -442,12 +442,12 @@ LINES = [
 LAB_LINES = [line for line in LINES if line.startswith("target/release/boost-lab ")]
 
 FOREIGN_LINES = [line for line in LAB_LINES if "target/foreign/" in line]
-"""Those with FMUs of other makers, which test_foreign.py has and runs."""
+"""Those with FMUs from other tools, which test_foreign.py runs."""
 
 
 @pytest.fixture
 def clone(exported: Path, tmp_path: Path) -> Path:
-    """What the lines meet in the folder of the repository, wherever cargo's target folder is."""
+    """A folder like the repository's, with cargo's target folder linked."""
     (tmp_path / "target" / "release").mkdir(parents=True)
     (tmp_path / "target" / "fmu").symlink_to(exported)
     (tmp_path / "target" / "release" / "boost-lab").symlink_to(TARGET / "release" / "boost-lab")
@@ -456,27 +456,27 @@ def clone(exported: Path, tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_every_line_of_the_document_is_tried() -> None:
+def test_every_line_of_the_document_is_run() -> None:
     others = [line for line in LINES if line not in LAB_LINES]
-    # The first is the README's, and test_readme.py runs it; the second is as tests/run has it, but for the lock file.
+    # test_readme.py runs the first; tests/run runs the second, with the lock file.
     assert others == ["cargo run --release -- export", "cargo build --release --package boost-lab"]
     assert "cargo build --release --locked --package boost-lab" in (ROOT / "tests" / "run").read_text()
     assert len(LAB_LINES) - len(FOREIGN_LINES) == 8
 
 
 def outputs(line: str) -> list[str]:
-    """Where a line writes to."""
+    """The output paths of a line."""
     return re.findall(r"(?<=--out |-plot )\S+", line)
 
 
 @pytest.mark.parametrize("line", [line for line in LAB_LINES if line not in FOREIGN_LINES])
 def test_line_of_the_document(clone: Path, line: str) -> None:
-    # What it reads, another line may write.
+    # Another line may write its inputs.
     makers = [other for other in LAB_LINES if set(outputs(other)) & set(line.split()) - set(outputs(line))]
     for each in [*makers, line]:
         done = subprocess.run(shlex.split(each), cwd=clone, capture_output=True, text=True, check=False)
         assert (done.returncode, done.stderr) == (0, "")
-    # The command names each file that it wrote, and the document the first.
+    # The command prints each file that it wrote, and the document the first.
     written = [clone / word for word in done.stdout.split() if word.startswith("target/")]
     assert written
     for file in written:
@@ -528,8 +528,8 @@ def test_study_of_the_document(lab: Run, clone: Path) -> None:
         (["sweep/mod.rs", "sweep/design.rs", "sweep/measures.rs"], 15),
     ],
 )
-def test_document_knows_every_key(sources: list[str], least: int) -> None:
-    """What the parser asks for, by its source."""
+def test_document_has_every_key(sources: list[str], least: int) -> None:
+    """The keys in the parser's source."""
     folder = ROOT / "crates" / "boost-lab" / "src"
     source = "".join((folder / name).read_text() for name in sources)
     keys = set(re.findall(r'(?:optional|required|number|time)\(\s*"(\w+)"', source))

@@ -1,8 +1,6 @@
-"""Masters by other makers, each of which reads and calls the FMUs by code that shares nothing with the others,
-couple both FMUs as docs/masters.md and examples/masters/ say.
+"""Independent masters couple both FMUs as docs/masters.md and examples/masters/ say.
 
-Each gets, to the last bit, what the tests' own master gets that steps in the same order: the FMUs depend on
-what is handed over alone.
+Each has the results of the tests' master with the same order of steps, to the last bit.
 """
 
 from __future__ import annotations
@@ -47,7 +45,7 @@ def both_at_once(plant: Instance, controller: Instance) -> Master:
 
 
 def both_at_once_in_nanoseconds(plant: Instance, controller: Instance) -> Master:
-    """libcosim counts time in whole nanoseconds: sizes of steps differ in their last bits."""
+    """libcosim counts time in integer nanoseconds, so that step sizes differ in their last bits."""
     nanoseconds = round(SAMPLE_TIME * 1e9)
     return couple(
         plant, controller, inputs=INPUTS, at_once=True, clock=lambda count: count * nanoseconds / 1e9
@@ -59,12 +57,12 @@ ORDERS: dict[str, tuple[str, Start]] = {
     "with_fmpy_ssp": ("SSP in FMPy", ssp_of_fmpy),
     "with_libcosim": ("libcosim", both_at_once_in_nanoseconds),
 }
-"""What the page calls each script's master, and how this starts and steps both FMUs."""
+"""For each script the master's name on the page, and its start and order of steps."""
 
 
 def test_equal_numbers_need_equal_tolerances(plant: Make, controller: Make) -> None:
-    """As the page says: none, 0 and what is not below the plant's parameter are one; 1e-6 shifts boost
-    pressure by up to 2 Pa."""
+    """As the page says: none, 0 and a tolerance not below the plant's parameter are equivalent; 1e-6 changes
+    boost pressure by up to 2 Pa."""
 
     def boost_pressure(tolerance: float | None) -> np.ndarray:
         instances = [controller().begin(tolerance=tolerance), plant().begin(tolerance=tolerance)]
@@ -86,7 +84,7 @@ sys.path.insert(0, os.path.dirname(script))
 with open(rows, "w") as file:
     json.dump(runpy.run_path(script)["rows"], file)
 """
-"""Runs a script and writes its `rows`: boost pressure and duty that each step reached."""
+"""Runs a script and writes its `rows`: boost pressure and duty after each step."""
 
 
 @pytest.fixture
@@ -94,8 +92,8 @@ def clone(exported: Path, tmp_path: Path) -> Path:
     return documents.clone(exported, tmp_path)
 
 
-def test_every_line_is_tried() -> None:
-    """Here, where the page is about masters, and in test_foreign.py."""
+def test_every_line_is_run() -> None:
+    """Here for masters, and in test_foreign.py."""
     pinned = (ROOT / "tests" / "fmu" / "requirements.in").read_text()
     scripts = []
     for line in LINES:
@@ -141,10 +139,10 @@ def test_every_number_equals_that_of_the_tests_master(clone: Path, plant: Make, 
         Record(time=record["time"][reached], boost_pressure=table[:, 0]), BOOST_STEPS, BOOST_STEPS_END
     )
     print(steps.summary())
-    # The reference solution's in this order.
+    # The reference solution's with this order.
     assert max(steps.up) <= 560 + ON_TOLERANCE
     assert max(steps.end_error) <= 2 + ON_TOLERANCE
-    # What the script says of it, and the page of both.
+    # The script's output, also on the page.
     up, down = f"{max(steps.up) / 1e3:.2f}", f"{max(steps.down) / 1e3:.2f}"
     assert report == f"overshoot {up} kPa up, {down} kPa down; at the end 125.00 kPa"
     assert f"python {path}\n```\n\n```text\n{report}\n```" in PAGE

@@ -1,7 +1,7 @@
-"""Memory and the process: what a master in C finds after thousands of loads, and what valgrind finds.
+"""Memory and the process: thousands of loads in a master in C, and valgrind.
 
-The master is `host.c`, compiled here. In C because valgrind finds fault with Python itself, and because
-glibc counts there what a run has allocated, to the byte.
+The master is `host.c`, compiled here. In C because valgrind reports errors in Python itself, and because
+glibc counts the allocated bytes of a run.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from master import Fmu
 CYCLES = 2000
 
 CHUNK = 32
-"""Bytes that glibc's malloc takes at the least, whatever is asked for (64-bit: `MINSIZE`)."""
+"""The smallest chunk of glibc's malloc in bytes (64-bit: `MINSIZE`)."""
 
 NAMES = ["BoostPlant", "BoostController"]
 
@@ -34,7 +34,7 @@ def host(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def arguments(fmu: Fmu, other: Fmu) -> list[str]:
-    """An FMU as the master wants it: with what it gives to the other one, and takes from it."""
+    """The master's arguments for an FMU, with its connected outputs and inputs."""
 
     def references(names: list[str], taken: list[str]) -> str:
         return ",".join(str(fmu.variables[name].valueReference) for name in names if name in taken)
@@ -46,13 +46,13 @@ def arguments(fmu: Fmu, other: Fmu) -> list[str]:
 
 @pytest.fixture
 def couple(host: Path, fmus: dict[str, Fmu]) -> list[str]:
-    """The command that couples both FMUs, but for how and how far."""
+    """The command that couples both FMUs, without its options."""
     plant, controller = fmus["BoostPlant"], fmus["BoostController"]
     return [str(host), "couple", *arguments(plant, controller), *arguments(controller, plant)]
 
 
 def run_coupled(command: list[str], how: str, steps: int, before: tuple[str, ...] = ()) -> list[str]:
-    """What both FMUs gave each other at the end."""
+    """The exchanged values at the end."""
     program, name, *of_fmus = command
     # Both declare canSerializeFMUstate, see quick/test_interface.py.
     whole = [*before, program, name, how, str(steps), "1", *of_fmus]
@@ -76,8 +76,8 @@ def cycle(host: Path, fmus: dict[str, Fmu], name: str, keep: bool, leak: str) ->
 @pytest.mark.parametrize("keep", [False, True], ids=["unloaded each time", "kept"])
 @pytest.mark.parametrize("name", NAMES)
 def test_nothing_is_left_behind(host: Path, fmus: dict[str, Fmu], name: str, keep: bool) -> None:
-    """After a warm-up of a quarter, memory stays as it is: in 1500 cycles the smallest leak would be 1500
-    chunks. (The library's being unmapped at the end of a cycle is checked in the host.)"""
+    """After a warm-up of a quarter, memory is constant: in 1500 cycles the smallest leak would be 1500
+    chunks. (The host checks that the library is unmapped at the end of a cycle.)"""
     sizes, mappings = cycle(host, fmus, name, keep, "0")
     assert max(sizes) - sizes[0] < 1500 * CHUNK / 10
     assert set(mappings) == {mappings[0]}
@@ -85,15 +85,15 @@ def test_nothing_is_left_behind(host: Path, fmus: dict[str, Fmu], name: str, kee
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(("leak", "least"), [("100", 100), ("instance", 1000)])
-def test_a_leak_is_seen(host: Path, fmus: dict[str, Fmu], name: str, leak: str, least: int) -> None:
-    """The test above could fail: 100 bytes a cycle, or an instance that is not freed, show."""
+def test_a_leak_is_detected(host: Path, fmus: dict[str, Fmu], name: str, leak: str, least: int) -> None:
+    """The test above can fail: with 100 bytes a cycle, or an instance that is not freed."""
     sizes, _ = cycle(host, fmus, name, keep=False, leak=leak)
     assert sizes[-1] - sizes[0] >= 1500 * least
 
 
-def test_loaded_in_any_way(couple: list[str]) -> None:
+def test_modes_of_loading(couple: list[str]) -> None:
     """Both FMUs define the same 34 symbols. However a host loads them, each library finds its own, and the
-    results are the same to the bit; also where the host lets the processor trap."""
+    results are the same to the bit, also with enabled traps."""
     results = {
         how: run_coupled(couple, how, 40)
         for how in ["lazy local", "lazy global", "now local", "now global", "now local traps"]
@@ -103,7 +103,7 @@ def test_loaded_in_any_way(couple: list[str]) -> None:
 
 
 def test_another_rounding(couple: list[str]) -> None:
-    """A host that rounds upward gets other last digits, and its rounding back."""
+    """A host that rounds upward gets other last digits, and its rounding mode is restored."""
     nearest, upward = run_coupled(couple, "now", 40), run_coupled(couple, "now upward", 40)
     assert upward != nearest
     # The solver's tolerance (0.01 % of full scale) does not depend on the rounding.
@@ -111,7 +111,7 @@ def test_another_rounding(couple: list[str]) -> None:
 
 
 def test_small_stack(couple: list[str]) -> None:
-    """128 kB, what musl gives each thread, are enough for the FMU and its host."""
+    """128 kB, musl's default for threads, are enough for the FMU and its host."""
     limited = ("bash", "-c", 'ulimit -s 128; exec "$@"', "bash")
     assert run_coupled(couple, "now", 40, limited) == run_coupled(couple, "now", 40)
 
@@ -126,13 +126,13 @@ VALGRIND = (
 
 
 def test_valgrind_finds_nothing(couple: list[str]) -> None:
-    """Both FMUs, coupled, with states saved and restored, errors provoked, and a reset: no access beyond what
-    is theirs, nothing read before it was written, no memory lost."""
+    """Both FMUs, coupled, with saved and restored states, errors, and a reset: no invalid access, no
+    uninitialized value, no leak."""
     assert len(run_coupled(couple, "now", 10, VALGRIND)) == 7
 
 
 def test_valgrind_would_find_a_leak(host: Path, fmus: dict[str, Fmu]) -> None:
-    """With the library unloaded at the end, as above: what only the library knows is lost with it."""
+    """With the library unloaded at the end, as above: memory that only the library refers to is lost."""
     command = [*VALGRIND, str(host), "cycle", "4", "1", "0", "instance"]
     command += arguments(fmus["BoostController"], fmus["BoostPlant"])
     result = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -140,8 +140,8 @@ def test_valgrind_would_find_a_leak(host: Path, fmus: dict[str, Fmu]) -> None:
     assert "definitely lost" in result.stderr
 
 
-def test_library_that_stays_is_seen(host: Path, fmus: dict[str, Fmu], tmp_path: Path) -> None:
-    """The host does find out when dlclose leaves a library in the process, as a thread's destructors do."""
+def test_library_that_stays_is_detected(host: Path, fmus: dict[str, Fmu], tmp_path: Path) -> None:
+    """The host detects when dlclose leaves a library in the process, as with a thread's destructors."""
     fmu = fmus["BoostController"]
     copy = tmp_path / "BoostController.so"
     shutil.copy(fmu.library, copy)

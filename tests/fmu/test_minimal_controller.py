@@ -30,7 +30,7 @@ def test_it_controls_the_plant(plant: Make, minimal: Fmu, make: Callable[[Fmu], 
     record = record.run(BOOST_STEPS_END)
     steps = Steps(record, BOOST_STEPS, BOOST_STEPS_END)
     print(steps.summary())
-    # What the paper reaches.
+    # As in the paper.
     assert max(steps.up) <= 5e3
     assert max(steps.down) <= 1e3
     # Slowest at 125 kPa, where a time constant of 1.04 s and a gain of -3210 Pa/% leave a pole at 0.33 1/s;

@@ -1,4 +1,4 @@
-"""The parameter sets in parameters/: valid, true to their names, and bound in Boost.ssp."""
+"""The parameter sets in parameters/: valid, with an effect, and bound in Boost.ssp."""
 
 from __future__ import annotations
 
@@ -49,12 +49,12 @@ def test_set_is_valid_and_changes_its_fmu(name: str, fmus: dict[str, Fmu]) -> No
 
 
 FRICTION = {"sticky_actuator": (700, 700), "stiff_sticky_actuator": (2300, 3000)}
-"""Overshoot up and down (Pa) of the reference solution, where friction limits what feedback can do."""
+"""Overshoot up and down (Pa) of the reference solution, if friction limits the feedback."""
 
 
 @pytest.mark.parametrize("name", [name for name in SETS if name != "paper_structure"])
-def test_controller_bears_another_plant(name: str, plant: Make, controller: Make) -> None:
-    """The steps of fig. 13 on plants that it is not tuned for: the overshoot of the reference solution."""
+def test_controller_is_robust_to_another_plant(name: str, plant: Make, controller: Make) -> None:
+    """The steps of Fig. 13 on plants that it is not tuned for: the overshoot of the reference solution."""
     record = couple(
         plant(),
         controller(),
@@ -70,7 +70,7 @@ def test_controller_bears_another_plant(name: str, plant: Make, controller: Make
 
 @pytest.mark.parametrize("name", ["paper_structure", "narrow_valve"])
 def test_set_is_bound_to_its_fmu(name: str, boost_fmu: Run, exported: Path, tmp_path: Path) -> None:
-    """At the component, in its FMU's names and units, and the FMUs stay as they are."""
+    """At the component, in its FMU's names and units, and the FMUs are unchanged."""
     arguments = ["--plant", exported / "BoostPlant.fmu", "--controller", exported / "BoostController.fmu"]
     done = boost_fmu("ssp", *arguments, "--parameters", file(name), folder=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
@@ -122,7 +122,7 @@ def write(path: Path, *parameters: tuple[str, str]) -> Path:
         ([("tank.volume", 'Real value="much"')], "the parameter tank.volume: 'much' is not a number"),
         ([("mode", 'Enumeration value="bost"')], "it is not one of boost, position, open_loop"),
         ([("sample_count", 'Integer value="1"')], "sample_count cannot be set: it is of the causality local"),
-        ([("lambda", 'Real value="1"'), ("lambda", 'Real value="2"')], "the parameter lambda stands twice"),
+        ([("lambda", 'Real value="1"'), ("lambda", 'Real value="2"')], "the parameter lambda occurs twice"),
         (
             [("lambda", 'Real value="1"'), ("tank.volume", 'Real value="1"')],
             "lambda is BoostController's and tank.volume is BoostPlant's; a set is for one of them",
@@ -142,12 +142,12 @@ def test_wrong_set_is_refused_by_name(
 
 
 def test_units_are_converted(boost_fmu: Run, exported: Path, tmp_path: Path) -> None:
-    """Into the FMU's: masters take the numbers as they stand there."""
+    """Into the FMU's, since masters use the numbers without conversion."""
     arguments = ["--plant", exported / "BoostPlant.fmu", "--controller", exported / "BoostController.fmu"]
     milliliters = write(tmp_path / "tank.ssv", ("tank.volume", 'Real value="1500" unit="ml"'))
     assert boost_fmu("ssp", *arguments, "--parameters", milliliters, folder=tmp_path).returncode == 0
     (parameter,) = read_ssv(tmp_path / "Boost.ssp", "resources/tank.ssv").parameters
-    # But for the rounding of one multiplication.
+    # Up to the rounding of one multiplication.
     assert float(parameter.value) == pytest.approx(1.5e-3, rel=2e-16)
     assert parameter.unit == "m3"
 
@@ -156,7 +156,7 @@ def test_units_are_converted(boost_fmu: Run, exported: Path, tmp_path: Path) -> 
 def test_defaults_are_written_to_be_edited(
     name: str, boost_fmu: Run, exported: Path, fmus: dict[str, Fmu], tmp_path: Path
 ) -> None:
-    """Every parameter once, with its start value; as they are they can be bound. An edited file is kept."""
+    """Every parameter once, with its start value, ready to be bound. An edited file is kept."""
     done = boost_fmu("parameters", exported / f"{name}.fmu", folder=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     written = tmp_path / f"{name}.ssv"

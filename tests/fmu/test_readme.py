@@ -1,4 +1,4 @@
-"""The README's own lines, run as they stand there."""
+"""The README's commands."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ import sys, urllib.request
 page = urllib.request.urlopen(sys.argv[2]).read()
 open(sys.argv[1], "wb").write(page)
 """
-"""Stands in for the browser that FMPy opens to show a plot: keeps the page."""
+"""Replaces the browser in which FMPy shows a plot, and stores the page."""
 
 
 LINES = documents.lines(README)
@@ -43,7 +43,7 @@ def clone(exported: Path, tmp_path: Path) -> Path:
     return documents.clone(exported, tmp_path)
 
 
-def test_every_line_is_tried() -> None:
+def test_every_line_is_run() -> None:
     others = [line for line in LINES if line not in FMPY_LINES]
     assert others == [
         "cargo run --release -- export",
@@ -55,7 +55,7 @@ def test_every_line_is_tried() -> None:
 
 
 def test_export(clone: Path) -> None:
-    """The line as it stands, but for the folder, which other tests read meanwhile."""
+    """The line with another folder, since other tests read this one."""
     out = clone / "out"
     command = ["cargo", "run", "--release", "--", "export", "--out", out]
     subprocess.run(command, cwd=ROOT, check=True)
@@ -68,7 +68,7 @@ def test_test_command_is_there() -> None:
 
 
 def test_system_lines(clone: Path) -> None:
-    """Those that write and check systems, but for the template's export: `tests/run` does it, with its command."""
+    """Those that write and check systems, except for the template's export, which `tests/run` does."""
     assert TEMPLATE in SYSTEM_LINES
     assert 'export_from examples/minimal-controller "$target/fmu"' in (ROOT / "tests" / "run").read_text()
     for line in SYSTEM_LINES:
@@ -92,7 +92,7 @@ def test_fmpy(clone: Path, line: str) -> None:
         assert "Co-Simulation" in output
     if "--show-plot" not in line:
         return
-    # FMPy ends when it has sent the plot; the browser needs a moment to have it.
+    # FMPy ends when it has sent the plot; the browser may still be receiving it.
     for _ in range(100):
         if page.exists() and page.stat().st_size > 0:
             break
@@ -108,7 +108,7 @@ def test_fmpy(clone: Path, line: str) -> None:
 
 @pytest.mark.parametrize("file", sorted((ROOT / "examples").glob("*.csv")), ids=lambda file: file.stem)
 def test_example_inputs_name_every_input(fmus: dict[str, Fmu], file: Path) -> None:
-    """FMPy warns of each input that a file leaves out."""
+    """FMPy warns about each input that a file leaves out."""
     names = read_csv(file).dtype.names
     inputs = [{"time", *fmu.named("input")} for fmu in fmus.values()]
     assert set(names) in inputs

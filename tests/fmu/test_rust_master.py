@@ -1,4 +1,4 @@
-"""The master in Rust: another importer, sharing no code with FMPy, must get the same numbers."""
+"""The master in Rust, an importer without common code with FMPy, must get the same numbers."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ Run = Callable[[Path], subprocess.CompletedProcess[str]]
 
 @pytest.fixture(scope="module")
 def run(root: Path) -> Run:
-    """Builds the master where that is still to be done; runs it on a folder of FMUs."""
-    # As `tests/run` has compiled most of it before: for tests, with the features of the whole workspace.
+    """Builds the master if necessary; runs it on a folder of FMUs."""
+    # With the profile and features of `tests/run`, which has compiled most of it.
     build = "cargo build --quiet --locked --profile test --workspace --all-features --bin fmi-master"
     subprocess.run(build.split(), cwd=root, env={**os.environ, **libclang.environment()}, check=True)
     master = TARGET / "debug" / "fmi-master"
@@ -44,7 +44,7 @@ def test_every_number_equals_that_of_fmpy(run: Run, exported: Path, plant: Make,
     assert table.shape == expected.shape == (124 * 80 + 1, 1 + 4 + 14)
     different = table.view(np.uint64) != expected.view(np.uint64)
     assert not different.any(), f"first at {table[different.any(axis=1), 0][0]} s"
-    # Nothing above would notice two constant tables.
+    # The comparison would not detect constant tables.
     assert (np.ptp(table, axis=0) > 0).sum() > 10
 
 
@@ -55,7 +55,7 @@ def test_missing_fmu_is_named(run: Run, tmp_path: Path) -> None:
 
 
 def test_a_refusal_is_reported_with_the_fmus_message(run: Run, exported: Path, tmp_path: Path) -> None:
-    """Through the C callback, whose arguments are variadic, to the master's standard error."""
+    """Through the variadic C callback to the master's standard error."""
 
     for name in NAMES:
         file = f"{name}.fmu"

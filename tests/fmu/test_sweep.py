@@ -59,7 +59,7 @@ GRID = """
 "controller:structure" = ["model_reference", "paper"]
 "plant:tank.volume" = [1e-3, -1.0, 2e-3]
 """
-"""Of its twelve runs four fail: no tank has a negative volume."""
+"""Four of its twelve runs fail: the volume of a tank cannot be negative."""
 
 
 def write_study(folder: Path, text: str, scenario: str = SCENARIO) -> Path:
@@ -79,13 +79,13 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The study that most tests run."""
+    """The study of most tests."""
     return write_study(tmp_path_factory.mktemp("sweep"), "records = true\n" + GRID + MEASURES)
 
 
 @pytest.fixture(scope="module")
 def results(lab: Run, exported: Path, study: Path) -> Path:
-    """What the other tests compare with: the study's results from two threads."""
+    """The study's results from two threads, for comparison."""
     out = study.parent / "out"
     done = lab("sweep", study, "--fmus", exported, "--out", out, "--threads", "2")
     assert done.returncode == 0, done.stderr
@@ -93,7 +93,7 @@ def results(lab: Run, exported: Path, study: Path) -> Path:
     return out
 
 
-def test_a_grid_has_each_value_with_each(results: Path) -> None:
+def test_a_grid_has_all_combinations(results: Path) -> None:
     found = [
         (
             int(row["run"]),
@@ -120,12 +120,12 @@ def test_a_run_that_fails_is_a_row_with_the_message(results: Path) -> None:
         if fails:
             assert "plant: fmi2SetReal of tank.volume" in row["error"]
             assert "gave fmi2Error\n" in row["error"] or "gave fmi2Discard\n" in row["error"]
-            # What the FMU itself says.
+            # The FMU's message.
             assert "tank.volume" in row["error"].splitlines()[1]
 
 
 def test_measures_are_those_of_the_records(results: Path) -> None:
-    """Each record is there, and gives the measures once more."""
+    """Each record exists, and gives the same measures."""
     differing = set()
     for row in rows(results / "results.csv"):
         path = results / "records" / f"{row['run']}.csv"
@@ -150,10 +150,10 @@ def test_measures_are_those_of_the_records(results: Path) -> None:
         assert float(row["peak"]) == record["hp_wastegate_pwm"][(t >= 0.5) & (t <= 3)].max()
         assert float(row["least"]) == record["actuator_pressure"].min()
         assert float(row["last"]) == boost[280]
-        # A sum in another order: 300 roundings of 2e5 Pa, 3e-11 Pa each.
+        # Another order of summation: 300 roundings of 2e5 Pa, 3e-11 Pa each.
         assert float(row["mean"]) == pytest.approx(boost[t >= 0.5].mean(), abs=1e-8)
         differing.add(row["last"])
-    # The values act: the valve and the structure each, and the tank does not come near its limit.
+    # The valve and the structure have an effect; the tank does not reach its limit.
     assert len(differing) >= 4
 
 
@@ -182,11 +182,11 @@ def test_results_do_not_depend_on_the_threads(
 
 
 LONG = SCENARIO.replace("stop_time = 4.0", "stop_time = 60.0")
-"""Runs that are long enough to be killed in."""
+"""Runs that are long enough to be killed."""
 
 
 def test_a_killed_study_is_resumed(lab: Run, exported: Path, tmp_path: Path) -> None:
-    """It has then what it would have had, no run ran twice, and a line that was cut short does not count."""
+    """It has the same results, no run ran twice, and a truncated line is ignored."""
     study = write_study(tmp_path, GRID + MEASURES, LONG)
     whole = lab("sweep", study, "--fmus", exported, "--out", tmp_path / "whole")
     assert whole.returncode == 0, whole.stderr
@@ -283,7 +283,7 @@ def test_a_journal_of_another_fmu_is_refused(lab: Run, exported: Path, results: 
         ("treads = 2\n" + GRID + MEASURES, "line 2, treads: this key is not known"),
     ],
 )
-def test_what_is_wrong_with_a_study_is_named(
+def test_errors_in_a_study_are_named(
     lab: Run, exported: Path, tmp_path: Path, text: str, message: str
 ) -> None:
     study = write_study(tmp_path, text)
@@ -293,7 +293,7 @@ def test_what_is_wrong_with_a_study_is_named(
 
 
 def test_a_hypercube_and_a_list_run(lab: Run, exported: Path, tmp_path: Path) -> None:
-    """A list may leave out what the scenario then says itself."""
+    """A value that a list leaves out is the scenario's."""
     hypercube = """
     [latin_hypercube]
     runs = 4
@@ -328,7 +328,7 @@ def test_a_hypercube_and_a_list_run(lab: Run, exported: Path, tmp_path: Path) ->
 
 def test_dask_loses_nothing_with_a_killed_worker(lab: Run, exported: Path, tmp_path: Path) -> None:
     """The same study with FMPy on a cluster of two processes, one of which is killed in the middle of a run
-    when it has results: the numbers of boost-lab, to the bit."""
+    after it has results: boost-lab's numbers, to the bit."""
     measures = MEASURES.replace('mean = { mean = "boost_pressure", from = 0.5 }', "")
     study = write_study(tmp_path, GRID + measures, LONG)
     script = ROOT / "examples" / "sweep_with_dask.py"
@@ -342,7 +342,7 @@ def test_dask_loses_nothing_with_a_killed_worker(lab: Run, exported: Path, tmp_p
         process = subprocess.Popen([*arguments, "--scheduler", cluster.scheduler_address])
 
         def both() -> list[str]:
-            """The workers that are at a run and have results of others."""
+            """The workers that are running and have earlier results."""
             at_work, results = client.processing(), client.has_what()
             return [worker for worker in pids if at_work.get(worker) and results.get(worker)]
 
@@ -365,7 +365,7 @@ def test_dask_loses_nothing_with_a_killed_worker(lab: Run, exported: Path, tmp_p
             if ours[name]:
                 assert float(theirs[name]) == float(ours[name]), name
             else:
-                # A rise that never comes is infinite here.
+                # An undefined rise time is infinite here.
                 assert theirs[name] in ("", "inf"), name
         assert bool(theirs["error"]) == bool(ours["error"]) == (float(ours["plant:tank.volume"]) < 0)
         # The FMU's own message.

@@ -1,5 +1,5 @@
-"""Boost.ssp: the system of both FMUs, as System Structure and Parameterization 1.0 has it and as the tools
-that read it want it."""
+"""Boost.ssp: the system of both FMUs, by System Structure and Parameterization 1.0 and by the tools'
+requirements."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ START_VALUES = "resources/Boost_start_values.ssv"
 """Of the inputs of the system."""
 
 AMBIENT = {"ambient_pressure", "ambient_temperature"}
-"""Inputs that keep their start values: masters hand zeros to connected inputs before anything else."""
+"""Inputs that keep their start values, since masters set connected inputs to zero first."""
 
 
 @pytest.fixture(scope="session")
@@ -65,7 +65,7 @@ def test_start_values_are_valid(package: Path) -> None:
         validate_tree(etree.fromstring(archive.read(START_VALUES)), "SystemStructureParameterValues.xsd")
 
 
-def test_structures_have_names_of_their_own(package: Path) -> None:
+def test_structures_have_different_names(package: Path) -> None:
     """They are variants of one package (section 3)."""
     with ZipFile(package) as archive:
         names = [etree.fromstring(archive.read(path)).get("name") for path in STRUCTURES]
@@ -89,7 +89,7 @@ def test_everything_is_connected_by_equal_names(package: Path, fmus: dict[str, F
 
 
 def test_connectors_are_the_connected_variables(structure: etree._Element, fmus: dict[str, Fmu]) -> None:
-    """FMPy asks for a connection of every input that is listed. Units are the FMUs', and defined as there."""
+    """FMPy needs a connection of every listed input. Units are the FMUs', with the same definitions."""
     ends = {end for start_end in connections(structure) for end in (start_end[:2], start_end[2:])}
     units = {
         unit.get("name"): dict(unit.find("ssc:BaseUnit", ns).attrib)
@@ -110,7 +110,7 @@ def test_connectors_are_the_connected_variables(structure: etree._Element, fmus:
                 assert float(units[unit].get(name, 0)) == getattr(base, name)
             assert float(units[unit].get("factor", 1)) == base.factor
     connected = {end for end in ends if end[0] is not None}
-    # Without a system around them, inputs of the environment are set by the user.
+    # Without connectors of the system, the user sets inputs of the environment.
     assert connected <= listed
     for connector in structure.iterfind("ssd:System/ssd:Connectors/ssd:Connector", ns):
         assert (None, connector.get("name")) in ends
@@ -131,9 +131,9 @@ def test_inputs_of_the_system_start_as_the_fmus_do(package: Path, fmus: dict[str
             assert (float(parameter.value), parameter.unit) == (float(variable.start), variable.unit)
 
 
-def test_omsimulator_is_met(structure: etree._Element) -> None:
-    """What its importers refuse or rely on (Model.cpp, System.cpp and ComponentFMUCS.cpp of version 3 for
-    Lua, utils.py for Python); it cannot be installed from a registry."""
+def test_requirements_of_omsimulator(structure: etree._Element) -> None:
+    """Requirements of its importers (Model.cpp, System.cpp and ComponentFMUCS.cpp of version 3 for Lua,
+    utils.py for Python); it cannot be installed from a registry."""
     prefixes = {"ssd", "ssc", "ssv", "oms"}
     assert prefixes <= set(structure.nsmap)
 
@@ -147,15 +147,15 @@ def test_omsimulator_is_met(structure: etree._Element) -> None:
     for component in system.iterfind("ssd:Elements/ssd:Component", ns):
         assert component.get("type") == "application/x-fmu-sharedlibrary"
         assert children(component) <= {"Connectors", "ElementGeometry", "ParameterBindings"}
-    # The first annotation of the system says that it is one of co-simulation, and the step.
+    # The first annotation of the system selects co-simulation and the step.
     annotation = system.find("ssd:Annotations/ssc:Annotation", ns)
     assert annotation.get("type") == "org.openmodelica"
     oms = {"oms": structure.nsmap["oms"]}
     master = annotation.find("oms:Annotations/oms:SimulationInformation/oms:FixedStepMaster", oms)
-    # Its schema (oms.xsd) requires the tolerance, as an xs:decimal; without one, 0 goes to the FMUs.
+    # Its schema (oms.xsd) requires the tolerance, as an xs:decimal; without one it passes 0 to the FMUs.
     attributes = {"description": "oms-ma", "stepSize": "0.0125", "relativeTolerance": "0.0001"}
     assert dict(master.attrib) == attributes
-    # The importer for Python fails on units that stand in a binding: the values come from a file.
+    # The importer for Python fails on units in a binding: the values are in a file.
     assert structure.find(".//ssd:ParameterValues", ns) is None
 
 
@@ -163,7 +163,7 @@ Point = tuple[float, float]
 
 
 class Drawing:
-    """Where a structure is drawn, in mm."""
+    """The diagram of a structure, in mm."""
 
     def __init__(self, structure: etree._Element) -> None:
         self.rectangles: dict[str | None, tuple[float, ...]] = {}
@@ -173,7 +173,7 @@ class Drawing:
             geometry = component.find("ssd:ElementGeometry", ns)
             corners = tuple(float(geometry.get(name)) for name in ("x1", "y1", "x2", "y2"))
             self.rectangles[component.get("name")] = corners
-        # The canvas is what the components span (section 5.4.5).
+        # The components span the canvas (section 5.4.5).
         columns = list(zip(*self.rectangles.values(), strict=True))
         self.rectangles[None] = (min(columns[0]), min(columns[1]), max(columns[2]), max(columns[3]))
         for element in (structure.find("ssd:System", ns), *components):
@@ -194,7 +194,7 @@ class Drawing:
 
 
 def test_diagram_is_readable(structure: etree._Element) -> None:
-    """Lines run level or upright and through no component; no two connectors of an element lie together."""
+    """Lines are horizontal or vertical and cross no component; connectors of an element do not overlap."""
     drawing = Drawing(structure)
     rounding = 1e-9
     for line in drawing.lines:

@@ -1,4 +1,4 @@
-"""The laboratory's tuning: the controller's own maps from its plant, and what it is good for on others."""
+"""The laboratory's tuning: the controller's maps from its plant, and its effect on other plants."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from lxml import etree
 from master import Fmu, Value
 
 FITTED_DUTY = (29.0, 72.0)
-"""The feedforward (%) at which the controller's maps were identified by steps."""
+"""The range of feedforward (%) in which the controller's maps were identified."""
 
 LEAST_GAIN, LEAST_DELAY = 1000.0, 0.05
-"""To these (Pa/%, s) the controller's maps were raised: there they say nothing of the plant."""
+"""The least values (Pa/%, s), to which the controller's maps were raised where they do not show the plant."""
 
 
 def values(file: Path) -> dict[str, Value]:
@@ -35,7 +35,7 @@ def values(file: Path) -> dict[str, Value]:
 
 
 def tune(lab: Run, out: Path, plant: Path, *more: str | Path) -> Path:
-    """Tunes, and gives the folder of what was written."""
+    """Tunes, and returns the folder of the results."""
     done = lab("tune", "--plant", plant, "--out", out, *more)
     assert (done.returncode, done.stderr) == (0, "")
     return out
@@ -43,16 +43,16 @@ def tune(lab: Run, out: Path, plant: Path, *more: str | Path) -> Path:
 
 @pytest.fixture(scope="session")
 def tuned(lab: Run, exported: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What tuning to the plant that the controller was made for gives."""
+    """The result of tuning to the controller's plant."""
     out = tmp_path_factory.mktemp("tuned")
     return tune(lab, out, exported / "BoostPlant.fmu", "--controller", exported / "BoostController.fmu")
 
 
 def test_maps_are_those_of_the_controller(tuned: Path, controller_fmu: Fmu) -> None:
-    """The procedure gives the maps that it gave once before, by another implementation of plant and fit.
+    """The procedure gives the controller's maps, which come from another implementation of plant and fit.
 
-    They may differ by what the identification of a map is worth: 0.3 % duty, 2 % of gain and time constant,
-    5 ms of delay, which is less than half a sample.
+    They may differ by the accuracy of an identification: 0.3 % duty, 2 % of gain and time constant, and 5 ms
+    of delay, which is less than half a sample.
     """
     report = json.loads((tuned / "report.json").read_text())
     found = values(tuned / "schedule.ssv")
@@ -75,12 +75,13 @@ def test_maps_are_those_of_the_controller(tuned: Path, controller_fmu: Fmu) -> N
             "time_constant": abs(found[f"schedule.time_constant{place}"] / own["time_constant"] - 1),
             "delay": abs(found[f"schedule.delay{place}"] - own["delay"]),
         }
-        # What is filled or raised must be so here as well.
+        # Filled and raised values must be the same here.
         assert differences["feedforward"] <= 0.3, place
         assert differences["gain"] <= 0.02, place
         assert differences["time_constant"] <= 0.02, place
         assert differences["delay"] <= 0.005, place
-        # But it is no evidence: only what both found by a model that explains 99 % of the response.
+        # But they are no evidence: only values that both identified by a model that explains 99 % of the
+        # response.
         if cell["basis"] == "identified":
             assert cell["responses"]["model"]["determination"] > 0.99, place
             evident = {"feedforward", "time_constant"}
@@ -108,7 +109,7 @@ def test_parameter_set_is_valid(tuned: Path, controller_fmu: Fmu) -> None:
     assert {parameter.get("name") for parameter in parameters} == schedule | {"lambda", "pwm_min"}
     for parameter in parameters:
         assert parameter[0].get("unit") == controller_fmu.variables[parameter.get("name")].unit
-    # At 1000 rpm 133 kPa is the most: what is filled says so, and from where.
+    # At 1000 rpm 133 kPa is the maximum: filled values are marked, with their source.
     (filled,) = (p for p in parameters if p.get("name") == "schedule.gain[16,1]")
     assert filled.get("description") == (
         "filled from 130000 Pa at 1000 rpm: the reference is above what can be reached"
@@ -121,7 +122,7 @@ def test_parameter_set_is_valid(tuned: Path, controller_fmu: Fmu) -> None:
 def test_loop_is_tuned_to_another_plant(
     name: str, lab: Run, exported: Path, tmp_path: Path, plant: Make, controller: Make
 ) -> None:
-    """The steps of fig. 13 on a plant that the controller is tuned to again.
+    """The steps of Fig. 13 on a plant that the controller is tuned to.
 
     The paper has at most 5 kPa up and 1 kPa down; the reference solution on plants that the controller is not
     tuned to at most 0.9 kPa, and 2 Pa in the end.
@@ -148,7 +149,7 @@ def test_loop_is_tuned_to_another_plant(
     assert max(retuned.down) <= 900
     assert max(retuned.end_error) <= 2 + ON_TOLERANCE
     if name == "weak_turbine":
-        # Near what it reaches, the reference model must know where the duty ends to act.
+        # Near the highest pressure, the reference model needs the duty of the lift-off.
         maps = {name: value for name, value in found.items() if name != "pwm_min"}
         ahead = steps("with the maps alone", maps)
         assert max(ahead.up) > 1000 > max(retuned.up)
@@ -157,7 +158,7 @@ def test_loop_is_tuned_to_another_plant(
 def test_an_interrupted_tuning_is_resumed(
     laboratory: Path, lab: Run, exported: Path, tuned: Path, tmp_path: Path
 ) -> None:
-    """Killed on the way and begun again: the same bytes, and nothing that was finished is done again."""
+    """Killed and started again: the same bytes, and no finished part is repeated."""
     plant, journal = exported / "BoostPlant.fmu", tmp_path / "journal.jsonl"
     line = ["tune", "--plant", plant, "--out", tmp_path]
     process = subprocess.Popen([laboratory, *line], stdout=subprocess.DEVNULL)
@@ -182,7 +183,7 @@ def test_an_interrupted_tuning_is_resumed(
     assert whole.count(b"\n") > interrupted.count(b"\n")
 
 
-def test_other_settings_do_not_go_on(lab: Run, exported: Path, tuned: Path, tmp_path: Path) -> None:
+def test_another_journal_is_refused(lab: Run, exported: Path, tuned: Path, tmp_path: Path) -> None:
     shutil.copy(tuned / "journal.jsonl", tmp_path)
     more = ["--parameters", ROOT / "parameters" / "weak_turbine.ssv", "--engine-speeds", "1,2,3,4,5,6,7"]
     done = lab("tune", "--plant", exported / "BoostPlant.fmu", "--out", tmp_path, *more)
@@ -195,7 +196,7 @@ def test_other_settings_do_not_go_on(lab: Run, exported: Path, tuned: Path, tmp_
 
 
 def test_lambda_needs_no_new_experiments(lab: Run, exported: Path, tuned: Path, tmp_path: Path) -> None:
-    """It acts on the feedback alone, by eq. (12) of the paper."""
+    """It affects only the feedback, by eq. (12) of the paper."""
     shutil.copy(tuned / "journal.jsonl", tmp_path)
     tune(lab, tmp_path, exported / "BoostPlant.fmu", "--lambda", "0.5")
     assert (tmp_path / "journal.jsonl").read_bytes() == (tuned / "journal.jsonl").read_bytes()
@@ -212,7 +213,7 @@ def test_lambda_needs_no_new_experiments(lab: Run, exported: Path, tuned: Path, 
 
 
 def test_a_plant_that_cannot_save_its_state(lab: Run, exported: Path, tuned: Path, tmp_path: Path) -> None:
-    """It is simulated again for each step, with the same numbers; and the reader is told."""
+    """It is simulated again for each step, with the same numbers and a note."""
     plant = copy_with(
         exported / "BoostPlant.fmu",
         tmp_path / "plant.fmu",
@@ -225,15 +226,15 @@ def test_a_plant_that_cannot_save_its_state(lab: Run, exported: Path, tuned: Pat
     assert values(tmp_path / "schedule.ssv") == values(tuned / "schedule.ssv")
 
 
-def test_what_a_plant_can_do_without(lab: Run, exported: Path, tmp_path: Path) -> None:
-    """Its inputs of other names keep their start values, which are the same; and the reader is told."""
+def test_optional_variables_of_a_plant(lab: Run, exported: Path, tmp_path: Path) -> None:
+    """Inputs of other names keep their start values, which are the same, with a note."""
     plant = exported / "BoostPlant.fmu"
     for name in ["surge_valve", "supply_voltage"]:
         plant = copy_with(plant, tmp_path / f"{name}.fmu", f'name="{name}"', f'name="my_{name}"')
     done = lab("tune", "--plant", plant, "--out", tmp_path)
     assert done.returncode == 0
     assert done.stderr == (
-        "note: The plant has no input surge_valve, supply_voltage: what they stand for was not held.\n"
+        "note: The plant has no input surge_valve, supply_voltage: these quantities were not held constant.\n"
     )
     assert "The plant has no input surge_valve" in (tmp_path / "report.html").read_text()
 
@@ -251,7 +252,7 @@ def test_what_a_plant_can_do_without(lab: Run, exported: Path, tmp_path: Path) -
         ),
     ],
 )
-def test_what_a_plant_cannot_do_without(
+def test_required_variables_of_a_plant(
     pattern: str, replacement: str, message: str, lab: Run, exported: Path, tmp_path: Path
 ) -> None:
     plant = tmp_path / "plant.fmu"
@@ -268,8 +269,8 @@ def test_controller_without_a_schedule_is_refused(lab: Run, exported: Path, tmp_
     assert "the controller BoostPlant has no schedule.engine_speed[1]" in done.stderr
 
 
-def test_plant_that_does_not_obey_is_refused(lab: Run, exported: Path, tmp_path: Path) -> None:
-    """Without an area of its wastegate the plant has one boost pressure, whatever the duty."""
+def test_plant_that_does_not_respond_is_refused(lab: Run, exported: Path, tmp_path: Path) -> None:
+    """Without an area of its wastegate the plant's boost pressure does not depend on the duty."""
     text = (ROOT / "parameters" / "small_wastegate.ssv").read_text()
     assert text.count('value="0.0003"') == 1
     shut = tmp_path / "shut.ssv"
@@ -281,7 +282,7 @@ def test_plant_that_does_not_obey_is_refused(lab: Run, exported: Path, tmp_path:
 
 
 class Report(HTMLParser):
-    """Counts what a report shows, and what it would load."""
+    """Counts the elements of a report, and the files that it would load."""
 
     def __init__(self) -> None:
         super().__init__()

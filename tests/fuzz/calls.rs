@@ -1,4 +1,4 @@
-//! What random importers do.
+//! Random calls.
 
 use fmu_export::description::{Causality, DataType, ModelDescription, Variability};
 use proptest::collection::vec;
@@ -6,7 +6,7 @@ use proptest::option;
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
 
-/// The types that have their own functions.
+/// The types with their own functions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Type {
     Real,
@@ -29,14 +29,13 @@ impl Type {
 /// A value to set a variable to.
 #[derive(Clone, Copy, Debug)]
 pub enum Number {
-    /// So far from the variable's min to its max.
+    /// A fraction of the range from min to max.
     Share(f64),
-    /// A number whatever the variable.
+    /// A number for any variable.
     Special(f64),
 }
 
-/// A call. Value references need not be those of variables; states are in numbered places, which may be
-/// empty.
+/// A call. Value references may be invalid; states are in numbered slots, which may be empty.
 #[derive(Clone, Debug)]
 pub enum Call {
     SetDebugLogging(bool),
@@ -57,7 +56,7 @@ pub enum Call {
         unknowns: Vec<u32>,
         knowns: Vec<u32>,
     },
-    /// From the time that was reached, `late` steps later.
+    /// From the current time, `late` steps later.
     DoStep {
         late: f64,
         size: f64,
@@ -70,14 +69,14 @@ pub enum Call {
     GetState(usize),
     SetState(usize),
     FreeState(usize),
-    /// Serializes a state and makes another from its bytes, in another place.
+    /// Serializes a state and makes another one from its bytes, in another slot.
     CopyState {
         from: usize,
         to: usize,
     },
 }
 
-/// How many places there are for states.
+/// The number of slots for states.
 pub const PLACES: usize = 3;
 
 /// Numbers that an importer should not pass.
@@ -108,7 +107,7 @@ fn number() -> impl Strategy<Value = Number> {
     ]
 }
 
-/// The value references of the variables of a type that are wanted.
+/// The value references of the variables of a type that meet a condition.
 fn references(
     description: &'static ModelDescription,
     data_type: Type,
@@ -123,7 +122,7 @@ fn references(
         .collect()
 }
 
-/// A value reference: mostly one of the useful ones.
+/// A value reference, mostly a useful one.
 fn mostly(description: &'static ModelDescription, useful: Vec<u32>) -> BoxedStrategy<u32> {
     let count = u32::try_from(description.variables.len()).unwrap();
     let useful = if useful.is_empty() { vec![0] } else { useful };
@@ -173,7 +172,7 @@ fn step() -> impl Strategy<Value = Call> {
     (late, size).prop_map(|(late, size)| Call::DoStep { late, size })
 }
 
-/// A call that no saved state has a part in.
+/// A call without saved states.
 pub fn without_states(description: &'static ModelDescription) -> impl Strategy<Value = Call> {
     let input = || settable(description, Type::Real);
     let output = || readable(description, Type::Real);
@@ -233,7 +232,7 @@ pub fn any_call(description: &'static ModelDescription) -> impl Strategy<Value =
     ]
 }
 
-/// What happens to bytes on their way.
+/// Damage to serialized bytes.
 #[derive(Clone, Debug)]
 pub enum Damage {
     Cut(Index),
@@ -248,7 +247,7 @@ impl Arbitrary for Damage {
     type Strategy = BoxedStrategy<Self>;
 
     fn arbitrary_with((): ()) -> BoxedStrategy<Self> {
-        // Among what is put in are the large numbers that a length could be mistaken for.
+        // Also large numbers, which may be read as lengths.
         let some = prop_oneof![
             vec(proptest::num::u8::ANY, 1..9),
             select(vec![vec![0xff; 8], vec![0xff, 0xff, 0xff, 0x7f], vec![0; 8], vec![1]]),
@@ -265,7 +264,7 @@ impl Arbitrary for Damage {
 }
 
 impl Damage {
-    /// The bytes with the damage done.
+    /// The damaged bytes.
     pub fn done_to(&self, mut bytes: Vec<u8>) -> Vec<u8> {
         let length = bytes.len();
         let at = |index: &Index| index.index(length + 1);

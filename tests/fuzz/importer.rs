@@ -1,4 +1,4 @@
-//! An importer that does what it is told, and checks each answer.
+//! An importer that makes given calls, and checks each result.
 
 use std::ffi::{CString, c_char};
 use std::marker::PhantomData;
@@ -14,17 +14,17 @@ use proptest::test_runner::TestCaseError;
 use super::calls::{Call, Number, PLACES, Type};
 use super::standard::{State, allows};
 
-/// What a call answered, and the bits of the values it gave.
+/// The status of a call, and the bits of the returned values.
 pub type Answer = (Status, Vec<u64>);
 
-/// The bytes of an instance's state, and what the importer knows of the instance.
+/// The bytes of an instance's state, and the importer's data about it.
 #[derive(Clone, PartialEq)]
 pub struct Snapshot {
     pub bytes: Vec<u8>,
     at: Whereabouts,
 }
 
-/// Where an instance is in its life.
+/// The progress of an instance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Whereabouts {
     state: State,
@@ -36,26 +36,26 @@ impl Whereabouts {
     const FRESH: Self = Self { state: State::Instantiated, set_up: false };
 }
 
-/// An instance, and states that were saved of it.
+/// An instance with its saved states.
 pub struct Importer<M: Model> {
     pub component: Component,
     at: Whereabouts,
-    /// States, each with where the instance will be when it is set.
+    /// Slots for states, each with the progress of the instance at that time.
     places: [(FmuState, Whereabouts); PLACES],
-    /// How many calls were made.
+    /// The number of calls.
     pub calls: u64,
     model: PhantomData<M>,
 }
 
 impl<M: Model> Drop for Importer<M> {
     fn drop(&mut self) {
-        // SAFETY: the component is this importer's, and is used no more. It frees the states as well.
+        // SAFETY: the component belongs to this importer, and this is its last use. It frees the states as well.
         unsafe { c_api::free_instance::<M>(self.component) }
     }
 }
 
-// SAFETY of every call below: the component is this importer's own and used by this thread alone; arrays
-// have as many elements as is said; what is written to lives through the call.
+// SAFETY of every call below: the component belongs to this importer and is used by this thread only; arrays have
+// the passed lengths; results outlive the call.
 impl<M: Model> Importer<M> {
     pub fn new() -> Self {
         let callbacks = CallbackFunctions {
@@ -112,7 +112,7 @@ impl<M: Model> Importer<M> {
         bytes
     }
 
-    /// Makes a state of bytes, and the bytes of that state, unless they are refused.
+    /// Deserializes a state, and returns its bytes, unless it is refused.
     pub fn deserialize(&self, bytes: &[u8]) -> Result<Vec<u8>, Status> {
         let mut state = self.state_from(bytes)?;
         let again = self.serialize(state);
@@ -135,7 +135,7 @@ impl<M: Model> Importer<M> {
         }
     }
 
-    /// Goes on from a snapshot; the places stay as they are.
+    /// Continues from a snapshot, with the same slots.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), TestCaseError> {
         let mut state = self.state_from(&snapshot.bytes).map_err(|status| {
             TestCaseError::fail(format!("the bytes of a saved state are refused: {status:?}"))
@@ -149,10 +149,10 @@ impl<M: Model> Importer<M> {
         Ok(())
     }
 
-    /// Makes calls; their answers.
+    /// Makes calls; returns their results.
     ///
     /// # Errors
-    /// When an answer is not what it must be.
+    /// When a result is wrong.
     pub fn run<'c>(
         &mut self,
         calls: impl IntoIterator<Item = &'c Call>,
@@ -160,7 +160,7 @@ impl<M: Model> Importer<M> {
         calls.into_iter().map(|call| self.make(call)).collect()
     }
 
-    /// Makes a call, and holds its answer against the standard.
+    /// Makes a call, and compares its result with the standard.
     fn make(&mut self, call: &Call) -> Result<Answer, TestCaseError> {
         let before = self.snapshot();
         let (function, status, values) = self.pass_on(call);
@@ -180,7 +180,7 @@ impl<M: Model> Importer<M> {
         if status < Status::Discard {
             self.follow(call, before.at);
         } else if status == Status::Error {
-            // What fails while it computes may leave values behind, and a step that fails ends the run.
+            // A failed computation may leave values behind, and a failed step ends the run.
             let computes = matches!(call, Call::DoStep { .. } | Call::Get(..) | Call::ExitInitializationMode);
             let after = self.snapshot();
             if !(allowed && computes) {
@@ -192,7 +192,7 @@ impl<M: Model> Importer<M> {
         Ok((status, values))
     }
 
-    /// What a call that succeeded leads to.
+    /// The effect of a successful call.
     fn follow(&mut self, call: &Call, was: Whereabouts) {
         match *call {
             Call::SetupExperiment { .. } => self.at.set_up = true,
@@ -207,7 +207,7 @@ impl<M: Model> Importer<M> {
         }
     }
 
-    /// Makes a call: the function's name, its status, and the bits of the values that it gave.
+    /// Makes a call: the function's name, its status, and the bits of the returned values.
     fn pass_on(&mut self, call: &Call) -> (&'static str, Status, Vec<u64>) {
         let component = self.component;
         // SAFETY: see above.
@@ -355,7 +355,7 @@ impl<M: Model> Importer<M> {
         let reals: Vec<_> =
             values.iter().map(|&(reference, number)| real_value::<M>(reference, number)).collect();
         let (vr, count) = (references.as_ptr(), references.len());
-        #[allow(clippy::cast_possible_truncation)] // Whatever it is cut to will do.
+        #[allow(clippy::cast_possible_truncation)] // Any value will do.
         let integers: Vec<_> = reals.iter().map(|&value| value as i32).collect();
         // SAFETY: see above.
         unsafe {
@@ -409,7 +409,7 @@ fn real_value<M: Model>(reference: u32, number: Number) -> f64 {
     }
 }
 
-/// The bits of values that were given with a status.
+/// The bits of returned values.
 fn given(status: Status, values: &[f64]) -> Vec<u64> {
     if status < Status::Discard {
         assert!(values.iter().all(|value| value.is_finite()), "{status:?} with {values:?}");

@@ -1,14 +1,14 @@
 //! Random importers: any function in any order with any arguments, and any bytes for a state.
 //!
-//! What holds whatever they do (see [`importer`] for the calls one by one):
+//! Invariants (see [`importer`] for those of single calls):
 //!
 //! - a function that the standard's table does not allow in a state is an error, and changes nothing;
-//! - no value that is handed out with success is anything but a number;
-//! - from a saved state everything goes on the same, in the instance and in another;
-//! - `fmi2Reset` leaves what a fresh instance has, bit for bit;
-//! - bytes that are not what a state was serialized to are refused.
+//! - values returned with success are finite;
+//! - a restored state continues identically, in the instance and in another;
+//! - after `fmi2Reset` an instance equals a new one, bit for bit;
+//! - damaged serialized states are refused.
 //!
-//! A run of the tests tries the same cases each time. For others, and more of them:
+//! The tests try the same cases each time. For other and more cases:
 //! `PROPTEST_CASES=20000 cargo test --release --test fuzz`.
 
 use std::cell::Cell;
@@ -29,7 +29,7 @@ mod standard;
 use calls::{Call, Damage, Number, Type};
 use importer::Importer;
 
-/// So many cases, always the same, unless the environment asks for others.
+/// So many cases, always the same, unless the environment sets another number.
 fn runner(cases: u32) -> TestRunner {
     let mut config = ProptestConfig { failure_persistence: None, ..ProptestConfig::default() };
     if env::var_os("PROPTEST_CASES").is_none() {
@@ -39,7 +39,7 @@ fn runner(cases: u32) -> TestRunner {
     TestRunner::new(config)
 }
 
-/// Random calls, from an opening that makes it likely that steps are taken.
+/// Random calls, after an opening that makes steps likely.
 fn any_order<M: Model>(cases: u32, opening: impl Fn() -> Vec<Call>) {
     let description = M::Variables::DESCRIPTION;
     let fresh = Importer::<M>::new().snapshot();
@@ -50,7 +50,7 @@ fn any_order<M: Model>(cases: u32, opening: impl Fn() -> Vec<Call>) {
         proptest::collection::vec(calls::any_call(description), 0..40),
         proptest::collection::vec(calls::without_states(description), 0..20),
     );
-    // One in five importers begins at once, the others after some of the opening.
+    // One in five importers starts at once, the others after a part of the opening.
     let outcome = runner(cases).run(&strategy, |(settings, skipped, head, tail)| {
         let mut importer = Importer::<M>::new();
         let opening = opening();
@@ -82,7 +82,7 @@ fn reference<M: Model>(name: &str) -> u32 {
     u32::try_from(variables.iter().position(|variable| variable.name == name).unwrap()).unwrap()
 }
 
-/// What importers begin with.
+/// The opening.
 fn opening(more: Vec<Call>) -> Vec<Call> {
     let mut calls = more;
     calls.extend([
@@ -96,7 +96,7 @@ fn opening(more: Vec<Call>) -> Vec<Call> {
 
 #[test]
 fn the_plant_survives_calls_in_any_order() {
-    // Running: with random parameters and inputs, a search for a settled start is long and seldom ends well.
+    // A running start: with random parameters and inputs, the search for a settled start is long and mostly fails.
     let mode = reference::<BoostPlant>("initialization.mode");
     any_order::<BoostPlant>(400, || {
         opening(vec![Call::Set(Type::Integer, vec![(mode, Number::Special(2.0))])])
@@ -108,7 +108,7 @@ fn the_controller_survives_calls_in_any_order() {
     any_order::<BoostController>(1000, || opening(vec![]));
 }
 
-/// Any bytes in the place of a serialized state.
+/// Any bytes as a serialized state.
 fn any_bytes<M: Model>(cases: u32) {
     let description = M::Variables::DESCRIPTION;
     let mut importer = Importer::<M>::new();
@@ -123,10 +123,10 @@ fn any_bytes<M: Model>(cases: u32) {
         }
         tried.set(tried.get() + 1);
         match importer.deserialize(&bytes) {
-            // What is taken in spite of damage, since its checksum was made for it, is taken as it is.
+            // Damaged bytes with a valid checksum may be accepted, and must not change.
             Ok(again) => {
                 prop_assert!(with_checksum || bytes == sound.bytes, "damaged bytes are taken");
-                prop_assert!(again == bytes, "the bytes of the state are others");
+                prop_assert!(again == bytes, "the bytes of the state differ");
             }
             Err(status) => prop_assert_eq!(status, Status::Error),
         }

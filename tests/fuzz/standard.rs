@@ -1,4 +1,4 @@
-//! What the standard and the format of serialized states say, apart from the implementation.
+//! The standard and the format of serialized states, independent of the implementation.
 
 use std::sync::LazyLock;
 
@@ -20,7 +20,7 @@ pub enum State {
     Error,
 }
 
-/// Whether a function is allowed in a state, for some of its arguments at least.
+/// Whether a function is allowed in a state, at least for some of its arguments.
 pub fn allows(function: &str, state: State) -> bool {
     let heading = match state {
         State::Instantiated => "instantiated",
@@ -34,7 +34,7 @@ pub fn allows(function: &str, state: State) -> bool {
     !row[column].is_empty()
 }
 
-/// Ends bytes with their checksum (64-bit FNV-1a), in the place of their last eight.
+/// Ends bytes with their checksum (64-bit FNV-1a), instead of their last eight.
 pub fn put_checksum(bytes: &mut [u8]) {
     let Some(end) = bytes.len().checked_sub(8) else { return };
     let (content, checksum) = bytes.split_at_mut(end);

@@ -1,5 +1,5 @@
-//! A plant on the bench: parameters set, initialized, stepped by a master; and the order in which the
-//! independent implementation that the numbers come from lists states, inputs and outputs.
+//! A plant on the bench: parameters set, initialized, stepped by a master; and the order of states, inputs and outputs
+//! in the independent reference implementation.
 
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables::{InitializationMode, Inputs, Outputs, Parameters, States, Variables};
@@ -33,7 +33,7 @@ impl Bench {
         bench
     }
 
-    /// A plant that starts running, with its tank frozen or not.
+    /// A plant with a running start, with its tank frozen or not.
     pub fn running(inputs: Inputs, frozen: bool) -> Self {
         Self::new(inputs, |parameters, _| {
             parameters.initialization.mode = InitializationMode::Running;
@@ -85,7 +85,7 @@ impl Bench {
         }
     }
 
-    /// The largest rate of change in 1/s of a state relative to its full scale, that of the tank excepted.
+    /// The largest rate of change (1/s) of a state relative to its full scale, except for the tank.
     pub fn restlessness(&self) -> f64 {
         reference_states(&self.variables.derivatives)
             .iter()
@@ -101,11 +101,11 @@ impl Bench {
     }
 }
 
-/// What counts as 100 % of each state, in the reference's order.
+/// The full scale of each state, in the reference's order.
 pub const FULL_SCALES: [f64; 16] =
     [3.5e4, 1e5, 1e-2, 0.1, 0.2, 100.0, 1e5, 2e5, 2e5, 2e5, 2e5, 2e5, 1.5e5, 1e5, 2e4, 1e4];
 
-/// What counts as 100 % of each output, in the reference's order.
+/// The full scale of each output, in the reference's order.
 pub const OUTPUT_FULL_SCALES: [f64; 20] = [
     2e5, 100.0, 1e5, 3.5e4, 400.0, 0.2, 2e5, 1e5, 2e5, 1.5e5, 1200.0, 1200.0, 0.2, 0.2, 0.2, 1e5, 1200.0,
     0.2, 0.2, 1.0,
@@ -196,7 +196,7 @@ pub fn inputs_of(reference: &[f64]) -> Inputs {
     }
 }
 
-/// Outputs and those locals that the reference lists among its outputs, in its order.
+/// The reference's outputs, some of which are locals here, in its order.
 pub fn reference_outputs(variables: &Variables) -> [f64; 20] {
     let outputs: &Outputs = &variables.outputs;
     let locals = &variables.locals;
@@ -224,7 +224,7 @@ pub fn reference_outputs(variables: &Variables) -> [f64; 20] {
     ]
 }
 
-/// Numbers separated by a character; what is no number (a heading) is left out.
+/// Numbers separated by a character; other texts (a header) are skipped.
 pub fn numbers(line: &str, separator: char) -> Vec<f64> {
     line.split(separator).filter_map(|word| word.trim().parse().ok()).collect()
 }

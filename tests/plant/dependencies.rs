@@ -1,8 +1,8 @@
-//! What the modelDescription.xml says depends on what, against what does: every known is moved at random
-//! points, and what then changes is compared with the declaration.
+//! The dependencies in modelDescription.xml: at random points every known is changed, and the unknowns that change are
+//! compared with the declaration.
 //!
-//! A dependency that is missing in the XML lets importers compute algebraic loops wrongly; one too many
-//! makes them see loops that are none.
+//! With a missing dependency importers solve algebraic loops wrongly; with one too many they see loops that do not
+//! exist.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,7 +15,7 @@ use quick_xml::events::{BytesStart, Event};
 
 use crate::random::Random;
 
-/// Unknowns and what each depends on.
+/// Unknowns with their dependencies.
 pub type Dependencies = BTreeMap<ValueReference, BTreeSet<ValueReference>>;
 
 /// The `ModelStructure`, by the name of the list.
@@ -29,7 +29,7 @@ pub fn declared() -> BTreeMap<String, Dependencies> {
             Event::Empty(element) if element.name().as_ref() == "Unknown" => {
                 let numbers = |name| -> Vec<ValueReference> {
                     let text = attribute(&element, name);
-                    // An index counts from 1, a value reference from 0, in the same order.
+                    // Indices start at 1, value references at 0, in the same order.
                     text.split_whitespace().map(|word| word.parse::<u32>().expect("an index") - 1).collect()
                 };
                 let unknown = numbers("index")[0];
@@ -83,7 +83,7 @@ pub fn unknowns_at(point: &Variables, unknowns: &[ValueReference]) -> Vec<f64> {
     unknowns.iter().map(|&unknown| variables.real(unknown)).collect()
 }
 
-/// A point in the interior of the ranges, where every parameter matters that can.
+/// A point inside the ranges, where every parameter that can have an effect has one.
 pub fn random_point(random: &mut Random) -> Variables {
     let mut variables = Variables::default();
     let p = &mut variables.parameters;
@@ -131,8 +131,8 @@ pub fn random_point(random: &mut Random) -> Variables {
     variables
 }
 
-/// Adds to `observed` what changes by more than `threshold` (relative to the unknown's magnitude) when one
-/// of the knowns moves up or down by a small part of itself.
+/// Adds to `observed` the unknowns that change by more than `threshold` (relative to their magnitude) when one of the
+/// knowns changes slightly up or down.
 fn observe(
     observed: &mut Dependencies,
     point: &Variables,
@@ -157,36 +157,56 @@ fn observe(
     }
 }
 
-/// What the declaration lacks and what it has too much, in words.
-pub fn differences(declared: &Dependencies, observed: &Dependencies) -> (Vec<String>, Vec<String>) {
-    let pairs = |from: &Dependencies, without: &Dependencies| -> Vec<String> {
+/// The declared dependencies of outputs and derivatives.
+pub fn declared_of_steps() -> Dependencies {
+    let structure = declared();
+    structure["Outputs"].clone().into_iter().chain(structure["Derivatives"].clone()).collect()
+}
+
+/// The declared dependencies of the initialization on Real knowns: others cannot be changed slightly.
+pub fn declared_of_initialization(knowns: &[ValueReference]) -> Dependencies {
+    let mut declared = declared()["InitialUnknowns"].clone();
+    declared.values_mut().for_each(|dependencies| dependencies.retain(|known| knowns.contains(known)));
+    declared
+}
+
+/// The same unknowns without dependencies.
+pub fn nothing_observed(declared: &Dependencies) -> Dependencies {
+    declared.keys().map(|&unknown| (unknown, BTreeSet::new())).collect()
+}
+
+/// Asserts that the observed dependencies are the declared ones. Derivatives may depend on less in initialization:
+/// those of a settled start are declared to depend on everything that the start depends on, because without a steady
+/// state they are not zero.
+pub fn assert_as_declared(declared: &Dependencies, observed: &Dependencies, is_initialization: bool) {
+    let differences = |from: &Dependencies, without: &Dependencies| -> Vec<String> {
         let reads = |(unknown, knowns): (&ValueReference, &BTreeSet<ValueReference>)| {
             let missing: Vec<_> = knowns.difference(&without[unknown]).map(|&known| name(known)).collect();
             (!missing.is_empty()).then(|| format!("{} on {}", name(*unknown), missing.join(", ")))
         };
         from.iter().filter_map(reads).collect()
     };
-    (pairs(observed, declared), pairs(declared, observed))
+    let missing = differences(observed, declared);
+    assert!(missing.is_empty(), "undeclared: {missing:#?}");
+    let mut superfluous = differences(declared, observed);
+    superfluous.retain(|text| !(is_initialization && text.starts_with("der(")));
+    assert!(superfluous.is_empty(), "declared without effect: {superfluous:#?}");
 }
 
 #[test]
 fn outputs_and_derivatives_depend_on_what_is_declared_and_on_nothing_else() {
-    let structure = declared();
-    let mut declared = structure["Outputs"].clone();
-    declared.extend(structure["Derivatives"].clone());
+    let declared = declared_of_steps();
     assert_eq!(declared.len(), 14 + States::COUNT);
     let knowns: Vec<_> = reals(|reference, causality, _| {
         causality == Causality::Input || States::NAMES.contains(&name(reference))
     });
-    let mut observed: Dependencies = declared.keys().map(|&unknown| (unknown, BTreeSet::new())).collect();
+    let mut observed = nothing_observed(&declared);
     let mut random = Random(7);
     for _ in 0..40 {
-        // Without a solver in between, what does not depend does not change in a single bit.
+        // Without a solver, independent values stay equal to the last bit.
         observe(&mut observed, &random_point(&mut random), &knowns, 1e-4, 0.0);
     }
-    let (lacking, too_much) = differences(&declared, &observed);
-    assert!(lacking.is_empty(), "undeclared: {lacking:#?}");
-    assert!(too_much.is_empty(), "declared but not so: {too_much:#?}");
+    assert_as_declared(&declared, &observed, false);
 }
 
 #[test]
@@ -202,13 +222,8 @@ fn what_the_controller_reads_depends_on_no_input() {
 fn initialization_depends_on_what_is_declared() {
     let knowns: Vec<_> =
         reals(|_, causality, initial| causality == Causality::Input || initial == Initial::Exact);
-    let real_knowns: BTreeSet<_> = knowns.iter().copied().collect();
-    let mut declared = declared()["InitialUnknowns"].clone();
-    for dependencies in declared.values_mut() {
-        // The mode and other parameters that are no numbers cannot be moved a little.
-        dependencies.retain(|known| real_knowns.contains(known));
-    }
-    let mut observed: Dependencies = declared.keys().map(|&unknown| (unknown, BTreeSet::new())).collect();
+    let declared = declared_of_initialization(&knowns);
+    let mut observed = nothing_observed(&declared);
     let mut random = Random(11);
     for _ in 0..30 {
         let mut point = random_point(&mut random);
@@ -216,11 +231,11 @@ fn initialization_depends_on_what_is_declared() {
         point.parameters.initialization.mode = InitializationMode::Running;
         observe(&mut observed, &point, &knowns, 1e-4, 0.0);
     }
-    // The steady state is solved for until rounding decides, 1e-13 or so: what moves by less than 1e-11 is
-    // no dependence. A settled derivative is what rounding leaves of 0, so only the others tell.
+    // The steady state is accurate to rounding, some 1e-13, so changes below 1e-11 are no dependence. The settled
+    // derivatives are 0 up to rounding, and are not compared.
     let states_and_outputs = observed.keys().filter(|&&unknown| !name(unknown).starts_with("der("));
     let mut solved: Dependencies = states_and_outputs.map(|&unknown| (unknown, BTreeSet::new())).collect();
-    // In the midst of the stroke, at either stop, and where the tank limits the vacuum in the chamber.
+    // In the middle of the stroke, at either stop, and where the tank limits the vacuum in the chamber.
     for (duty, tank_pressure) in [(45.0, 3e4), (40.0, 3.2e4), (15.0, 3.1e4), (90.0, 3e4), (90.0, 7.5e4)] {
         let mut point = random_point(&mut random);
         point.parameters.initialization.mode = InitializationMode::Settled;
@@ -232,12 +247,5 @@ fn initialization_depends_on_what_is_declared() {
     for (unknown, knowns) in solved {
         observed.get_mut(&unknown).expect("a declared unknown").extend(knowns);
     }
-    let (lacking, _) = differences(&declared, &observed);
-    assert!(lacking.is_empty(), "undeclared: {lacking:#?}");
-    // The derivatives of a settled start are declared as functions of everything that the start is solved
-    // from: where there is no steady state they are no zeros.
-    declared.retain(|&unknown, _| !name(unknown).starts_with("der("));
-    observed.retain(|&unknown, _| !name(unknown).starts_with("der("));
-    let (_, too_much) = differences(&declared, &observed);
-    assert!(too_much.is_empty(), "declared but not so: {too_much:#?}");
+    assert_as_declared(&declared, &observed, true);
 }

@@ -1,7 +1,4 @@
-//! The exact derivatives against difference quotients, and what they are zero for against the declared
-//! dependencies.
-
-use std::collections::BTreeSet;
+//! The exact derivatives against difference quotients, and their zeros against the declared dependencies.
 
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::linearization::linearize;
@@ -11,11 +8,12 @@ use fmu_export::description::{Causality, Initial, ValueReference};
 use fmu_export::{Context, Experiment, Model, Variables as _};
 
 use crate::dependencies::{
-    Dependencies, declared, differences, name, random_point, reals, reference, unknowns_at,
+    Dependencies, assert_as_declared, declared_of_initialization, declared_of_steps, name, nothing_observed,
+    random_point, reals, reference, unknowns_at,
 };
 use crate::random::Random;
 
-/// How far difference quotients of different widths may be apart, relatively.
+/// The largest relative difference between quotients of different widths.
 const AGREEMENT: f64 = 1e-4;
 
 /// A plant initialized at a point.
@@ -27,7 +25,7 @@ fn initialized(point: &Variables) -> (BoostPlant, Variables) {
     (model, variables)
 }
 
-/// The derivatives with respect to one known, of the initialization or of what follows from the states.
+/// The derivatives with respect to one known, of the initialization or of the steps.
 fn derivatives(point: &Variables, known: ValueReference, of_initialization: bool) -> Variables {
     let (model, variables) = initialized(point);
     let mut direction = Variables::zero();
@@ -40,14 +38,14 @@ fn derivatives(point: &Variables, known: ValueReference, of_initialization: bool
     derivatives.expect("there are derivatives")
 }
 
-/// A random point that starts in a mode, with the latch and the tank one way or the other.
+/// A random point with a start mode, with or without the latch and a frozen tank.
 fn point(random: &mut Random, mode: InitializationMode, way: usize) -> Variables {
     let mut point = random_point(random);
     point.parameters.initialization.mode = mode;
     point.parameters.valve.duty_latch = way.is_multiple_of(2);
     point.parameters.tank.frozen = way / 2 % 2 == 1;
     if mode == InitializationMode::Settled {
-        // In the midst of the stroke, at either stop, and where the tank limits the vacuum in the chamber.
+        // In the middle of the stroke, at either stop, and where the tank limits the vacuum in the chamber.
         let regimes = [(45.0, 3e4), (40.0, 3.2e4), (15.0, 3.1e4), (90.0, 3e4), (90.0, 7.5e4)];
         let (duty, tank_pressure) = regimes[way % regimes.len()];
         point.set_real(reference("hp_wastegate_pwm"), duty);
@@ -57,7 +55,7 @@ fn point(random: &mut Random, mode: InitializationMode, way: usize) -> Variables
     point
 }
 
-/// The knowns of the initialization: inputs, parameters, and the start values that hold in every mode.
+/// The knowns of the initialization: inputs, parameters, and the start values that are used in every mode.
 fn knowns_of_initialization() -> Vec<ValueReference> {
     reals(|_, causality, initial| causality == Causality::Input || initial == Initial::Exact)
 }
@@ -67,16 +65,16 @@ fn knowns_of_steps() -> Vec<ValueReference> {
     reals(|reference, causality, _| causality == Causality::Input || States::NAMES.contains(&name(reference)))
 }
 
-/// What the model calculates, but for the states.
+/// The calculated variables, except for the states.
 fn calculated() -> Vec<ValueReference> {
     reals(|_, causality, initial| {
         causality == Causality::Output || causality == Causality::Local && initial == Initial::Calculated
     })
 }
 
-/// Compares derivatives with central differences of the initialization. The quotients err by the rounding
-/// of what is subtracted, and by the third derivative: of two widths the one that fits better tells. They
-/// are taken for as good as they agree with each other; where they do not, there is a kink in between.
+/// Compares derivatives with central differences of the initialization. Their errors are the
+/// rounding of the difference, and the third derivative; the better one of two widths is used. Their tolerance is
+/// their difference from each other; if that is large, there is a kink between.
 fn compare(
     point: &Variables,
     knowns: &[ValueReference],
@@ -101,7 +99,7 @@ fn compare(
         let (wide, narrow) = (quotients(1e-4), quotients(1e-5));
         for (i, &unknown) in unknowns.iter().enumerate() {
             let exact = exact.real(unknown);
-            // What a change of the known by itself does to the unknown, at least.
+            // The least effect of the known on the unknown.
             let scale = exact.abs().max(1e-2 * base[i].abs() / value.abs().max(1e-3));
             if (wide[i] - narrow[i]).abs() > AGREEMENT * scale {
                 continue;
@@ -127,11 +125,11 @@ fn derivatives_are_those_of_the_equations() {
     let mut random = Random(17);
     let mut compared = 0;
     for way in 0..4 {
-        // The latch holds the duty between periods, but takes it over in an initialization: off here.
+        // The latch holds the duty between periods, but not in initialization: off here.
         let point = point(&mut random, InitializationMode::Given, 2 * way + 1);
         compared += compare(&point, &knowns, &unknowns, false);
     }
-    // All but a few at kinks and cancellations.
+    // All except for a few at kinks and cancellations.
     assert!(compared * 10 >= 9 * 4 * knowns.len() * unknowns.len(), "{compared}");
 }
 
@@ -146,7 +144,7 @@ fn derivatives_of_the_initialization_are_those_of_its_result() {
     {
         let mut random = Random(23);
         let mut compared = 0;
-        // A settled derivative is what rounding leaves of 0, and its quotient too.
+        // The settled derivatives and their quotients are 0 up to rounding.
         let settled = mode == InitializationMode::Settled;
         let told: Vec<_> = unknowns
             .iter()
@@ -160,7 +158,7 @@ fn derivatives_of_the_initialization_are_those_of_its_result() {
     }
 }
 
-/// Notes which derivatives are not zero; `threshold` is relative to unknown and known.
+/// Collects the derivatives that are not zero; `threshold` is relative to unknown and known.
 fn note(
     observed: &mut Dependencies,
     point: &Variables,
@@ -181,16 +179,10 @@ fn note(
     }
 }
 
-fn nothing_observed<'d>(unknowns: impl Iterator<Item = &'d ValueReference>) -> Dependencies {
-    unknowns.map(|&unknown| (unknown, BTreeSet::new())).collect()
-}
-
 #[test]
 fn declared_dependencies_are_where_derivatives_are_not_zero() {
-    let structure = declared();
-    let mut declared = structure["Outputs"].clone();
-    declared.extend(structure["Derivatives"].clone());
-    let mut observed = nothing_observed(declared.keys());
+    let declared = declared_of_steps();
+    let mut observed = nothing_observed(&declared);
     let mut random = Random(29);
     for way in 0..40 {
         note(
@@ -201,21 +193,14 @@ fn declared_dependencies_are_where_derivatives_are_not_zero() {
             0.0,
         );
     }
-    let (lacking, too_much) = differences(&declared, &observed);
-    assert!(lacking.is_empty(), "undeclared: {lacking:#?}");
-    assert!(too_much.is_empty(), "declared but not so: {too_much:#?}");
+    assert_as_declared(&declared, &observed, false);
 }
 
 #[test]
 fn declared_initial_dependencies_are_where_derivatives_are_not_zero() {
     let knowns = knowns_of_initialization();
-    let real_knowns: BTreeSet<_> = knowns.iter().copied().collect();
-    let mut declared = declared()["InitialUnknowns"].clone();
-    for dependencies in declared.values_mut() {
-        // The mode and other parameters that are no numbers have no derivatives.
-        dependencies.retain(|known| real_knowns.contains(known));
-    }
-    let mut observed = nothing_observed(declared.keys());
+    let declared = declared_of_initialization(&knowns);
+    let mut observed = nothing_observed(&declared);
     let mut random = Random(31);
     for way in 0..20 {
         for mode in [InitializationMode::Given, InitializationMode::Running] {
@@ -223,25 +208,18 @@ fn declared_initial_dependencies_are_where_derivatives_are_not_zero() {
         }
     }
     for way in 0..10 {
-        // Of a linear solution rounding leaves 1e-13 or so of what is exactly 0.
+        // In a linear solution, zeros are accurate to some 1e-13.
         note(&mut observed, &point(&mut random, InitializationMode::Settled, way), &knowns, true, 1e-11);
     }
-    let (lacking, _) = differences(&declared, &observed);
-    assert!(lacking.is_empty(), "undeclared: {lacking:#?}");
-    // The derivatives of a settled start are declared as functions of everything that the start is solved
-    // from: where there is no steady state they are no zeros.
-    declared.retain(|&unknown, _| !name(unknown).starts_with("der("));
-    observed.retain(|&unknown, _| !name(unknown).starts_with("der("));
-    let (_, too_much) = differences(&declared, &observed);
-    assert!(too_much.is_empty(), "declared but not so: {too_much:#?}");
+    assert_as_declared(&declared, &observed, true);
 }
 
-/// The states that a settled rod with a frozen tank leaves to solve for.
+/// The unknown states with a settled rod and a frozen tank.
 const KEPT: usize = States::COUNT - 3;
 
 #[test]
 fn a_linearization_follows_the_plant_near_a_steady_state() {
-    // The gain of boost over duty from A, B and C, against two settled starts that lie close together.
+    // The gain of boost over duty from A, B and C, against two settled starts close to each other.
     let settled = |duty: f64| {
         let mut point = Variables::default();
         point.set_real(reference("hp_wastegate_pwm"), duty);
@@ -252,7 +230,7 @@ fn a_linearization_follows_the_plant_near_a_steady_state() {
     let linear = linearize(&here.parameters, here.inputs(), &here.states);
     let scales = States::from_array(here.states.to_array().map(|state| state.abs().max(1.0))).to_array();
     assert!((0..States::COUNT).all(|i| linear.rates.to_array()[i].abs() < 1e-9 * scales[i]));
-    // 0 = A·Δx + B·Δu without the frozen tank and the friction, which a settled rod is without.
+    // 0 = A·Δx + B·Δu without the frozen tank and the friction, which is 0 at a settled rod.
     let kept: Vec<_> = (0..States::COUNT)
         .filter(|&i| {
             !["tank.pressure", "actuator.friction_force", "actuator.velocity"].contains(&States::NAMES[i])
@@ -260,7 +238,7 @@ fn a_linearization_follows_the_plant_near_a_steady_state() {
         .collect();
     assert_eq!(kept.len(), KEPT);
     let velocity = States::NAMES.iter().position(|&name| name == "actuator.velocity").unwrap();
-    // The rod's position is found from its acceleration, since its rate is the velocity itself.
+    // The rod's position follows from its acceleration, since its rate is the velocity.
     let row = |i: usize| if States::NAMES[i] == "actuator.position" { velocity } else { i };
     let duty = 0;
     let matrix: [[f64; KEPT]; KEPT] = std::array::from_fn(|r| {

@@ -1,4 +1,4 @@
-//! Dahl's friction (paper, eq. (5)) with an exponent other than 1, by hand.
+//! Dahl's friction (paper, eq. (5)) with an exponent other than 1, against a hand calculation.
 
 use boost_fmu::plant::variables::{InitializationMode, Inputs};
 

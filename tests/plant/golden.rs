@@ -7,8 +7,8 @@ use crate::bench::{
     states_of,
 };
 
-/// The reference prints 13 digits; 1e-9 leaves room for another order of the operations (differences of
-/// nearly equal flows cost up to three digits), while no wrong term or constant stays below it.
+/// The reference prints 13 digits; 1e-9 allows for another order of operations (differences of nearly equal flows lose
+/// up to three digits), and detects any wrong term or constant.
 const PRECISION: f64 = 1e-9;
 
 /// The numbers of a row of the data, by case and quantity.
@@ -54,8 +54,8 @@ fn the_trajectory_matches_the_reference() {
         let expected = [golden(case, "x"), golden(case, "y")].concat();
         let scales = FULL_SCALES.iter().chain(&OUTPUT_FULL_SCALES);
         for (i, ((found, expected), scale)) in found.iter().zip(&expected).zip(scales).enumerate() {
-            // Another integrator than the reference's: 0.01 % of full scale; the rod's speed and the
-            // friction force are fast and tiny.
+            // Two different integrators: 0.01 % of full scale; more for the rod's speed and the friction force,
+            // which are fast and small.
             let tolerance = match i {
                 3 => 1e-3,
                 4 => 5e-3,

@@ -1,5 +1,5 @@
-//! The integration under what a master may do: ramps of the inputs, steps of any length, and an exhaust that
-//! pushes the wastegate. It is held against the classical Runge-Kutta method with short steps.
+//! The integration with ramps of the inputs, steps of any length, and exhaust pressure on the wastegate, against the
+//! classical Runge-Kutta method with short steps.
 
 use boost_fmu::plant::system::System;
 use boost_fmu::plant::variables::{InitializationMode, Inputs, Parameters, States, Variables};
@@ -12,8 +12,8 @@ use crate::bench::{
 use crate::dependencies::reference;
 use crate::random::Random;
 
-/// The step of the Runge-Kutta method in s. With one of 1/2400 s, four times as long, it errs on the recorded
-/// experiment by 0.002 % of full scale: what is left with this one does not count.
+/// The step of the Runge-Kutta method in s. With 1/2400 s, four times as long, its error on the recorded experiment is
+/// 0.002 % of full scale; with this one it is negligible.
 const SHORT_STEP: f64 = 1.0 / 9600.0;
 
 /// The states after a duration in s of inputs that are functions of time, by the Runge-Kutta method.
@@ -44,8 +44,8 @@ fn runge_kutta(
     States::from_array(x)
 }
 
-/// Compares states: 0.01 % of full scale is what the default tolerance is for; the rod's speed and friction
-/// force are fast and tiny, and kinks cost them more, as in the recorded experiment.
+/// Compares states within 0.01 % of full scale, the aim of the default tolerance; the rod's speed and friction force
+/// are fast and small, and have larger errors at kinks, as in the recorded experiment.
 fn assert_near(found: &States, expected: &States, context: &str) {
     let (found, expected) = (reference_states(found), reference_states(expected));
     for (i, scale) in FULL_SCALES.iter().enumerate() {
@@ -59,7 +59,7 @@ fn assert_near(found: &States, expected: &States, context: &str) {
     }
 }
 
-/// A running engine that has come to rest, all but.
+/// A running engine, almost at rest.
 fn settled(change: impl FnOnce(&mut Parameters)) -> Bench {
     Bench::new(Inputs::default(), |parameters, _| {
         parameters.initialization.mode = InitializationMode::Settled;
@@ -72,8 +72,8 @@ fn input(name: &str) -> usize {
     Variables::DESCRIPTION.variables[reference(name) as usize].real_input.expect("a Real input")
 }
 
-/// Value and first to third derivative of each input that moves, at the begin: speed rises, the throttle opens
-/// to its bound, the wastegate shuts to its bound, supply and ambient follow curves.
+/// Value and first to third derivative of each changing input, at the start: speed rises, the throttle opens to its
+/// bound, the wastegate shuts to its bound, supply and ambient follow curves.
 const MOVING: [(&str, [f64; 4]); 6] = [
     ("throttle", [0.4, 0.5, 0.0, 0.0]),
     ("engine_speed", [1500.0, 800.0, -200.0, 0.0]),
@@ -92,7 +92,7 @@ fn later([value, first, second, third]: [f64; 4], time: f64) -> [f64; 4] {
 #[test]
 fn ramps_within_steps_are_integrated() {
     let inputs_at = |time: f64| {
-        // The duty has just risen, too.
+        // The duty has just risen as well.
         let mut inputs = Inputs { hp_wastegate_pwm: 60.0, ..Inputs::default() };
         for (name, begin) in MOVING {
             let bounds = &Inputs::REALS[input(name)];
@@ -110,7 +110,7 @@ fn ramps_within_steps_are_integrated() {
             let time = f64::from(step) * size;
             let mut signal = InputSignal::constant(inputs_at(time));
             for (name, begin) in MOVING {
-                // Those of an input that has reached its bound lead beyond it, where it is held.
+                // At a bound they lead beyond it, where the input is limited.
                 for order in 1..=3 {
                     signal.set_derivative(input(name), order, later(begin, time)[order]);
                 }
@@ -118,7 +118,7 @@ fn ramps_within_steps_are_integrated() {
             bench.try_step(size, &signal).expect("the step succeeds");
         }
         assert_near(&bench.variables.states, &expected, &format!("{steps} steps"));
-        // Outputs belong to the inputs at the end, not at the begin.
+        // Outputs belong to the inputs at the end, not at the start.
         let there = Bench::given(inputs_at(duration), bench.variables.states);
         let (found, expected) = (reference_outputs(&bench.variables), reference_outputs(&there.variables));
         for (i, scale) in OUTPUT_FULL_SCALES.iter().enumerate() {
@@ -152,7 +152,7 @@ fn one_step_of_an_hour_executes_as_many_samples_as_short_steps() {
 fn uneven_steps_follow_the_recorded_experiment() {
     let mut lines = include_str!("../data/plant_trace.csv").lines();
     let first = lines.next().and_then(|line| line.strip_prefix("# x0: ")).expect("the initial state");
-    // The heading has no numbers.
+    // The header.
     let rows: Vec<_> = lines.map(|line| numbers(line, ',')).filter(|row| !row.is_empty()).collect();
     let mut bench = Bench::given(inputs_of(&rows[0][1..11]), states_of(&numbers(first, ' ')));
     let mut random = Random(5);
@@ -160,7 +160,7 @@ fn uneven_steps_follow_the_recorded_experiment() {
     let mut row = 0;
     while row < rows.len() {
         bench.inputs = inputs_of(&rows[row][1..11]);
-        // Several of the experiment's steps at once where the inputs stay, up to 1.5 s; or one in parts.
+        // Several of the experiment's steps at once while the inputs are constant, up to 1.5 s; or one in parts.
         let most = random.between(0.0, 1.5);
         let mut last = row;
         while last + 1 < rows.len()

@@ -1,4 +1,4 @@
-//! The option that takes the duty over at the starts of PWM periods.
+//! The option that updates the duty at the starts of PWM periods.
 
 use boost_fmu::plant::variables::Inputs;
 
@@ -56,7 +56,7 @@ fn periods_are_counted_from_the_start_of_the_experiment_and_copied_with_the_mode
 }
 
 #[test]
-fn with_an_early_duty_it_makes_no_difference() {
+fn a_duty_that_changes_at_the_starts_of_periods_is_not_delayed() {
     // A duty that changes at the starts of periods only (every 12.5 ms is every fourth at 320 Hz).
     let run = |latch| {
         let mut bench = Bench::new(Inputs::default(), |parameters, _| {
@@ -70,7 +70,7 @@ fn with_an_early_duty_it_makes_no_difference() {
         bench.variables.states.to_array()
     };
     for (held, direct) in run(true).into_iter().zip(run(false)) {
-        // Each period is integrated on its own: only the method's error differs, 0.01 % at most.
+        // Each period is integrated separately, so that only the method's error differs, 0.01 % at most.
         assert!((held - direct).abs() <= 1e-4 * direct.abs().max(1.0), "{held} and {direct}");
     }
 }

@@ -1,5 +1,5 @@
-//! The plant, called as a model: its equations against numbers of an independent implementation, its
-//! start, its integration, what it refuses, and the dependencies that it declares.
+//! The plant, called as a model: its equations against an independent implementation, its start, its integration, its
+//! errors, and its declared dependencies.
 
 mod bench;
 mod dependencies;

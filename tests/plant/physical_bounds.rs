@@ -1,5 +1,5 @@
-//! Whatever the parameters and inputs are within their ranges, and however long the steps: every value that
-//! the plant hands out is physically possible, or the call is an error.
+//! For any parameters and inputs within their ranges, and any step size, every value of the plant is physically
+//! possible, or the call is an error.
 
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables::{InitializationMode, Inputs, Parameters, Variables};
@@ -9,12 +9,12 @@ use fmu_export::{InputSignal, Inputs as _, Model as _, Variables as _};
 use crate::bench::Bench;
 use crate::random::Random;
 
-/// How many plants are tried. `PHYSICAL_BOUNDS_CASES` asks for another number.
+/// The number of plants, unless `PHYSICAL_BOUNDS_CASES` gives another one.
 const CASES: u64 = 60;
-/// Flows in kg/s below which the sign is that of rounding and of the integration's error, of 1e-4 of full scale.
+/// Flows in kg/s below this are rounding and the integration's error, 1e-4 of full scale.
 const NO_FLOW: f64 = 2e-5;
 
-/// A value between two bounds, one of them as often as not. Ranges over decades are gone through by decades.
+/// A value between two bounds, in half of the cases a bound. Ranges over decades are logarithmic.
 fn within(random: &mut Random, min: f64, max: f64) -> f64 {
     let kind = random.between(0.0, 4.0);
     if kind < 1.0 {
@@ -37,7 +37,7 @@ fn random_inputs(random: &mut Random) -> Inputs {
     inputs
 }
 
-/// Changes a share of the Real parameters to others that do not contradict each other.
+/// Changes a share of the Real parameters to other consistent ones.
 fn random_parameters(random: &mut Random, share: f64) -> Variables {
     loop {
         let mut variables = Variables::default();
@@ -61,7 +61,7 @@ fn random_parameters(random: &mut Random, share: f64) -> Variables {
     }
 }
 
-/// Adds to `impossible` what physics does not allow.
+/// Collects physically impossible values in `impossible`.
 fn check(bench: &Bench, context: &str, impossible: &mut Vec<String>) {
     check_values(bench, context, impossible);
     check_flows(bench, context, impossible);
@@ -119,12 +119,12 @@ fn check_values(bench: &Bench, context: &str, impossible: &mut Vec<String>) {
     let push = a.membrane_area * largest_membrane_pressure(bench)
         + a.exhaust_area * outputs.exhaust_manifold_pressure;
     let force = push + a.spring_preload + a.spring_stiffness * a.stroke + coulomb;
-    // The energy that the largest force brings along over the stroke is what the stop's spring takes up.
+    // The stop's spring absorbs the work of the largest force over the stroke.
     let static_depth = force / a.stop_stiffness;
     let depth = static_depth + (static_depth * (static_depth + 2.0 * a.stroke)).sqrt();
     check("actuator.position", states.actuator.position, -depth, a.stroke + depth);
 
-    // The engine takes in air, burns fuel and gives off exhaust gas.
+    // Flows and work of the engine are not negative.
     for (name, flow) in [
         ("cylinders.air_mass_flow", locals.cylinders.air_mass_flow),
         ("cylinders.fuel_mass_flow", locals.cylinders.fuel_mass_flow),
@@ -142,7 +142,7 @@ fn check_values(bench: &Bench, context: &str, impossible: &mut Vec<String>) {
     check("lp_shaft.speed", states.lp_shaft.speed, 0.0, all);
 }
 
-/// Adds to `impossible` every flow that does not go to the lower pressure.
+/// Adds to `impossible` every flow against the pressure difference.
 fn check_flows(bench: &Bench, context: &str, impossible: &mut Vec<String>) {
     let Variables { states, locals, .. } = &bench.variables;
     let mut downhill = |name: &str, flow: f64, from: f64, to: f64| {
@@ -186,7 +186,7 @@ fn check_flows(bench: &Bench, context: &str, impossible: &mut Vec<String>) {
     downhill("exhaust.mass_flow", locals.exhaust.mass_flow, states.exhaust.pressure, ambient);
 }
 
-/// Whether all values are finite. The runtime hands out no others: asking for them is an error.
+/// Whether all values are finite. In the runtime, getting other values is an error.
 fn is_finite(variables: &Variables) -> bool {
     (0..).zip(Variables::DESCRIPTION.variables).all(|(reference, _)| variables.real(reference).is_finite())
 }
@@ -218,7 +218,7 @@ fn every_value_is_physically_possible_or_the_call_is_an_error() {
     let (mut steps, mut refused, mut impossible) = (0, 0, Vec::new());
     for case in 0..cases {
         let mut random = Random(case);
-        // From plants with one strange parameter to those with nothing but strange ones.
+        // From plants with few unusual parameters to those with only such.
         let share = [0.0, 0.02, 0.1, 0.3, 1.0][usize::try_from(case % 5).expect("below 5")];
         let variables = random_parameters(&mut random, share);
         let inputs = random_inputs(&mut random);

@@ -1,4 +1,4 @@
-//! The experiments in which all inputs move at random: `tests/data/experiments/`, made by `make.py` there.
+//! The experiments with random inputs: `tests/data/experiments/`, made by `make.py` there.
 
 use std::fs;
 use std::ops::RangeInclusive;
@@ -20,11 +20,11 @@ pub struct RandomExperiment {
 
 impl RandomExperiment {
     pub const NUMBERS: RangeInclusive<u32> = 1..=10;
-    /// Communication steps of each.
+    /// Communication steps of each experiment.
     pub const STEPS: u32 = 1600;
 
     pub fn read(number: u32) -> Self {
-        // The packages that read them lie in different folders of the workspace.
+        // Packages in different folders of the workspace read them.
         let folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
         let folder = folders
             .map(|folder| folder.join("tests/data/experiments"))
@@ -47,7 +47,7 @@ impl RandomExperiment {
         Self { inputs, reference: read("reference") }
     }
 
-    /// What the plant sees during a communication step: the values at its begin, linear between the points.
+    /// The inputs during a communication step: the values at its start, linear between the points.
     pub fn inputs(&self, step: u32) -> Inputs {
         let time = f64::from(step) * STEP;
         let value = |points: &Vec<(f64, f64)>| {

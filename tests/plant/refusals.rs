@@ -1,4 +1,4 @@
-//! What the plant refuses, and how it says so.
+//! Inconsistent parameters of the plant, and their messages.
 
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables::{Inputs, Parameters, Variables};
@@ -6,7 +6,7 @@ use fmu_export::Model;
 
 use crate::bench::Bench;
 
-/// Why parameters are refused.
+/// The message when parameters are refused.
 fn refusal(change: impl FnOnce(&mut Parameters)) -> String {
     let mut variables = Variables::default();
     change(&mut variables.parameters);
@@ -20,7 +20,7 @@ fn the_defaults_are_consistent() {
 
 #[test]
 fn friction_that_is_too_stiff_for_the_step_is_refused() {
-    // The default sits on the limit; rounding must not push it over.
+    // The default is at the limit; rounding must not exceed it.
     assert_eq!(refusal(|p| (p.actuator.coulomb_friction, p.actuator.friction_stiffness) = (0.3, 600.0)), "");
     let message = refusal(|p| p.actuator.friction_stiffness = 401.0);
     assert!(message.contains("actuator.friction_stiffness = 401.0"), "{message}");
@@ -52,7 +52,7 @@ fn a_gas_without_heat_capacity_at_constant_volume_is_refused() {
 
 #[test]
 fn the_lightest_rod_against_the_stiffest_stops_is_integrated() {
-    // It swings at 1e5 rad/s.
+    // It oscillates at 1e5 rad/s.
     let mut bench = Bench::new(Inputs::default(), |p, _| {
         p.actuator.mass = 1e-3;
         p.actuator.stop_stiffness = 1e7;

@@ -1,11 +1,11 @@
-//! The start of an experiment, in its modes and in places where no engine would be started.
+//! The start of an experiment, in its modes and at extreme inputs.
 
 use boost_fmu::plant::variables::{InitializationMode, Inputs, States};
 
 use crate::bench::Bench;
 use crate::random::Random;
 
-/// Inputs at the edges of what they may be, and in between.
+/// Inputs at their bounds and between.
 fn unusual_inputs() -> Vec<(&'static str, Inputs)> {
     let usual = Inputs::default();
     vec![

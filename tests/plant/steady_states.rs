@@ -1,5 +1,5 @@
-//! The steady states at 28 combinations of speed and duty: those a running engine reaches in a minute
-//! against the reference's, and those that the settled start solves for against standing still.
+//! The steady states at 28 combinations of speed and duty: those that a running engine reaches in a minute, against
+//! the reference's, and those of the settled start, which must not move.
 
 use boost_fmu::plant::variables::{InitializationMode, Inputs};
 
@@ -21,14 +21,13 @@ fn rows(engine_speed: f64) -> Vec<(Inputs, Vec<f64>)> {
     rows
 }
 
-/// The table has five digits: half a unit of the last is up to 5e-5, and what has not decayed after a
-/// minute adds its share. Positions are printed to 0.001 points.
+/// The table has five digits: half a unit of the last is up to 5e-5, plus the transient that remains after a minute.
+/// Positions are printed to 0.001 points.
 fn a_running_engine_reaches_the_reference(engine_speed: f64) {
     for (inputs, expected) in rows(engine_speed) {
         let mut running = Bench::running(inputs, true);
         running.run(60.0);
-        // A settled start is the same but for the force of friction, of which none is left: here it is a change of the
-        // spring's preload.
+        // A settled start differs by its friction force of 0: here a change of the spring's preload replaces it.
         let friction = running.variables.states.actuator.friction_force;
         let settled = Bench::new(inputs, |parameters, _| {
             parameters.tank.frozen = true;
@@ -36,7 +35,7 @@ fn a_running_engine_reaches_the_reference(engine_speed: f64) {
         });
         for bench in [running, settled] {
             let found = reference_outputs(&bench.variables);
-            // The table leaves out the tank.
+            // The table does not contain the tank.
             let found = [&found[..3], &found[4..12]].concat();
             for (column, (found, expected)) in found.iter().zip(&expected).enumerate() {
                 let tolerance = if column == 1 { 0.01 } else { 1e-4 * expected.abs() };
@@ -77,7 +76,7 @@ fn a_settled_start_is_at_rest_and_stays_there() {
         for (inputs, expected) in rows(engine_speed) {
             let mut bench = Bench::new(inputs, |parameters, _| parameters.tank.frozen = true);
             assert_eq!(bench.warnings, Vec::<String>::new());
-            // What rounding leaves. At the stop the spacing of numbers, 1.7e-18 m at 10 mm, times 2.3e5 N/m is
+            // Rounding: at the stop the spacing of numbers, 1.7e-18 m at 10 mm, times 2.3e5 N/m is
             // 4e-13 N; on 0.1 kg, and of a full scale of 0.1 m/s, that is 4e-11 1/s.
             let restlessness = bench.restlessness();
             assert!(restlessness < 1e-10, "{inputs:?}: {restlessness:e} 1/s");
@@ -87,8 +86,8 @@ fn a_settled_start_is_at_rest_and_stays_there() {
                 let moved = (now - then).abs() / FULL_SCALES[i];
                 assert!(moved < 1e-10, "{inputs:?}: state {i} moves by {moved:e}");
             }
-            // Without the history of friction the pressure differs from the running start's by little: at
-            // most Dahl's 1.3 points of position, and 2 % of boost.
+            // Without the history of friction, the result differs from the running start's by at most Dahl's 1.3
+            // points of position, and 2 % of boost.
             let outputs = reference_outputs(&bench.variables);
             assert!((outputs[1] - expected[1]).abs() < 1.4, "{inputs:?}: {} %", outputs[1]);
             assert!((outputs[0] / expected[0] - 1.0).abs() < 0.02, "{inputs:?}: {} Pa", outputs[0]);

@@ -1,6 +1,6 @@
 //! Experiments integrated by independent implementations with a tolerance of 1e-11: a recorded one of 40 s with
-//! closed loop, steps of voltage, a ramp of speed, duty from rail to rail and a step of the throttle, and ten of
-//! 20 s in which all inputs move at random (tests/data/experiments/make.py).
+//! closed loop, steps of voltage, a ramp of speed, duty between its limits and a step of the throttle, and ten of
+//! 20 s with random inputs (tests/data/experiments/make.py).
 
 use boost_fmu::plant::variables::Inputs;
 
@@ -10,7 +10,7 @@ use crate::bench::{
 };
 use crate::random_experiment::{RandomExperiment, STEP};
 
-/// The places of these among the states, in the order of the reference.
+/// Indices of states in the order of the reference.
 const ROD_SPEED: usize = 3;
 const FRICTION: usize = 4;
 
@@ -27,8 +27,8 @@ impl Errors {
         }
     }
 
-    /// Prints the errors, and asserts that they are within 0.01 % of full scale. The rod's speed and friction
-    /// force are fast and tiny, and kinks (stops, reversals) cost them the order of the method.
+    /// Prints the errors, and asserts that they are within 0.01 % of full scale. The rod's speed and friction force are
+    /// fast and small, and lose the order of the method at kinks (stops, reversals).
     fn assert_small(&self, experiment: &str) {
         let others = self.0.iter().enumerate().filter(|&(i, _)| i != ROD_SPEED && i != FRICTION);
         println!(
@@ -54,7 +54,7 @@ fn the_recorded_experiment_is_reproduced() {
     let states = initial_states(lines.next());
     let mut bench: Option<Bench> = None;
     let mut errors = Errors([0.0; 36]);
-    // The heading has no numbers.
+    // The header.
     for row in lines.map(|line| numbers(line, ',')).filter(|row| !row.is_empty()) {
         let inputs = inputs_of(&row[1..11]);
         let bench = bench.get_or_insert_with(|| Bench::given(inputs, states));

@@ -1,4 +1,4 @@
-"""The FMUs with libraries for all platforms, and how those of foreign ones are run here."""
+"""The FMUs with libraries for all platforms, and the programs that run foreign ones."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ ROOT = Path(__file__).resolve().parents[2]
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).absolute()
 sys.path.append(str(ROOT / "tests" / "fmu"))
 
-# These lie beside the tests of the exported FMUs.
+# In the folder of the tests of the exported FMUs.
 from c_loop import FLAGS, SOURCE  # noqa: E402
 from master import Fmu  # noqa: E402
 
 NAMES = ["BoostController", "BoostPlant"]
 
 WINE = {"wine64": "/usr/lib/wine/wine64", "wineserver": "/usr/lib/wine/wineserver64"}
-"""Where Debian has them, which keeps them off the PATH."""
+"""Debian's folder for them, which is not in the PATH."""
 
 
 @pytest.fixture(scope="session")
@@ -53,8 +53,8 @@ def fmus(exported: Path, folder: Path) -> dict[str, Fmu]:
 
 @pytest.fixture(scope="session")
 def wine(folder: Path) -> Iterator[Path]:
-    """A folder with a `wine64` that runs as another user than root: FMPy's server takes a file that it may
-    open for one that its client has left."""
+    """A folder with a `wine64` that does not run as root: FMPy's server takes any file that it may open as
+    one that its client has closed."""
     programs, prefix = folder / "programs", folder / "wine"
     programs.mkdir()
     prefix.mkdir()
@@ -67,10 +67,10 @@ def wine(folder: Path) -> Iterator[Path]:
         command = programs / name
         command.write_text(f'#!/bin/sh\nexec {as_user} {environment} {program} "$@"\n')
         command.chmod(0o755)
-    # Makes what a first run makes.
+    # Initializes the prefix.
     subprocess.run([programs / "wine64", "wineboot", "--init"], check=True, capture_output=True, timeout=300)
     yield programs
-    # Ends what runs on, which may be nothing, and waits for it.
+    # Ends remaining processes, if any, and waits for them.
     subprocess.run([programs / "wineserver", "--kill"], check=False)
     subprocess.run([programs / "wineserver", "--wait"], check=True)
 
@@ -85,7 +85,7 @@ def thin(universal: bytes) -> list[bytes]:
 
 
 class Runner(NamedTuple):
-    """How programs for a platform are made and run here."""
+    """The compiler and emulator of a platform."""
 
     compiler: list[str]
     run: list[str]
@@ -94,7 +94,7 @@ class Runner(NamedTuple):
 
 @pytest.fixture(scope="session")
 def runners(wine: Path) -> dict[str, Runner]:
-    """By the platform."""
+    """By platform."""
     zig = [str(TARGET / "release-tools" / "bin" / "python"), "-m", "ziglang", "cc"]
     return {
         "linux64": Runner([os.environ.get("CC", "cc")], [], ""),
@@ -103,7 +103,7 @@ def runners(wine: Path) -> dict[str, Runner]:
         ),
         "aarch64-linux": Runner(
             [*zig, "-target", "aarch64-linux-gnu.2.17"],
-            # Where Debian has the libraries of the other processor.
+            # Debian's folder for the libraries of the other processor.
             ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"],
             "",
         ),
@@ -112,7 +112,7 @@ def runners(wine: Path) -> dict[str, Runner]:
 
 @pytest.fixture(scope="session")
 def host(runners: dict[str, Runner], folder: Path) -> Callable[[str], list[str]]:
-    """Compiles the master in C for a platform; the command that runs it."""
+    """Compiles the master in C for a platform; returns the command that runs it."""
 
     def build(platform: str) -> list[str]:
         runner = runners[platform]

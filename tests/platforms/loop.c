@@ -2,10 +2,9 @@
  *
  *   loop STEP CONTROLLER PLANT < references
  *
- * An FMU is five arguments: its library, its GUID, and the value references of what it gives to the other one,
- * of what it takes from it, and of what is printed, with commas. The first of what the controller takes is the
- * reference, of which stdin gives the value in each step. Prints, for each step, the bits of the printed values
- * in hexadecimal.
+ * An FMU is five arguments: its library, its GUID, and the value references of its connected outputs, its connected
+ * inputs and the printed variables, with commas. The controller's first input is the reference, whose value in each
+ * step is read from stdin. Prints, for each step, the bits of the printed variables in hexadecimal.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -90,7 +89,7 @@ static void start(Fmu *fmu, char **arguments) {
     REQUIRE(fmu, fmu->EnterInitializationMode(fmu->instance));
 }
 
-/* What one gives, the other takes from its place `first` on. */
+/* Passes outputs to the other's inputs, from the index `first` on. */
 static void transfer(Fmu *source, Fmu *target, size_t first) {
     double values[MOST];
     REQUIRE(source, source->GetReal(source->instance, source->gives, source->given, values));
@@ -111,7 +110,7 @@ int main(int number, char **arguments) {
     Fmu controller = {0}, plant = {0};
     double reference;
     if (number != 12) {
-        fprintf(stderr, "how it is called stands in loop.c\n");
+        fprintf(stderr, "usage: see loop.c\n");
         return 2;
     }
     double step = atof(arguments[1]);
@@ -132,7 +131,7 @@ int main(int number, char **arguments) {
         REQUIRE(&plant, plant.DoStep(plant.instance, index * step, step, 0));
         print(&controller), print(&plant), printf("\n");
     }
-    /* An error is told, and the process lives on. */
+    /* An error is logged, and the process continues. */
     require(controller.messages == 0 && plant.messages == 0, "both", "going on without errors");
     require(plant.DoStep(plant.instance, 0, -step, 0) == ERROR && plant.messages == 1, plant.path, "refusing");
     REQUIRE(&controller, controller.Terminate(controller.instance));

@@ -1,4 +1,4 @@
-"""What the libraries for each platform export, import and weigh; read from their files, on any machine."""
+"""The exports, imports and sizes of the libraries for each platform, read from their files on any machine."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PLATFORMS = {
     "linux64": "so",
     "win64": "dll",
 }
-"""What the name of the library ends in."""
+"""The suffix of the library."""
 
 WINDOWS = {
     "KERNEL32.dll",
@@ -34,7 +34,7 @@ WINDOWS = {
     # Waits on an address, from Windows 8 on.
     "api-ms-win-core-synch-l1-2-0.dll",
 }
-"""What every Windows has; no run-time library of a compiler."""
+"""In every Windows; no run-time library of a compiler."""
 
 LINUX = {
     "libc.so.6",
@@ -44,7 +44,7 @@ LINUX = {
     "ld-linux-aarch64.so.1",
     "ld-linux-x86-64.so.2",
 }
-"""What belongs to glibc; no libgcc_s, no libstdc++."""
+"""Of glibc; no libgcc_s, no libstdc++."""
 
 OLDEST_GLIBC = (2, 17)
 
@@ -63,7 +63,7 @@ def test_every_platform_is_there_and_listed(exported: Path, name: str) -> None:
         text = archive.read("documentation/platforms.txt").decode()
     libraries = [entry for entry in entries if entry.startswith("binaries/")]
     assert libraries == [f"binaries/{folder}/{name}.{suffix}" for folder, suffix in PLATFORMS.items()]
-    # Which glibc exactly is the matter of a test below.
+    # A test below checks the version of glibc.
     lines = [re.sub(r"glibc [0-9.]+", "glibc", line) for line in text.splitlines()[2:]]
     assert [line.split("; ")[0] for line in lines] == [
         "aarch64-darwin: Mach-O for aarch64, macOS 11.0 or later",
@@ -113,10 +113,10 @@ def test_windows(exported: Path, name: str) -> None:
     ("platform", "processors"), [("darwin64", ["X86_64", "ARM64"]), ("aarch64-darwin", ["ARM64"])]
 )
 def test_macos(exported: Path, name: str, platform: str, processors: list[str]) -> None:
-    """Never run here: what can be known from the file."""
+    """Not run here: checks of the file."""
     content = read(exported, name, platform)
     files = thin(content) if platform == "darwin64" else [content]
-    # They live as long as what holds them.
+    # They are valid as long as their container.
     holders = [lief.MachO.parse(list(file)) for file in files]
     libraries = [holder.at(0) for holder in holders]
     assert [library.header.cpu_type.name for library in libraries] == processors
@@ -129,14 +129,14 @@ def test_macos(exported: Path, name: str, platform: str, processors: list[str]) 
         assert dependencies == [f"@rpath/lib{name}.dylib", "/usr/lib/libSystem.B.dylib"]
         assert library.build_version.platform == lief.MachO.BuildVersion.PLATFORMS.MACOS
         assert list(library.build_version.minos)[:2] == [11, 0]
-        # Apple Silicon runs nothing without a signature.
+        # Apple Silicon requires a signature.
         if library.header.cpu_type == lief.MachO.Header.CPU_TYPE.ARM64:
             check_signature(file, library)
 
 
 def check_signature(file: bytes, library: lief.MachO.Binary) -> None:
-    """The hash of each page of the file is what the signature has (Apple's cs_blobs.h; big-endian). A library
-    that is changed after it was linked, as by taking symbols out, must be signed again."""
+    """The signature has the hash of each page of the file (Apple's cs_blobs.h; big-endian). A library that is
+    changed after linking, as by removing symbols, must be signed again."""
     signature = bytes(library.code_signature.content)
     magic, _, count = struct.unpack_from(">3I", signature)
     assert magic == 0xFADE0CC0

@@ -25,11 +25,11 @@ def write(path: Path, files: dict[str, bytes]) -> Path:
 def test_fmus_of_single_platforms_merge_into_the_same_bytes(
     exported: Path, tmp_path: Path, name: str
 ) -> None:
-    """As if each had been built on a separate machine, and for macOS on one of each processor."""
+    """As if each had been built on a separate machine, and for macOS one for each processor."""
     with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
         files = {entry: archive.read(entry) for entry in archive.namelist()}
     common = {entry: content for entry, content in files.items() if not entry.startswith("binaries/")}
-    # The list is what differs.
+    # Only the list differs.
     del common[LIST]
     libraries = []
     for entry, content in files.items():
@@ -42,7 +42,7 @@ def test_fmus_of_single_platforms_merge_into_the_same_bytes(
         write(tmp_path / f"{index}.fmu", common | {entry: content})
         for index, (entry, content) in enumerate(libraries)
     ]
-    # Where they were run is said, if it was said before.
+    # The systems in which they were run are kept.
     lines = [line.partition("; run: ") for line in files[LIST].decode().splitlines()]
     runs = [f"--ran={line.split(':')[0]}={run}" for line, found, run in lines if found]
     merged = tmp_path / "merged.fmu"
@@ -52,7 +52,7 @@ def test_fmus_of_single_platforms_merge_into_the_same_bytes(
 
 
 def test_libraries_of_another_machine_are_packed(exported: Path, tmp_path: Path) -> None:
-    """Each into the FMU that has its GUID; one of another GUID into none."""
+    """Each in the FMU that has its GUID; one with another GUID in none."""
     binaries, libraries = [], {}
     for name in NAMES:
         with zipfile.ZipFile(exported / f"{name}.fmu") as archive:

@@ -47,12 +47,12 @@ def test_fmpy_gets_the_same_numbers_from_windows(
     """One of the two in Wine: its server has a fixed port, so there is one at a time."""
     monkeypatch.setenv("PATH", f"{wine}:{os.environ['PATH']}")
     fmu = Fmu(exported / f"{remote}.fmu", folder / f"{remote}-remote")
-    # FMPy takes the server only where there is no library of the host's.
+    # FMPy uses the server only without a library for the host.
     shutil.rmtree(Path(fmu.folder) / "binaries" / "linux64")
     add_remoting(fmu.folder, "linux64", "win64")
     expected = run_apart(fmus)
     record = run_apart({**fmus, remote: fmu})
-    # The next one finds the port free.
+    # Frees the port for the next one.
     subprocess.run([wine / "wineserver", "--wait"], check=True, timeout=60)
     assert len(record["time"]) == len(expected["time"])
     for name, column in expected.items():

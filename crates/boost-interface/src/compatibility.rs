@@ -10,11 +10,11 @@ use fmu_package::{FmuDescription, FmuVariable, Kind, Linear};
 use crate::name_map::{Entry, Meaning, NameMap};
 use crate::{Port, Role};
 
-/// The least similarity to the interface's name of a suggestion, from 0 to 1.
+/// The least similarity of a suggestion to the interface's name, from 0 to 1.
 const LIKENESS: f64 = 0.6;
 /// The number of suggested names.
 const SUGGESTIONS: usize = 3;
-/// Values that differ by this factor are most likely in different units.
+/// Values that differ by this factor are probably in different units.
 const SUSPICIOUS_FACTOR: f64 = 10.0;
 
 /// How an FMU fits the interface as a plant or a controller.
@@ -23,7 +23,7 @@ pub struct Compatibility<'a> {
     pub role: Role,
     /// The description of the FMU under test.
     pub fmu: &'a FmuDescription,
-    /// The result for each variable of the interface.
+    /// For each variable of the interface.
     pub matches: Vec<(Port, Match<'a>)>,
     /// Problems of the FMU as a whole.
     pub problems: Vec<String>,
@@ -63,7 +63,7 @@ pub enum Match<'a> {
 pub enum Verdict {
     /// It is connected.
     Fits,
-    /// It is left out, which does no harm.
+    /// It is left out, and is not needed.
     LeftOut,
     /// It cannot be connected.
     Wrong,
@@ -73,7 +73,7 @@ impl<'a> Compatibility<'a> {
     /// Compares an FMU with the interface, by equal names and by a map.
     ///
     /// # Errors
-    /// When the map is for another place or another FMU.
+    /// When the map is for the other role or another FMU.
     pub fn new(role: Role, fmu: &'a FmuDescription, map: Option<&NameMap>) -> Result<Self> {
         if let Some(map) = map {
             if map.role != role {
@@ -110,14 +110,14 @@ impl<'a> Compatibility<'a> {
         Ok(Self { role, fmu, matches, problems })
     }
 
-    /// Whether the FMU can take the place.
+    /// Whether the FMU fits.
     #[must_use]
     pub fn fits(&self) -> bool {
         self.problems.is_empty()
             && self.matches.iter().all(|(port, found)| found.verdict(port) != Verdict::Wrong)
     }
 
-    /// The FMU's inputs that nothing of the interface is connected to: they keep their start values.
+    /// The FMU's inputs without a connection: they keep their start values.
     pub fn other_inputs(&self) -> impl Iterator<Item = &'a FmuVariable> {
         self.fmu.of_causality("input").filter(|input| {
             !self.matches.iter().any(
@@ -126,7 +126,7 @@ impl<'a> Compatibility<'a> {
         })
     }
 
-    /// The map by which the FMU was compared, completed by what may be meant where nothing was found.
+    /// The map that was used, with suggestions for variables that were not found.
     #[must_use]
     pub fn to_map(&self, given: Option<&NameMap>) -> NameMap {
         let variables = self.matches.iter().map(|(port, found)| {
@@ -217,7 +217,7 @@ impl<'a> Match<'a> {
         )
     }
 
-    /// What it means that this was found for a port.
+    /// What the match means for a port.
     #[must_use]
     pub fn verdict(&self, port: &Port) -> Verdict {
         match self {
@@ -229,7 +229,7 @@ impl<'a> Match<'a> {
     }
 }
 
-/// What was found, line by line.
+/// A line for each variable.
 impl Display for Compatibility<'_> {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
         writeln!(
@@ -259,7 +259,7 @@ impl Display for Compatibility<'_> {
         let others: Vec<_> = self.other_inputs().map(|input| input.name.as_str()).collect();
         if !others.is_empty() {
             let others = in_line(&others.join(", "));
-            writeln!(formatter, "Inputs of its own, which keep their start values: {others}")?;
+            writeln!(formatter, "Unconnected inputs, which keep their start values: {others}")?;
         }
         let can = if self.fits() { "can" } else { "cannot" };
         writeln!(formatter, "It {can} take the {}'s place.", self.role.name())
@@ -304,7 +304,7 @@ fn conversion(
             _ if variable.unit == port.unit().name => return Ok((Linear::IDENTITY, true)),
             _ => {
                 return Err(format!(
-                    "its unit {} is not defined in SI units; say in a map what it is",
+                    "its unit {} is not defined in SI units; give its conversion in a map",
                     variable.unit
                 ));
             }
@@ -323,7 +323,7 @@ fn conversion(
         .ok_or_else(|| format!("its unit {} measures another thing than {}", unit.name, wanted.name))
 }
 
-/// A linear function as it is written down.
+/// A linear function as text.
 fn formula(Linear { factor, offset }: Linear, variable: &str) -> String {
     let product = format!("{} · {variable}", number(factor));
     match offset {
@@ -333,8 +333,7 @@ fn formula(Linear { factor, offset }: Linear, variable: &str) -> String {
     }
 }
 
-/// What is strange about the values of a variable, compared with those of the interface. An error where they
-/// are not numbers.
+/// A note when the range or start value is implausible beside the interface's. An error when one is not a number.
 fn mismatch(
     port: &Port,
     variable: &FmuVariable,
@@ -373,7 +372,7 @@ fn mismatch(
     Ok(None)
 }
 
-/// What our FMUs declare of a port's values: that in the other place before that in this one.
+/// What our FMUs declare of a port's values, the FMU in the other role first.
 fn expected<T>(port: &Port, declared: impl Fn(&FmuVariable) -> Option<T>) -> Option<T> {
     port.counterpart.and_then(&declared).or_else(|| declared(port.variable))
 }
@@ -382,12 +381,12 @@ fn is_bounded((min, max): (f64, f64)) -> bool {
     min.is_finite() || max.is_finite()
 }
 
-/// The names of variables that may be meant by a name, the likeliest first.
+/// Names of variables similar to a name, the most likely first.
 fn suggestions<'a>(port: &Port, name: &str, fmu: &'a FmuDescription) -> Vec<&'a str> {
     let wanted = port.unit();
     let likeness = |variable: &FmuVariable| {
         let likeness = likeness(name, &variable.name);
-        // A unit that measures the same thing says more than letters do.
+        // The same dimension is stronger evidence than a similar name.
         let is_alike = |unit: fmu_package::Unit| {
             unit.base.zip(wanted.base).is_some_and(|(own, wanted)| own.to(&wanted).is_some())
         };
@@ -412,7 +411,7 @@ fn suggestions<'a>(port: &Port, name: &str, fmu: &'a FmuDescription) -> Vec<&'a 
     candidates.into_iter().map(|(_, name)| name).collect()
 }
 
-/// How alike two names are, from 0 to 1: by their words in any order, written in any style.
+/// The similarity of two names, from 0 to 1: by their words, in any order and style.
 fn likeness(a: &str, b: &str) -> f64 {
     let (a, b) = (words(a), words(b));
     let best = |word: &String, others: &[String]| {
@@ -466,7 +465,7 @@ mod tests {
         format!(r#"<ScalarVariable name="{name}" causality="{causality}"><Real {real}/></ScalarVariable>"#)
     }
 
-    /// What is found for a variable of the plant's place.
+    /// The match of a variable of the plant.
     fn found<'a>(fmu: &'a FmuDescription, name: &str) -> Match<'a> {
         let compatibility = Compatibility::new(Role::Plant, fmu, None).unwrap();
         compatibility.matches.into_iter().find(|(port, _)| port.name() == name).unwrap().1
@@ -492,8 +491,8 @@ mod tests {
             (r#"unit="Pa""#, Ok(1.0)),
             ("", Ok(1.0)),
             (r#"unit="V""#, Err("its unit V measures another thing than Pa")),
-            (r#"unit="odd""#, Err("its unit odd is not defined in SI units; say in a map what it is")),
-            (r#"unit="psi""#, Err("its unit psi is not defined in SI units; say in a map what it is")),
+            (r#"unit="odd""#, Err("its unit odd is not defined in SI units; give its conversion in a map")),
+            (r#"unit="psi""#, Err("its unit psi is not defined in SI units; give its conversion in a map")),
             (r#"start="1.0""#, Err("it declares no unit, and its start value is 1, the interface's ")),
             (r#"max="3e5""#, Err("")),
         ] {

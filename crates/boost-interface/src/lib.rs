@@ -1,10 +1,10 @@
-//! The interface of boost control: what a plant and a controller exchange, whether an FMU offers it, and what it
-//! is by the interface's names and units.
+//! The interface of boost control: the variables that plant and controller exchange, the check of an FMU against
+//! them, and the FMU's description in the interface's names and units.
 //!
-//! The interface is what the descriptions of this repository's `BoostPlant` and `BoostController` say, a [`Port`]
-//! for each variable. An FMU of another maker that takes the place of one of them may have other names and units;
-//! a [`NameMap`] says which variable is which. A [`Compatibility`] is what was found of an FMU, and its
-//! [`Translation`] is the FMU as its user may see it: like one that has the interface's names and units itself.
+//! The descriptions of this repository's `BoostPlant` and `BoostController` define the interface, a [`Port`] for
+//! each variable. An FMU from another tool that replaces one of them may have other names and units; a [`NameMap`]
+//! maps them. A [`Compatibility`] is the result of the check, and a [`Translation`] describes the FMU as if it had
+//! the interface's names and units.
 
 mod compatibility;
 mod name_map;
@@ -19,7 +19,7 @@ pub use self::compatibility::{Compatibility, Match, Verdict};
 pub use self::name_map::{Entry, Meaning, NameMap};
 pub use self::translation::Translation;
 
-/// The two places in the system.
+/// The two roles in the system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
@@ -29,20 +29,20 @@ pub enum Role {
     Controller,
 }
 
-/// A variable of the interface, seen from one of the two places.
+/// A variable of the interface, seen from one of the two roles.
 #[derive(Clone, Copy, Debug)]
 pub struct Port {
-    /// The variable as our FMU in this place declares it.
+    /// The variable as our FMU in this role declares it.
     pub variable: &'static FmuVariable,
-    /// Whether the FMU in this place takes or gives it.
+    /// Its kind at the FMU in this role.
     pub kind: Kind,
-    /// The variable of our FMU in the other place that it comes from or goes to. Where there is none, the
-    /// system's environment gives or takes it, and an FMU can do without.
+    /// The connected variable of our FMU in the other role. Without one it is a variable of the system's
+    /// environment, and an FMU need not have it.
     pub counterpart: Option<&'static FmuVariable>,
 }
 
 impl Role {
-    /// What our FMU in this place says of itself.
+    /// The description of our FMU in this role.
     ///
     /// # Panics
     /// Never: the build generated it.
@@ -59,13 +59,13 @@ impl Role {
         }
     }
 
-    /// The model identifier of our FMU in this place.
+    /// The model identifier of our FMU in this role.
     #[must_use]
     pub fn model_identifier(self) -> &'static str {
         self.description().co_simulation_identifier().unwrap_or_default()
     }
 
-    /// The other place.
+    /// The other role.
     #[must_use]
     pub fn other(self) -> Self {
         match self {
@@ -74,7 +74,7 @@ impl Role {
         }
     }
 
-    /// The word for it.
+    /// The name of the role in commands and maps.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -83,7 +83,7 @@ impl Role {
         }
     }
 
-    /// The variables by which an FMU in this place is coupled.
+    /// The variables that couple an FMU in this role.
     pub fn ports(self) -> impl Iterator<Item = Port> {
         let ports = |causality: &'static str, kind, counterpart: &'static str| {
             self.description().of_causality(causality).map(move |variable| Port {
@@ -101,7 +101,7 @@ impl Role {
 }
 
 impl Port {
-    /// Whether it comes from, or goes to, the other place.
+    /// Whether the other FMU has it too.
     #[must_use]
     pub fn couples(&self) -> bool {
         self.counterpart.is_some()

@@ -1,5 +1,5 @@
-//! The map: which variable of an FMU of another maker is which of the interface. A JSON file that `check`
-//! writes as a template and its user edits.
+//! The map from the variables of an FMU from another tool to the interface: a JSON file that `check` writes as a
+//! template and its user edits.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -15,12 +15,12 @@ use crate::{Port, Role};
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NameMap {
-    /// The place that the FMU takes.
+    /// The role of the FMU.
     #[serde(rename = "as")]
     pub role: Role,
     /// The FMU's `modelName`.
     pub fmu: String,
-    /// By the name in the interface: the FMU's variable, or null where none is to be connected.
+    /// By the name in the interface: the FMU's variable, or null to leave it unconnected.
     pub variables: BTreeMap<String, Option<Entry>>,
 }
 
@@ -28,7 +28,7 @@ pub struct NameMap {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Entry {
-    /// Its name; empty as long as nobody chose one.
+    /// Its name; empty in a template.
     pub name: String,
     /// Its unit, where the FMU declares none or a wrong one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -36,7 +36,7 @@ pub struct Entry {
     /// Instead of a unit: value in the interface = factor · value in the FMU + offset.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub factor: Option<f64>,
-    /// See above.
+    /// See `factor`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset: Option<f64>,
     /// Suggested names, for the user who edits the file.
@@ -44,7 +44,7 @@ pub struct Entry {
     pub candidates: Vec<String>,
 }
 
-/// What an entry says of the value: its unit, or the function that takes it to the interface.
+/// What an entry says about the conversion to the interface.
 pub enum Meaning {
     /// Nothing: the FMU's own declaration holds.
     Declared,
@@ -58,13 +58,12 @@ impl NameMap {
     /// Reads a file.
     ///
     /// # Errors
-    /// When it cannot be read, is not a map, names a variable that the interface does not have, or leaves a name open; the
-    /// message says which.
+    /// When it cannot be read, is not a map, names a variable that the interface does not have, or leaves a name open.
     pub fn read(path: &Path) -> Result<Self> {
         let shown = path.display();
         let text = reading::text(path)?;
         let map: Self =
-            serde_json::from_str(&text).with_context(|| format!("the map {shown} is not as it should be"))?;
+            serde_json::from_str(&text).with_context(|| format!("the map {shown} is not valid"))?;
         let ports: Vec<_> = map.role.ports().map(|port| port.name()).collect();
         for (name, entry) in &map.variables {
             if !ports.contains(&name.as_str()) {
@@ -86,7 +85,7 @@ impl NameMap {
         Ok(map)
     }
 
-    /// The text of the file.
+    /// The file's content.
     ///
     /// # Errors
     /// When a number is not finite.
@@ -96,7 +95,7 @@ impl NameMap {
 }
 
 impl Entry {
-    /// What the entry says of the value of a port; units are those of the interface or of the FMU.
+    /// The conversion that the entry gives for a port; its unit is one of the interface or of the FMU.
     ///
     /// # Errors
     /// When it contradicts itself, or its unit is not known.

@@ -11,11 +11,10 @@ use crate::compatibility::{Compatibility, Match};
 /// An FMU's description in the interface's names and units, and the conversion of its values.
 #[derive(Clone, Debug)]
 pub struct Translation {
-    /// The FMU's description. What is connected has the interface's name and unit; what the map leaves unconnected
-    /// is a local variable; what has a name of the interface and is another variable is left out.
+    /// The FMU's description. Connected variables have the interface's names and units; those that the map leaves
+    /// unconnected are local; other variables with a name of the interface are left out.
     pub description: FmuDescription,
-    /// By the names in the interface: what takes the FMU's values there. The values of other variables are the
-    /// FMU's own.
+    /// The conversions to the interface, by names there. The values of other variables are not converted.
     pub to_interface: BTreeMap<String, Linear>,
 }
 
@@ -31,7 +30,7 @@ impl Compatibility<'_> {
                 description.units.push(port.unit());
             }
         }
-        // A unit of the FMU's own variables that the interface defines otherwise says nothing of them any more.
+        // Of the other variables, units that the interface defines differently are removed.
         let (foreign, own): (Vec<_>, Vec<_>) = self.fmu.units.iter().cloned().partition(|unit| {
             description.units.iter().any(|known| known.name == unit.name && known.base != unit.base)
         });

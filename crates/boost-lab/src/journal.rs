@@ -1,7 +1,6 @@
-//! What a long task has finished, line by line: an interrupted task resumes from it.
+//! The finished parts of a long task, line by line: an interrupted task resumes from it.
 //!
-//! The first line holds the task's settings, each other one something that is finished, as JSON. A line that was
-//! cut short by the interruption does not count.
+//! The first line has the task's settings, each other one a finished part, as JSON. A truncated last line is ignored.
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions, TryLockError};
@@ -15,7 +14,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-/// All that the results depend on, by names.
+/// All that the results depend on, by name.
 pub type Settings = BTreeMap<String, String>;
 
 /// The SHA-256 of a file that results depend on.
@@ -30,14 +29,14 @@ struct Header {
     settings: Settings,
 }
 
-/// A journal that is open. Several threads may write.
+/// An open journal. Several threads may write.
 pub struct Journal {
     path: PathBuf,
     file: Mutex<File>,
 }
 
 impl Journal {
-    /// Opens or creates a journal. Returns what was finished, too.
+    /// Opens or creates a journal, and returns the finished parts.
     pub fn open<Finished: DeserializeOwned>(
         path: &Path,
         settings: &Settings,
@@ -52,7 +51,7 @@ impl Journal {
         let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
         match file.try_lock() {
             Ok(()) => {}
-            Err(TryLockError::WouldBlock) => bail!("another process works on it"),
+            Err(TryLockError::WouldBlock) => bail!("another process uses it"),
             Err(TryLockError::Error(error)) => return Err(error.into()),
         }
         if !file.metadata()?.is_file() {
@@ -60,7 +59,7 @@ impl Journal {
         }
         // A line for each of a million runs exceeds the limit for texts.
         let mut text = up_to(LARGEST_CONTENT, &file)?;
-        // What was cut short may end within a character.
+        // The truncated last line may end within a character.
         let whole = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end + 1);
         text.truncate(whole);
         let text = reading::utf_8(text)?;
@@ -74,7 +73,7 @@ impl Journal {
             serde_json::from_str(line).with_context(|| format!("line {number} is damaged"))
         });
         let finished = finished.collect::<Result<_>>()?;
-        // What was cut short is written over.
+        // The truncated last line is overwritten.
         file.set_len(whole as u64)?;
         file.seek(SeekFrom::End(0))?;
         let journal = Self { path: path.to_owned(), file: Mutex::new(file) };
@@ -89,9 +88,9 @@ impl Journal {
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
         let mut write = || {
             let whole = file.stream_position()?;
-            // In one piece, that at most the last line is ever cut short.
+            // In one piece, so that only the last line can be truncated.
             file.write_all(text.as_bytes()).inspect_err(|_| {
-                // Another thread may write more; where this fails, too, the next one to open the journal tells.
+                // Another thread may write more; if this fails as well, the next opening reports it.
                 let _ = file.set_len(whole).and_then(|()| file.seek(SeekFrom::Start(whole)));
             })
         };
@@ -118,7 +117,7 @@ fn check(old: &Settings, new: &Settings) -> Result<()> {
     bail!("it is of other settings; choose another folder, or remove it:{lines}{more}")
 }
 
-/// Two long texts, cut down to what is around their first difference.
+/// Two long texts, shortened to the surroundings of their first difference.
 fn around_difference(was: &str, is: &str) -> [String; 2] {
     const LONG: usize = 60;
     let same = was.chars().zip(is.chars()).take_while(|(a, b)| a == b).count();
@@ -171,7 +170,7 @@ mod tests {
         }
     }
 
-    /// The message of a journal that is not opened; it stays as it is.
+    /// The message when a journal is refused, which must not change it.
     fn refusal(text: &str, voltage: &str) -> String {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal.jsonl");
@@ -201,6 +200,6 @@ mod tests {
         let path = folder.path().join("journal.jsonl");
         let _journal = Journal::open::<Vec<f64>>(&path, &settings("12")).unwrap();
         let error = Journal::open::<Vec<f64>>(&path, &settings("12")).err().unwrap();
-        assert!(format!("{error:#}").ends_with("another process works on it"), "{error:#}");
+        assert!(format!("{error:#}").ends_with("another process uses it"), "{error:#}");
     }
 }

@@ -1,17 +1,17 @@
 //! `boost-lab`, the laboratory: drives FMUs through the experiments of boost control.
 //!
-//! - [`importer`] drives FMUs of any maker; nothing else knows how they are called.
+//! - [`importer`] calls FMUs of any maker; nothing else does.
 //! - [`scenario`] reads experiments from TOML files.
 //! - [`mapping`] gives FMUs the names and units of the interface.
 //! - [`master`] couples FMUs by equal names and steps them through a scenario.
-//! - [`record`] is what comes of it.
+//! - [`record`] holds the results.
 //! - [`plot`] draws it as SVG.
-//! - [`journal`] keeps what a long task has finished.
+//! - [`journal`] keeps the finished parts of a long task.
 //! - [`identify`] finds parameters of the plant's actuator in measured data.
 //! - [`sweep`] runs a scenario for many values of parameters.
-//! - [`reproduce`] holds the paper against it, figure by figure.
+//! - [`reproduce`] compares the results with the paper, figure by figure.
 //! - [`tune`] tunes the controller to a plant.
-//! - [`command`] is what the user types.
+//! - [`command`] is the command line.
 #![deny(unsafe_code)]
 
 mod command;
@@ -33,7 +33,7 @@ use std::process::ExitCode;
 
 use fmu_package::{temporary, terminal};
 
-/// What the process ends with when it could not do what it was asked for; clap does so, too.
+/// The exit status of a failed command, also clap's.
 const FAILED: u8 = 2;
 
 fn main() -> ExitCode {

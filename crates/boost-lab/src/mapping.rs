@@ -1,5 +1,4 @@
-//! FMUs with names and units of their own: a [`NameMap`] says which of their variables are those of the interface, and
-//! with it they are seen as if they had the interface's names and units.
+//! FMUs with other names and units: with a [`NameMap`] they appear with the interface's names and units.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -12,7 +11,7 @@ use fmu_package::FmuDescription;
 use crate::importer::Fmu;
 use crate::scenario::Scenario;
 
-/// Imports an FMU, by a map where there is one.
+/// Imports an FMU, with a map if there is one.
 pub fn open(file: &Path, map: Option<&NameMap>) -> Result<Arc<Fmu>> {
     let fmu = Fmu::open(file)?;
     let Some(map) = map else { return Ok(fmu) };
@@ -41,7 +40,7 @@ pub fn give(scenario: &mut Scenario, maps: &[PathBuf]) -> Result<()> {
         }
         if !is_taken {
             bail!(
-                "the map {} is for the FMU {}, which the scenario has not: it has {}",
+                "the map {} is for the FMU {}, which the scenario does not have: it has {}",
                 path.display(),
                 map.fmu,
                 models.join(", ")
@@ -51,7 +50,7 @@ pub fn give(scenario: &mut Scenario, maps: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-/// A map in a line: two that say the same have the same.
+/// A map in canonical form.
 pub(crate) fn setting(map: &NameMap) -> Result<String> {
     serde_json::to_string(map).context("the map")
 }

@@ -1,9 +1,8 @@
 //! The master: couples instances by equal names, and steps them through a scenario.
 //!
-//! An output goes to the inputs of its name at the others; where both declare units that differ, the value is
-//! converted, as a connection of System Structure and Parameterization 1.0 does it. A signal of the
-//! scenario drives the inputs of its name that nothing else drives; one that a scenario gives an FMU for itself comes
-//! before what another FMU would give.
+//! An output is connected to the inputs of its name at the other FMUs; if the declared units differ, the value is
+//! converted, as in connections of System Structure and Parameterization 1.0. A signal of the scenario drives the
+//! inputs of its name without a connection; a signal for a single FMU takes precedence over a connection.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -20,8 +19,8 @@ use crate::mapping;
 use crate::record::Record;
 use crate::scenario::{Assignment, Input, Member, Scenario, Signal, Stepping};
 
-/// How often outputs become inputs in initialization: a plant that settles for the controller's outputs gives
-/// the controller its measured supply, and this its outputs.
+/// Exchanges of outputs and inputs in initialization: a plant that settles at the controller's outputs returns
+/// its measured supply, which changes these.
 const INITIAL_EXCHANGES: usize = 2;
 
 /// The FMUs of experiments, each loaded once, by their paths and maps.
@@ -44,7 +43,7 @@ impl LoadedFmus {
     }
 }
 
-/// Instances that step together.
+/// Coupled instances.
 pub struct Master<'a> {
     scenario: &'a Scenario,
     members: Vec<Coupled<'a>>,
@@ -53,7 +52,7 @@ pub struct Master<'a> {
     steps_done: u32,
 }
 
-/// An instance, and what it takes.
+/// An instance with its inputs.
 struct Coupled<'a> {
     member: &'a Member,
     instance: Instance,
@@ -61,24 +60,24 @@ struct Coupled<'a> {
     wires: Vec<Wires>,
 }
 
-/// The inputs that signals drive.
+/// The inputs driven by signals.
 struct Driven {
     selection: Selection,
     signals: Vec<Signal>,
     values: Vec<f64>,
 }
 
-/// What an instance takes from another.
+/// The connections from one instance to another.
 struct Wires {
     source: usize,
     outputs: Selection,
     inputs: Selection,
     values: Vec<f64>,
-    /// By position: from the giver's unit to the taker's, where they differ.
+    /// By position: conversions between different units.
     conversions: Vec<(usize, Linear)>,
 }
 
-/// Noise on a wire.
+/// Noise on a connection.
 struct NoiseOn {
     target: usize,
     wires: usize,
@@ -87,9 +86,9 @@ struct NoiseOn {
     generator: Pcg64,
 }
 
-/// Takes the rows of the record.
+/// Records rows.
 struct Recorder {
-    /// What the columns are, each from a signal or an instance.
+    /// The sources of the columns, each a signal or an instance.
     sources: Vec<Source>,
     selections: Vec<(Selection, Vec<f64>)>,
     row: Vec<f64>,
@@ -103,7 +102,7 @@ enum Source {
 
 pub struct Run {
     pub record: Record,
-    /// What the instances warned of, with their names.
+    /// The instances' warnings, with their names.
     pub warnings: Vec<(String, Message)>,
 }
 
@@ -155,15 +154,14 @@ impl<'a> Master<'a> {
         self.recorder.record.columns().iter().map(|column| column.name.as_str())
     }
 
-    /// The communication point that was reached (s).
+    /// The current communication point (s).
     pub fn time(&self) -> f64 {
         self.scenario.start_time + f64::from(self.steps_done) * self.scenario.step
     }
 
-    /// Brings all instances to the scenario's start.
+    /// Initializes all instances at the scenario's start.
     ///
-    /// Those that start with the experiment are initialized together; those that run in come after them, with
-    /// what these put out.
+    /// Instances without a run-in are initialized together; then those with a run-in, with the outputs of the others.
     pub fn initialize(&mut self) -> Result<()> {
         let start_time = self.scenario.start_time;
         let (late, prompt): (Vec<_>, Vec<_>) =
@@ -195,7 +193,7 @@ impl<'a> Master<'a> {
         self.recorder.take(start_time, &mut self.members)
     }
 
-    /// Takes a communication step and records its end.
+    /// Makes a communication step and records its end.
     pub fn step(&mut self) -> Result<()> {
         let (time, size) = (self.time(), self.scenario.step);
         for coupled in &mut self.members {
@@ -237,7 +235,7 @@ impl<'a> Master<'a> {
         Ok(Run { record: self.recorder.record, warnings })
     }
 
-    /// Hands an instance what the others put out.
+    /// Sets an instance's inputs to the outputs of the others.
     fn take(&mut self, target: usize, from: impl Fn(usize) -> bool, is_measured: bool) -> Result<()> {
         for index in 0..self.members[target].wires.len() {
             let [source, target_index] = [self.members[target].wires[index].source, target];
@@ -281,7 +279,7 @@ fn assign(instance: &mut Instance, values: &[Assignment]) -> Result<()> {
 }
 
 impl Coupled<'_> {
-    /// Sets start values and enters the initialization. Signals have the values of the experiment's start.
+    /// Sets start values and enters initialization mode, with the signals at the experiment's start.
     fn begin(&mut self, start_time: f64, experiment_start: f64, also: &[Assignment]) -> Result<()> {
         self.instance.set_up(start_time, None)?;
         for (set, location) in &self.member.parameters {
@@ -294,7 +292,7 @@ impl Coupled<'_> {
         Ok(())
     }
 
-    /// Sets the inputs that signals drive, where one changed.
+    /// Sets the inputs driven by signals, if one changed.
     fn drive(&mut self, time: f64) -> Result<()> {
         let Driven { selection, signals, values } = &mut self.driven;
         let mut is_changed = false;
@@ -310,7 +308,7 @@ impl Coupled<'_> {
     }
 }
 
-/// What goes to an FMU from the others: outputs of the names of inputs that its own signals do not drive.
+/// The connections to an FMU: outputs with the names of inputs that its own signals do not drive.
 fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], target: usize) -> Result<Vec<Wires>> {
     let member = &scenario.fmus[target];
     let mut all = vec![];
@@ -344,8 +342,7 @@ fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], target: usize) -> Result<Vec<Wi
     Ok(all)
 }
 
-/// What takes a variable's values from an FMU to one that has it, too: by the units that both declare. What declares
-/// none takes the values as they are.
+/// The conversion between two FMUs of a variable's declared units; without a declared unit there is none.
 fn conversion(name: &str, giver: (&Member, &Fmu), taker: (&Member, &Fmu)) -> Result<Linear> {
     let (given, taken) = (&giver.1.variable(name)?.unit, &taker.1.variable(name)?.unit);
     if given.is_empty() || taken.is_empty() {
@@ -363,7 +360,7 @@ fn conversion(name: &str, giver: (&Member, &Fmu), taker: (&Member, &Fmu)) -> Res
     })
 }
 
-/// Refuses a signal for several FMUs that have the input in different units: it is in none of them.
+/// Refuses a signal for several FMUs that have the input in different units.
 fn check_units(scenario: &Scenario, fmus: &[Arc<Fmu>], input: &Input) -> Result<()> {
     let members = scenario.fmus.iter().zip(fmus.iter().map(Arc::as_ref));
     let mut takers = members.filter(|(member, fmu)| {
@@ -375,7 +372,7 @@ fn check_units(scenario: &Scenario, fmus: &[Arc<Fmu>], input: &Input) -> Result<
         if conversion(&input.name, first, other)? != Linear::IDENTITY {
             let unit = |fmu: &Fmu| fmu.variable(&input.name).map(|variable| variable.unit.clone());
             return Err(input.location.error(format!(
-                "{} has {} in {}, {} in {}: give each a signal of its own, or a map",
+                "{} has {} in {}, {} in {}: give each its own signal, or a map",
                 first.0.name,
                 input.name,
                 unit(first.1)?,
@@ -387,7 +384,7 @@ fn check_units(scenario: &Scenario, fmus: &[Arc<Fmu>], input: &Input) -> Result<
     Ok(())
 }
 
-/// The noise of a scenario, on every wire of the name.
+/// The noise of a scenario, on every connection of the name.
 fn noise(scenario: &Scenario, members: &[Coupled<'_>]) -> Result<Vec<NoiseOn>> {
     let mut all = vec![];
     for noise in &scenario.noise {
@@ -472,8 +469,8 @@ enum Found {
     Variable { member: usize, name: String },
 }
 
-/// What a name in `record` means: a signal, or else an output, or else any variable; of the FMU before the
-/// colon, if there is one.
+/// Resolves a name in `record`: a signal, or else an output, or else any variable; of the FMU before the colon, if
+/// there is one.
 fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
     if let Some(signal) = scenario.input(name) {
         return Ok(Found::Signal(signal.clone()));
@@ -495,7 +492,7 @@ fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
 }
 
 impl Found {
-    /// The unit, as the FMU declares it, or for a signal the first that has the input with one.
+    /// The unit that the FMU declares, or for a signal that of the first FMU which declares one.
     fn unit(&self, name: &str, fmus: &[Arc<Fmu>]) -> String {
         let (of, name) = match self {
             Self::Variable { member, name } => (&fmus[*member..=*member], name.as_str()),

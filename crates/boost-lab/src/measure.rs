@@ -1,11 +1,11 @@
-//! What is measured in records.
+//! Measures of records.
 
 use anyhow::{Context, Result};
 
 use crate::record::Record;
 use crate::scenario::Signal;
 
-/// What a communication point, computed as a multiple of the step, may differ from a time by (s).
+/// The tolerance of a communication point, computed as a multiple of the step (s).
 const ROUNDING: f64 = 1e-6;
 
 /// The row of a communication point.
@@ -25,22 +25,20 @@ pub fn between<'a>(record: &'a Record, name: &str, from: f64, to: f64) -> Result
     Ok(&record.get(name)?[row(record, from)?..=row(record, to)?])
 }
 
-/// The least of some values.
 pub fn least(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(f64::INFINITY, f64::min)
 }
 
-/// The greatest of some values.
 pub fn greatest(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// By how much values differ among themselves.
+/// The difference between the greatest and the least value.
 pub fn range(values: &[f64]) -> f64 {
     greatest(values.iter().copied()) - least(values.iter().copied())
 }
 
-/// The value at a place between points whose places rise; the outermost values beyond.
+/// Linear interpolation between points with ascending abscissae; the outermost values beyond.
 pub fn interpolate(points: &[(f64, f64)], place: f64) -> f64 {
     Signal::Lines(points.to_vec()).at(place)
 }
@@ -54,7 +52,7 @@ pub struct Following {
     pub down: Vec<f64>,
     /// Time to the first sample within a tenth of each step (s).
     pub rise: Vec<f64>,
-    /// What is left before the next step.
+    /// The error before the next step.
     pub end_error: Vec<f64>,
 }
 

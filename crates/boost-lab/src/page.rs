@@ -1,11 +1,11 @@
-//! The reports as pages of HTML that need no other file, and numbers in them.
+//! HTML pages of the reports, which need no other file, and their numbers.
 
 use crate::plot::escaped;
 
-/// The number of significant digits that are shown.
+/// Significant digits.
 const DIGITS: usize = 3;
 
-/// What all reports look like.
+/// The style sheet of all reports.
 const STYLE: &str = "
 body { font: 16px/1.5 Georgia, 'Times New Roman', serif; color: #1a1a1a; max-width: 760px; margin: 2.5em auto; padding: 0 1em; }
 h1 { font-size: 1.6em; line-height: 1.25; } h2 { font-size: 1.2em; margin: 2.4em 0 0.6em; border-top: 1px solid #c8c8c8; padding-top: 1em; }
@@ -15,7 +15,7 @@ th, td { padding: 0.35em 0.6em 0.35em 0; vertical-align: top; border-bottom: 1px
 td.number { white-space: nowrap; } summary { cursor: pointer; color: #444; font-size: 0.9em; }
 ";
 
-/// A page with a title, style sheet rules of its own and a body of HTML.
+/// A page with a title, additional style sheet rules and a body of HTML.
 pub fn page(title: &str, style: &str, body: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" \
@@ -31,7 +31,7 @@ pub fn quantity(value: f64, unit: &str) -> String {
     format!("{}{space}{}", number(value), escaped(unit))
 }
 
-/// A number with a few significant digits, but all before the point up to a million.
+/// A number with a few significant digits; up to a million with all digits before the point.
 pub fn number(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();
@@ -51,13 +51,13 @@ pub fn number(value: f64) -> String {
     text.replace('-', "\u{2212}")
 }
 
-/// A value and its standard error, which is shown with two digits and ends the value's.
+/// A value and its standard error, which has two digits and limits those of the value.
 pub fn estimate(value: f64, error: f64) -> String {
     if !(value.is_finite() && error.is_finite() && error > 0.0) {
         return format!("{} ± {}", number(value), number(error));
     }
     let magnitude = value.abs().max(error).log10().floor();
-    // Powers of ten where there would be many zeros.
+    // A power of ten instead of many zeros.
     let exponent = if (-3.0..5.0).contains(&magnitude) { 0.0 } else { magnitude };
     let factor = 10_f64.powf(-exponent);
     let decimals = 1.0 - (error * factor).log10().floor();

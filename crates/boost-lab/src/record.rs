@@ -1,4 +1,4 @@
-//! What was recorded: variables over time.
+//! Recorded variables over time.
 
 use std::io::{self, Write};
 
@@ -13,7 +13,7 @@ pub struct Record {
 
 #[derive(Clone, Debug)]
 pub struct Column {
-    /// As in the header of the CSV file.
+    /// In the header of the CSV file.
     pub name: String,
     /// Its unit, as its FMU declares it; empty where there is none.
     pub unit: String,
@@ -21,7 +21,7 @@ pub struct Column {
 }
 
 impl Record {
-    /// A record of variables with their units; nothing is recorded yet.
+    /// An empty record of variables with their units.
     pub fn new(columns: impl IntoIterator<Item = (String, String)>) -> Self {
         let columns = columns.into_iter();
         let columns = columns.map(|(name, unit)| Column { name, unit, values: vec![] }).collect();

@@ -1,4 +1,4 @@
-//! The command, run as a user would, with the FMU of `careless/`: its answers to what is wrong, and what it leaves.
+//! The command, run as a user would, with the FMU of `careless/`: its errors, and the files that it leaves.
 
 use std::fs;
 use std::path::PathBuf;
@@ -12,10 +12,10 @@ use self::careless::{DESCRIPTION, library};
 
 mod careless;
 
-/// The study's part that is not wrong.
+/// The valid part of the study.
 const GRID: &str = "scenario = \"scenario.toml\"\nrecords = true\n[grid]\n\"alone:input\" = [1.0, 2.0]\n";
 
-/// A folder with the FMU, a scenario of it and a study of this.
+/// A folder with the FMU, a scenario and a study.
 struct Bench(TempDir);
 
 impl Bench {
@@ -71,12 +71,12 @@ impl Bench {
         assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
     }
 
-    /// What the command says on stderr when it fails.
+    /// The message of a failing command.
     fn refusal(&self, arguments: &[&str]) -> String {
         let output = self.run(arguments);
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
-        said
+        let printed = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {printed}");
+        printed
     }
 }
 
@@ -88,7 +88,7 @@ fn exit_statuses_are_in_the_help() {
     }
 }
 
-/// The library outside of its folder would be loaded: this one is there.
+/// A library outside of the FMU's folder, which exists, must not be loaded.
 #[test]
 fn an_fmu_with_a_path_for_its_identifier_is_not_loaded() {
     let bench = Bench::new();
@@ -110,16 +110,16 @@ fn an_fmu_with_a_path_for_its_identifier_is_not_loaded() {
 #[test]
 fn messages_of_an_fmu_do_not_control_the_terminal() {
     let bench = Bench::new();
-    let said = "\u{9b}31m\u{202e}\u{7f}";
-    let description = DESCRIPTION.replace("guid=\"careless\"", &format!("guid=\"{said}&#27;]0;title&#7;\""));
+    let printed = "\u{9b}31m\u{202e}\u{7f}";
+    let description =
+        DESCRIPTION.replace("guid=\"careless\"", &format!("guid=\"{printed}&#27;]0;title&#7;\""));
     careless::write(&bench.path("careless.fmu"), &description, library());
     let message = bench.refusal(&["simulate", "scenario.toml"]);
     assert!(message.contains(r"\u{9b}31m\u{202e}\u{7f}\u{1b}]0;title\u{7} is not 100% mine"), "{message}");
     assert!(message.chars().all(|character| character == '\n' || !character.is_control()), "{message:?}");
 }
 
-/// On Unix whoever touches what is missing is killed by SIGBUS. At the end of the file are the sections' headers, before
-/// them the data.
+/// On Unix an access to the missing part raises SIGBUS. The file ends with the sections' headers, after the data.
 #[test]
 fn a_truncated_library_is_not_loaded() {
     let bench = Bench::new();
@@ -175,7 +175,7 @@ fn outputs_that_are_inputs_or_each_other_are_refused_before_anything_runs() {
     assert!(message.contains("the input identified.ssv would be lost"), "{message}");
 }
 
-/// Two that take as long; what is there in the end is one of them.
+/// Two runs of equal duration; the file is one of theirs.
 #[test]
 fn two_processes_with_one_output_leave_one_complete_file() {
     let bench = Bench::new();
@@ -187,7 +187,7 @@ fn two_processes_with_one_output_leave_one_complete_file() {
         whole.push(bench.read("alone.csv"));
     }
     assert_ne!(whole[0], whole[1]);
-    // What others keep beside it is theirs.
+    // Other files beside it are kept.
     bench.write("race.csv.new", "mine");
     for _ in 0..20 {
         let race =
@@ -203,7 +203,7 @@ fn two_processes_with_one_output_leave_one_complete_file() {
     assert!(left.iter().all(|name| !name.starts_with('.')), "{left:?}");
 }
 
-/// A command that may write so many blocks of 512 bytes to a file, and is not killed by the signal that tells of it.
+/// A command that may write so many blocks of 512 bytes to a file, and ignores the signal at the limit.
 #[cfg(unix)]
 fn limited(command: &Command, blocks: u32) -> Command {
     let mut limited = Command::new("sh");
@@ -217,7 +217,7 @@ fn limited(command: &Command, blocks: u32) -> Command {
 #[cfg(unix)]
 #[test]
 fn an_existing_file_stays_when_writing_fails() {
-    // More than the FMU has, and less than what is written.
+    // More than the FMU, and less than the output.
     const BLOCKS: u32 = 128;
     let bench = Bench::new();
     bench.succeeds(&["simulate", "scenario.toml", "--out", "good.csv", "--plot", "good.svg"]);
@@ -227,27 +227,30 @@ fn an_existing_file_stays_when_writing_fails() {
     for options in [["--out", "good.csv"], ["--plot", "good.svg"], ["--out", "new.csv"]] {
         let command = bench.command(&[&["simulate", "scenario.toml"], &options[..]].concat());
         let output = limited(&command, BLOCKS).output().unwrap();
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{said}");
-        assert_eq!(said.matches("File too large").count(), 1, "{said}");
-        assert!(said.starts_with("error: cannot write "), "{said}");
+        let printed = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{printed}");
+        assert_eq!(printed.matches("File too large").count(), 1, "{printed}");
+        assert!(printed.starts_with("error: cannot write "), "{printed}");
     }
     assert_eq!([bench.read("good.csv"), bench.read("good.svg")], [csv, svg]);
     assert_eq!(bench.names("."), before);
-    // The journal does not keep a part of a line, either, and the study goes on from it.
+    // The journal keeps no part of a line either, and the study resumes from it.
     let many = bench.read("study.toml").replace("[1.0, 2.0]", "{ from = 0, to = 1, points = 3000 }");
     bench.write("study.toml", &many.replace("records = true", "records = false"));
     bench.scenario(1.0, "");
     let command = bench.command(&["sweep", "study.toml", "--out", "out"]);
     let output = limited(&command, BLOCKS).output().unwrap();
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.code() == Some(2) && said.contains("journal.jsonl: File too large"), "{said}");
+    let printed = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        output.status.code() == Some(2) && printed.contains("journal.jsonl: File too large"),
+        "{printed}"
+    );
     assert!(bench.read("out/journal.jsonl").ends_with("}\n"));
     bench.succeeds(&["sweep", "study.toml", "--out", "out"]);
     assert_eq!(bench.read("out/results.csv").lines().count(), 3001);
 }
 
-/// And not replaced by a file.
+/// It is not replaced by a file.
 #[cfg(unix)]
 #[test]
 fn a_pipe_is_written_to_directly() {
@@ -322,7 +325,7 @@ fn leftovers_of_a_killed_study_are_removed() {
     assert_eq!(bench.names("out"), ["journal.jsonl", "records", "results.csv", "results.parquet"]);
 }
 
-/// The range is the controller's.
+/// By the controller's range.
 #[test]
 fn a_time_constant_that_the_controller_does_not_take_is_refused_before_anything_runs() {
     let bench = Bench::new();
@@ -331,7 +334,7 @@ fn a_time_constant_that_the_controller_does_not_take_is_refused_before_anything_
     assert!(message.contains(reason), "{message}");
 }
 
-/// By Ctrl-C and by what ends a process: it runs for days otherwise.
+/// By Ctrl-C and SIGTERM; otherwise it would run for days.
 #[cfg(target_os = "linux")]
 #[test]
 fn an_interruption_leaves_no_extracted_fmu() {
@@ -341,7 +344,7 @@ fn an_interruption_leaves_no_extracted_fmu() {
         let folder = tempfile::tempdir().unwrap();
         let extracted = || fs::read_dir(folder.path()).unwrap().count();
         let command = bench.command(&["simulate", "scenario.toml"]);
-        // Whoever runs the tests may ignore the signals.
+        // The process that runs the tests may ignore the signals.
         let mut process = Command::new("env")
             .arg("--default-signal=INT,TERM,HUP")
             .arg(command.get_program())

@@ -15,7 +15,7 @@ use super::info::Format;
 /// Find what is wrong in an FMU
 ///
 /// Checks an FMU of FMI 1.0, 2.0 or 3.0, of any maker, by the rules of the standard and its schemas, and by what
-/// importers are known to stumble over. The exit status is 0 when nothing is wrong or there are only warnings, 1 when
+/// some importers fail on. The exit status is 0 when nothing is wrong or there are only warnings, 1 when
 /// there are errors, and 2 when the file cannot be read. The library is read, but never loaded.
 #[derive(Args, Debug)]
 #[command(

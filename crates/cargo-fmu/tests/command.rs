@@ -253,7 +253,7 @@ fn fmus_that_do_not_belong_together_are_not_merged() {
     let other = model("other_guid.fmu", &text.replace(r#"guid="g""#, r#"guid="h""#));
     refused(&own, &other, &[&own, &other, "are different models, with the GUIDs g and h"], &[]);
     let other = model("other_text.fmu", &text.replace("2.0", "2.1"));
-    refused(&own, &other, &["have the GUID g and yet different descriptions"], &[]);
+    refused(&own, &other, &["have the same GUID g, but different descriptions"], &[]);
     let other = archive("no_description.fmu", linux64, "");
     refused(&own, &other, &["there is no modelDescription.xml in", "no_description.fmu"], &[]);
 

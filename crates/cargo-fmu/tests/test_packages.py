@@ -1,5 +1,5 @@
-"""`cargo fmu new` and `export`: what is written exports, and runs as its README says, in folders with spaces, alone and in
-a workspace."""
+"""`cargo fmu new` and `export`: what is written exports, and runs as its README says, in folders with spaces,
+alone and in a workspace."""
 
 import contextlib
 import math

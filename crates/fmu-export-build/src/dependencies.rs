@@ -1,8 +1,8 @@
 //! Which unknown depends on which known (FMI 2.0.5, section 2.2.8).
 //!
-//! The JSON says of each variable what its own equation reads. Importers want the closure of that: to
-//! find algebraic loops between FMUs they ask which *inputs* an output depends on, through whatever
-//! stands between. Each dependency named here is one that exists, and none is left out.
+//! The declaration says of each variable what its own equation reads. Importers want the closure of that: to find
+//! algebraic loops between FMUs they ask which *inputs* an output depends on, through all variables between. Where an
+//! equation does not say what it reads, the closure is everything.
 
 use crate::declaration::Causality;
 use crate::error::Refusals;

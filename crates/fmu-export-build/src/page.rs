@@ -277,7 +277,7 @@ impl<'m, 'a> Page<'m, 'a> {
             return String::new();
         }
         let columns = Columns {
-            start: all().any(|field| self.model.scalars[field.positions[0]].start.is_some()),
+            start: all().any(|field| self.has_start(field)),
             initial: table.of_states,
             range: all().any(|field| field.declaration.min.is_some() || field.declaration.max.is_some()),
         };
@@ -309,7 +309,7 @@ impl<'m, 'a> Page<'m, 'a> {
             for field in fields {
                 text += &self.row(part, field, &columns);
                 if let [_, width] = field.declaration.dimensions[..]
-                    && columns.start
+                    && self.has_start(field)
                 {
                     let matrix = self.matrix(field, width);
                     let _ = writeln!(text, "<tr><td colspan=\"{}\">{matrix}</td></tr>", head.len());
@@ -389,9 +389,15 @@ impl<'m, 'a> Page<'m, 'a> {
         }
     }
 
+    fn has_start(&self, field: &Field<'_>) -> bool {
+        self.model.scalars[field.positions[0]].start.is_some()
+    }
+
     /// The start values of a scalar or a list, in the display unit, too; a matrix has a table of its own.
     fn start(&self, field: &Field<'_>) -> String {
-        if let [_, _] = field.declaration.dimensions[..] {
+        if let [_, _] = field.declaration.dimensions[..]
+            && self.has_start(field)
+        {
             return "below".to_owned();
         }
         let starts: Vec<_> = self.starts(field).collect();

@@ -1,7 +1,7 @@
 //! The typed Rust interface: what a model reads and writes instead of value references.
 //!
-//! The text is included into a module of the model's crate, whose lints are none of the generator's
-//! business; hence the `#[allow]` on each item.
+//! The text is included into a module of the model's crate, whose lints do not apply to it: hence a module with an
+//! `#[allow]` within. What all generated structs can do is in macros of `fmu-export`.
 
 mod access;
 

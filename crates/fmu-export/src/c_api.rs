@@ -1,5 +1,5 @@
-//! The C boundary: one function of the standard each, generic over the model. [`export_fmi2!`] makes the
-//! symbols of them, in the library that is exported and nowhere else.
+//! The C boundary: the functions of the standard, generic over the model. [`export_fmi2!`] defines their symbols in
+//! the exported library.
 //!
 //! All `unsafe` of the crate is here (and in the call of the logger). What these functions rely on is what
 //! the standard demands of an importer: a component comes from `fmi2Instantiate` and is used by one
@@ -7,10 +7,9 @@
 //! that results are written to overlap with no other argument; strings end in NUL. What can be checked is
 //! checked: null pointers, components and states of another FMU, UTF-8, every number.
 //!
-//! Nothing is relied on beyond that. Arrays and results may lie at any address: 32-bit compilers place
-//! doubles at multiples of 4, where Rust's types want 8, and bindings of other languages hand out pieces of
-//! buffers. What the importer's memory holds before a result is written to it is not looked at, and no Rust
-//! enum is read from it.
+//! Nothing is relied on beyond that. Arrays and results may be at any address: 32-bit compilers align doubles to 4
+//! bytes, Rust to 8, and bindings of other languages pass parts of buffers. Memory for results is not read, and no
+//! Rust enum is read from the importer's memory.
 //!
 //! [`export_fmi2!`]: crate::export_fmi2
 
@@ -41,14 +40,14 @@ pub const VERSION: &CStr = c"2.0";
 pub const TYPES_PLATFORM: &CStr = c"default";
 
 /// Silences the default panic hook, which writes to the host's stderr; a panic's message goes to the
-/// importer's logger instead. The hook is this library's own: the standard library is linked into it.
+/// importer's logger instead. The hook belongs to this library, into which the standard library is linked.
 pub fn silence_panics() {
     static ONCE: std::sync::Once = std::sync::Once::new();
     ONCE.call_once(|| std::panic::set_hook(Box::new(|_| {})));
 }
 
-/// What a component points to. Both FMUs of a coupled system live in one process; the first word, in the
-/// same place in each, tells one FMU's components from another's.
+/// The target of a component. The FMUs of a coupled system are in one process; the first word distinguishes their
+/// components.
 #[repr(C)]
 struct Slave<M: Model> {
     fmu: u64,
@@ -59,24 +58,24 @@ impl<M: Model> Slave<M> {
     /// The first word of this FMU's components.
     const FMU: u64 = checksum(M::Variables::DESCRIPTION.guid.as_bytes());
 
-    /// The slave behind a component, unless that is null or another FMU's.
+    /// The slave of a component, unless that is null or another FMU's.
     ///
     /// # Safety
-    /// `component` is null or came from `instantiate` of this or another FMU made by this crate, is not
-    /// freed, and is used by no other thread meanwhile.
+    /// `component` is null or came from `instantiate` of this or another FMU made by this crate, is not freed, and is
+    /// used by no other thread during the call.
     unsafe fn of<'a>(component: Component) -> Option<&'a mut Self> {
         let slave = component.cast::<Self>();
         if slave.is_null() || !slave.is_aligned() {
             return None;
         }
-        // SAFETY: by the caller's word, a component that is not null begins with this word; it is aligned for it.
+        // SAFETY: the caller promises that a component which is not null begins with this word; it is aligned for it.
         let fmu = unsafe { slave.cast::<u64>().read() };
         // SAFETY: a component that begins with this FMU's word is one of `M`, alive and not shared.
         (fmu == Self::FMU).then(|| unsafe { &mut *slave })
     }
 }
 
-/// Runs the body of a function on the instance behind a component.
+/// Runs the body of a function on the instance of a component.
 ///
 /// # Safety
 /// As for [`Slave::of`].
@@ -85,17 +84,17 @@ unsafe fn call<M: Model>(
     function: Function,
     body: impl FnOnce(&mut Instance<M>) -> Answer,
 ) -> Status {
-    // SAFETY: by the caller's word.
+    // SAFETY: the caller's promise.
     let Some(slave) = (unsafe { Slave::<M>::of(component) }) else { return Status::Error };
     let status = slave.instance.call(function, body);
-    // From here on the slave is not looked at: the importer's logger may call it, or free it.
+    // From here on the slave is not accessed: the importer's logger may call or free it.
     if let Some(messages) = slave.instance.take_messages() {
         messages.deliver();
     }
     status
 }
 
-/// An array argument; null is taken for an empty one.
+/// An array argument; null is taken as an empty one.
 ///
 /// # Safety
 /// Unless null, `array` has `count` elements that nothing changes during the call.
@@ -105,15 +104,15 @@ unsafe fn elements<'a, T: Copy>(name: &str, array: *const T, count: usize) -> Re
     }
     let array = not_null(name, array.cast_mut())?.cast_const();
     Ok(if array.is_aligned() {
-        // SAFETY: not null, aligned, and by the caller's word of this length.
+        // SAFETY: not null and aligned; the caller promises this length.
         Cow::Borrowed(unsafe { slice::from_raw_parts(array, count) })
     } else {
-        // SAFETY: by the caller's word, each of these is an element.
+        // SAFETY: the caller promises that each of these is an element.
         (0..count).map(|index| unsafe { array.add(index).read_unaligned() }).collect()
     })
 }
 
-/// Has an array written to.
+/// Writes an array.
 ///
 /// # Safety
 /// Unless null, `array` has `count` elements that nothing else uses during the call.
@@ -128,21 +127,21 @@ unsafe fn write_elements<T: Copy>(
     }
     let array = not_null(name, array)?;
     if array.is_aligned() {
-        // SAFETY: not null, aligned, and by the caller's word of this length and not aliased.
+        // SAFETY: not null and aligned; the caller promises this length and that nothing aliases it.
         return write(unsafe { slice::from_raw_parts_mut(array, count) });
     }
-    // SAFETY: by the caller's word.
+    // SAFETY: the caller's promise.
     let mut values = unsafe { elements(name, array, count) }?.into_owned();
     let answer = write(&mut values);
-    // After an error too: what was written is handed out, as it is in the importer's own array.
+    // After an error too: values written before it are returned, as if the importer's array had been passed.
     for (index, value) in values.into_iter().enumerate() {
-        // SAFETY: by the caller's word, this is an element.
+        // SAFETY: the caller promises that this is an element.
         unsafe { array.add(index).write_unaligned(value) };
     }
     answer
 }
 
-/// An argument that points to something.
+/// An argument that must not be null.
 fn not_null<T>(name: &str, argument: *mut T) -> Result<*mut T, Error> {
     if argument.is_null() { Err(Error::new(format!("the argument {name} is NULL"))) } else { Ok(argument) }
 }
@@ -153,7 +152,7 @@ fn not_null<T>(name: &str, argument: *mut T) -> Result<*mut T, Error> {
 /// `text` is null or ends in NUL.
 unsafe fn c_string<'a>(name: &str, text: *const c_char) -> Result<&'a CStr, Error> {
     let text = not_null(name, text.cast_mut())?;
-    // SAFETY: not null, and by the caller's word NUL-terminated.
+    // SAFETY: not null; the caller promises a NUL at the end.
     Ok(unsafe { CStr::from_ptr(text) })
 }
 
@@ -171,8 +170,8 @@ pub unsafe fn instantiate<M: Model>(
     if functions.is_null() {
         return ptr::null_mut();
     }
-    // SAFETY: the importer passes null or a callbacks struct that is valid during this call. What is needed of
-    // it is copied; the rest is not looked at, and the struct may lie at any address.
+    // SAFETY: the importer passes null or a callbacks struct that is valid during this call. Only the needed fields
+    // are read, and the struct may be at any address.
     let (callback, environment) = unsafe {
         let environment = (&raw const (*functions).component_environment).read_unaligned();
         ((&raw const (*functions).logger).read_unaligned(), ComponentEnvironment(environment))
@@ -226,7 +225,7 @@ pub unsafe fn free_instance<M: Model>(component: Component) {
     let Some(slave) = (unsafe { Slave::<M>::of(component) }) else { return };
     // A call after this one is recognized as invalid as long as the memory is not reused.
     slave.fmu = 0;
-    // SAFETY: the pointer came from `instantiate::<M>` and, by the standard, is used no more.
+    // SAFETY: the pointer came from `instantiate::<M>`, and the standard forbids its use after this call.
     let slave = unsafe { Box::from_raw(ptr::from_mut(slave)) };
     saved_states::free_all_of(component.addr());
     // A panic here cannot be reported: the logger belongs to the instance that is freed.
@@ -240,7 +239,7 @@ pub unsafe fn set_debug_logging<M: Model>(
     count: usize,
     categories: *const *const c_char,
 ) -> Status {
-    // SAFETY: the component and the arrays are the importer's, as the standard has them (see the module).
+    // SAFETY: the component and the arrays are the importer's (see the module).
     unsafe {
         call::<M>(component, Function::SetDebugLogging, |instance| {
             let names = elements("categories", categories, count)?
@@ -272,7 +271,7 @@ pub unsafe fn setup_experiment<M: Model>(
     }
 }
 
-/// Defines functions that take the component alone.
+/// Defines functions whose only argument is the component.
 macro_rules! transitions {
     ($($name:ident: $function:ident, $standard:literal;)*) => {$(
         #[doc = concat!("`", $standard, "`.")]
@@ -290,7 +289,7 @@ transitions! {
     reset: Reset, "fmi2Reset";
 }
 
-/// Defines functions that get or set arrays of values that C and Rust share.
+/// Defines functions that get or set arrays of types that C and Rust share.
 macro_rules! accessors {
     ($($get:ident: $get_function:ident, $set:ident: $set_function:ident, $type:ty;)*) => {$(
         #[doc = concat!("`fmi2", stringify!($get_function), "`.")]
@@ -332,7 +331,7 @@ accessors! {
     get_boolean: GetBoolean, set_boolean: SetBoolean, Boolean;
 }
 
-/// `fmi2GetString`. The strings stay valid until the next call of it for this instance.
+/// `fmi2GetString`. The strings stay valid until its next call for this instance.
 pub unsafe fn get_string<M: Model>(
     component: Component,
     references: *const ValueReference,
@@ -375,7 +374,7 @@ pub unsafe fn set_string<M: Model>(
     }
 }
 
-/// Reads from the state with a handle.
+/// Reads the state with a handle.
 fn with_state<M: Model, T>(
     state: FmuState,
     body: impl FnOnce(&Memory<M>) -> Result<T, Error>,
@@ -387,7 +386,7 @@ fn with_state<M: Model, T>(
     body(&state.read().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// Keeps a memory as a new state; its handle.
+/// Keeps a memory as a new state, and returns its handle.
 fn keep<M: Model>(component: Component, memory: Memory<M>) -> FmuState {
     ptr::without_provenance_mut(saved_states::keep(component.addr(), memory))
 }
@@ -479,8 +478,8 @@ pub unsafe fn serialize_fmu_state<M: Model>(
     }
 }
 
-/// `fmi2DeSerializeFMUstate`: always into a new state. Unlike `fmi2GetFMUstate` it does not read `*state`,
-/// which the standard does not ask to be set before; what stands there may happen to be a state's handle.
+/// `fmi2DeSerializeFMUstate`: always into a new state. Unlike `fmi2GetFMUstate` it does not read `*state`, which
+/// the standard does not require to be set and which may happen to be a state's handle.
 pub unsafe fn deserialize_fmu_state<M: Model>(
     component: Component,
     serialized_state: *const Byte,
@@ -498,7 +497,7 @@ pub unsafe fn deserialize_fmu_state<M: Model>(
     }
 }
 
-/// Defines functions of capabilities that this crate's FMUs declare not to have.
+/// Defines functions of capabilities that this crate's FMUs do not have.
 macro_rules! not_supported {
     ($($name:ident($($argument:ty),*): $function:ident, $capability:literal;)*) => {$(
         #[doc = concat!("`fmi2", stringify!($function), "`: an error, as `", $capability, "` says.")]
@@ -595,8 +594,8 @@ pub unsafe fn do_step<M: Model>(
     }
 }
 
-/// Answers a question for the status of a step. What only a step in the background has is discarded,
-/// as section 2.1.3 says of status information that cannot be given.
+/// Returns the status of a step. Status information of asynchronous steps is discarded, as section 2.1.3 requires
+/// of information that is not available.
 ///
 /// # Safety
 /// As for [`call`]; `value` is null or may be written to.
@@ -606,7 +605,7 @@ unsafe fn status<M: Model, T>(
     value: *mut T,
     answer: impl FnOnce(&Instance<M>) -> Option<T>,
 ) -> Status {
-    // SAFETY: by the caller's word.
+    // SAFETY: the caller's promise.
     unsafe {
         call::<M>(component, function, |instance| {
             let value = not_null("value", value)?;
@@ -614,7 +613,7 @@ unsafe fn status<M: Model, T>(
                 value.write_unaligned(known);
                 return Ok(Status::Ok);
             }
-            instance.tell_discarded(format_args!("{}: there is no such status of a step", function.name()));
+            instance.log_discarded(format_args!("{}: there is no such status of a step", function.name()));
             Ok(Status::Discard)
         })
     }

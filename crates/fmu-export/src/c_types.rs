@@ -23,7 +23,7 @@ pub const FALSE: Boolean = 0;
 /// The `fmi2CoSimulation` of `fmi2Type`.
 pub const CO_SIMULATION: c_int = 1;
 
-/// `fmi2Status`, as it is given to importers. What comes from one is a `c_int`: it may be any number.
+/// `fmi2Status`, as returned to importers. From an importer it is a `c_int`, since it may be any number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(C)]
 #[allow(missing_docs)]
@@ -50,23 +50,23 @@ pub mod status_kind {
 pub type CallbackLogger =
     unsafe extern "C" fn(*mut c_void, *const c_char, Status, *const c_char, *const c_char, ...);
 
-/// `fmi2ComponentEnvironment`: handed back to the logger, never looked into.
+/// `fmi2ComponentEnvironment`: passed to the logger, never dereferenced.
 #[derive(Clone, Copy, Debug)]
 pub struct ComponentEnvironment(pub *mut c_void);
 
-/// `fmi2CallbackFunctions`. Only the logger and its environment are used; the others stand here for the
-/// layout.
+/// `fmi2CallbackFunctions`. Only the logger and its environment are used; the other fields are there for
+/// the layout.
 #[derive(Debug)]
 #[repr(C)]
 pub struct CallbackFunctions {
-    /// Takes messages.
+    /// Receives messages.
     pub logger: Option<CallbackLogger>,
     /// Not used: memory comes from Rust's allocator.
     pub allocate_memory: Option<unsafe extern "C" fn(usize, usize) -> *mut c_void>,
     /// Not used.
     pub free_memory: Option<unsafe extern "C" fn(*mut c_void)>,
-    /// Not used: steps are synchronous, and what `fmi2DoStep` returns says all.
+    /// Not used: steps are synchronous.
     pub step_finished: Option<unsafe extern "C" fn(*mut c_void, Status)>,
-    /// Handed to the logger.
+    /// Passed to the logger.
     pub component_environment: *mut c_void,
 }

@@ -1,8 +1,7 @@
 //! The order in which an importer may call: the state machine of FMI 2.0.5, section 4.2.4, as data.
 //!
-//! The standard's states `stepInProgress`, `stepFailed` and `stepCanceled` belong to slaves that compute a
-//! step in the background or answer `fmi2Discard`; these do neither, so the states do not occur.
-//! `fatal` does not occur either: an error never harms another instance.
+//! The standard's states `stepInProgress`, `stepFailed` and `stepCanceled` do not occur, since steps are neither
+//! asynchronous nor discarded, and neither does `fatal`, since an error never affects another instance.
 
 use std::fmt;
 
@@ -20,7 +19,7 @@ pub enum Phase {
     StepComplete,
     /// After `fmi2Terminate`.
     Terminated,
-    /// After a step or a panic that left the model in no defined state.
+    /// After a failed step or a panic, when the model's state is undefined.
     Error,
 }
 
@@ -50,9 +49,9 @@ use Phase::{Error, InitializationMode, Instantiated, StepComplete, Terminated};
 
 /// Any state.
 const ANY: &[Phase] = &[Instantiated, InitializationMode, StepComplete, Terminated, Error];
-/// The states in which values can be got.
+/// The states in which values can be read.
 const READABLE: &[Phase] = &[InitializationMode, StepComplete, Terminated, Error];
-/// The states in which values can be set; which variables, section 4.2.4 restricts further.
+/// The states in which values can be set; section 4.2.4 restricts the variables further.
 const WRITABLE: &[Phase] = &[Instantiated, InitializationMode, StepComplete];
 
 /// Declares the functions that take an instance, each with the states in which it may be called.
@@ -69,7 +68,7 @@ macro_rules! functions {
             /// Every function.
             pub const ALL: &[Self] = &[$(Self::$name,)*];
 
-            /// Its name in the standard.
+            /// The name in the standard.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self {

@@ -1,5 +1,5 @@
-//! What the runtime knows of a model's variables: static tables that the build generates from the model's
-//! declaration. They say the same as the modelDescription.xml that is generated beside them (FMI 2.0.5, section 2.2).
+//! A model's variables: static tables that the build generates from the model's declaration, together with the
+//! modelDescription.xml (FMI 2.0.5, section 2.2).
 
 use std::fmt;
 
@@ -11,7 +11,7 @@ pub type ValueReference = u32;
 pub struct ModelDescription {
     /// `modelName` and `modelIdentifier`.
     pub model_identifier: &'static str,
-    /// The hash of the XML's content that the importer hands back to `fmi2Instantiate`.
+    /// The hash of the XML's content that the importer passes to `fmi2Instantiate`.
     pub guid: &'static str,
     /// Every variable, in the order of their value references.
     pub variables: &'static [VariableDescription],
@@ -46,11 +46,11 @@ pub struct VariableDescription {
     pub causality: Causality,
     /// When its value may change.
     pub variability: Variability,
-    /// How its start value comes about.
+    /// How its initial value is defined.
     pub initial: Initial,
-    /// The smallest value that is taken.
+    /// The smallest accepted value.
     pub min: f64,
-    /// The largest value that is taken.
+    /// The largest accepted value.
     pub max: f64,
     /// For a Real input: its position among the Real inputs.
     pub real_input: Option<usize>,
@@ -64,7 +64,7 @@ pub enum DataType {
     Integer,
     Boolean,
     String,
-    /// Set and got through the Integer functions.
+    /// Accessed through the Integer functions.
     Enumeration,
 }
 

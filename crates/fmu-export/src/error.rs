@@ -1,8 +1,8 @@
-//! Why a call fails, as text for the user.
+//! The error of a failed call, as text for the user.
 
 use std::fmt;
 
-/// Why a call fails; the message reaches the user through the importer's logger.
+/// The error of a failed call; the user gets the message through the importer's logger.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Error(String);
 

@@ -1,20 +1,20 @@
-//! The inputs during a communication step: values, with the derivatives that
-//! `fmi2SetRealInputDerivatives` gave (FMI 2.0.5, section 4.2.1), kept within min and max.
+//! The inputs during a communication step: values, with the derivatives set by `fmi2SetRealInputDerivatives`
+//! (FMI 2.0.5, section 4.2.1), limited to min and max.
 
 use std::mem;
 
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 
-/// The highest order of an input derivative that is taken.
+/// The highest accepted order of an input derivative.
 pub const MAX_ORDER: usize = 8;
 
-/// A Real input as the interpolation of inputs needs it.
+/// The limits of a Real input.
 #[derive(Clone, Copy, Debug)]
 pub struct RealInput {
-    /// The smallest value that reaches the model.
+    /// The smallest value for the model.
     pub min: f64,
-    /// The largest value that reaches the model.
+    /// The largest value for the model.
     pub max: f64,
 }
 
@@ -24,7 +24,7 @@ pub trait Inputs: Clone + Persistent + Send + Sync + 'static {
     const REALS: &'static [RealInput];
     /// The value of the Real input at a position.
     fn real(&self, position: usize) -> f64;
-    /// Sets all Real inputs, each to what its position gives.
+    /// Sets all Real inputs, each to the value for its position.
     fn set_reals(&mut self, value: impl Fn(usize) -> f64);
     /// Sets the Real input at a position.
     fn set_real(&mut self, position: usize, value: f64) {
@@ -36,19 +36,19 @@ pub trait Inputs: Clone + Persistent + Send + Sync + 'static {
 /// The inputs as functions of the time since the beginning of the step.
 #[derive(Clone, Debug)]
 pub struct InputSignal<I> {
-    /// The inputs at the step's begin, within their bounds, as of [`InputSignal::update`].
+    /// The inputs at the beginning of the step, within their bounds, as of [`InputSignal::update`].
     bounded: I,
     /// Whether `bounded` is up to date.
     updated: bool,
     /// The Real inputs, by their positions.
     reals: Box<[RealSignal]>,
-    /// The highest order of which any input has a derivative; 0 when all are constant.
+    /// The highest order of any input's derivatives; 0 when all inputs are constant.
     order: usize,
     /// Whether any input had a slope at the end of the last step.
     sloped: bool,
     /// The inputs at the end of the last step, within their bounds.
     end: I,
-    /// Whether `end` has the latest values: the inputs had derivatives in the last step, and nothing was set since.
+    /// Whether `end` is current: the inputs had derivatives in the last step, and nothing was set since.
     moved: bool,
 }
 
@@ -59,11 +59,11 @@ struct RealSignal {
     set: f64,
     /// The slope at the end of the last step, 0 where it was set since.
     slope: f64,
-    /// The value that it reached at the end of the last step, before it was bounded.
+    /// The unbounded value at the end of the last step.
     reached: f64,
-    /// Whether the value as it was set is out of the input's bounds.
+    /// Whether the set value is out of the bounds.
     outside: bool,
-    /// Whether a derivative of it was ignored.
+    /// Whether a derivative was ignored.
     derivative_ignored: bool,
     /// The derivatives of order 1, 2, ….
     derivatives: [f64; MAX_ORDER],
@@ -83,13 +83,13 @@ impl RealSignal {
         }
     }
 
-    /// Its change since the beginning of the step, at a time (s) after it, with derivatives up to an order.
+    /// The change since the beginning of the step, at a time (s) after it, with derivatives up to an order.
     fn rise(&self, order: usize, offset: f64) -> f64 {
         // Horner's scheme: τ/1·(d1 + τ/2·(d2 + …)).
         (0..order).rev().fold(0.0, |sum, order| offset / (order + 1) as f64 * (self.derivatives[order] + sum))
     }
 
-    /// Its slope at a time (s) after the step's begin, with derivatives up to an order.
+    /// The slope at a time (s) after the beginning of the step, with derivatives up to an order.
     fn slope_at(&self, order: usize, offset: f64) -> f64 {
         // Horner's scheme: d1 + τ/1·(d2 + τ/2·(d3 + …)).
         (0..order).rev().fold(0.0, |sum, order| self.derivatives[order] + offset / (order + 1) as f64 * sum)
@@ -97,7 +97,7 @@ impl RealSignal {
 }
 
 impl<I: Inputs> InputSignal<I> {
-    /// Inputs that hold their values.
+    /// Constant inputs.
     pub fn constant(inputs: I) -> Self {
         let mut signal = Self {
             reals: (0..I::REALS.len()).map(|position| RealSignal::constant(inputs.real(position))).collect(),
@@ -112,19 +112,19 @@ impl<I: Inputs> InputSignal<I> {
         signal
     }
 
-    /// The inputs at the step's begin.
+    /// The inputs at the beginning of the step.
     #[must_use]
     pub fn initial(&self) -> &I {
         &self.bounded
     }
 
-    /// Whether all inputs hold their values through the step.
+    /// Whether all inputs are constant during the step.
     #[must_use]
     pub fn is_constant(&self) -> bool {
         self.order == 0
     }
 
-    /// The inputs at a time (s) after the step's begin: the Taylor polynomial of each.
+    /// The inputs at a time (s) after the beginning of the step, by their Taylor polynomials.
     #[must_use]
     pub fn at(&self, offset: f64) -> I {
         let mut inputs = self.bounded.clone();
@@ -148,8 +148,7 @@ impl<I: Inputs> InputSignal<I> {
         slopes
     }
 
-    /// Sets the value of a Real input and clears its derivatives. Returns whether it has left its bounds: the
-    /// previous value was within them.
+    /// Sets the value of a Real input and clears its derivatives. Returns whether it has just left its bounds.
     pub(crate) fn set_value(&mut self, position: usize, value: f64) -> bool {
         let real = &mut self.reals[position];
         let outside = !is_within::<I>(position, value);
@@ -165,7 +164,7 @@ impl<I: Inputs> InputSignal<I> {
         has_left
     }
 
-    /// Separate from [`InputSignal::set_value`], which is faster without it when there are no derivatives.
+    /// Separate from [`InputSignal::set_value`], to keep that fast without derivatives.
     #[cold]
     fn forget_derivatives(&mut self, position: usize) {
         self.reals[position].derivatives = [0.0; MAX_ORDER];
@@ -179,8 +178,7 @@ impl<I: Inputs> InputSignal<I> {
         self.moved = false;
     }
 
-    /// Brings the inputs at the step's begin up to date. Importers set one value after the other; here it
-    /// is done for all of them at once.
+    /// Brings the inputs at the beginning of the step up to date: once for all values that the importer has set.
     pub(crate) fn update(&mut self) {
         if !self.updated {
             self.bounded.set_reals(|position| bound::<I>(position, self.reals[position].set));
@@ -188,7 +186,7 @@ impl<I: Inputs> InputSignal<I> {
         }
     }
 
-    /// Sets the derivative of an order (from 1 to [`MAX_ORDER`]) of a Real input, in its unit by s to the order.
+    /// Sets the derivative of an order (from 1 to [`MAX_ORDER`]) of a Real input, in its unit per s to the order.
     ///
     /// # Panics
     /// When there is no input at the position or the order is out of range.
@@ -227,8 +225,8 @@ impl<I: Inputs> InputSignal<I> {
         if self.moved { &self.end } else { &self.bounded }
     }
 
-    /// The slope of the Real input at a position: that of the derivatives which were set for the next
-    /// step, otherwise that with which the last step ended. 0 for an input that is held at a bound.
+    /// The slope of the Real input at a position: from the derivatives for the next step, or else at the end of the last
+    /// step. 0 for an input at a bound.
     pub(crate) fn slope(&self, position: usize) -> f64 {
         let real = &self.reals[position];
         let is_set = real.derivatives.iter().any(|&derivative| derivative != 0.0);
@@ -236,7 +234,7 @@ impl<I: Inputs> InputSignal<I> {
         if self.is_free(position) { slope } else { 0.0 }
     }
 
-    /// Whether the Real input at a position is not held at a bound, as of the latest values.
+    /// Whether the current value of the Real input at a position is not limited by a bound.
     pub(crate) fn is_free(&self, position: usize) -> bool {
         let real = &self.reals[position];
         is_within::<I>(position, if self.moved { real.reached } else { real.set })
@@ -259,7 +257,7 @@ impl<I: Inputs> InputSignal<I> {
     }
 }
 
-/// Fields that follow from the others are computed after reading.
+/// Derived fields are computed after reading.
 impl<I: Inputs> Persistent for InputSignal<I> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         self.update();
@@ -274,13 +272,13 @@ impl<I: Inputs> Persistent for InputSignal<I> {
     }
 }
 
-/// Whether the Real input at a position may have a value.
+/// Whether a value is within the bounds of the Real input at a position.
 fn is_within<I: Inputs>(position: usize, value: f64) -> bool {
     let input = &I::REALS[position];
     (input.min..=input.max).contains(&value)
 }
 
-/// The nearest value that the Real input at a position may have.
+/// The nearest value within the bounds of the Real input at a position.
 fn bound<I: Inputs>(position: usize, value: f64) -> f64 {
     let input = &I::REALS[position];
     value.clamp(input.min, input.max)
@@ -322,9 +320,9 @@ mod tests {
     fn the_end_of_a_ramp_is_the_current_value() {
         let mut signal = ramped();
         assert_eq!(*signal.latest(), Two { values: [1.0, 0.25] });
-        assert!(!signal.is_free(0) && signal.slope(0) == 0.0, "held at its bound now");
-        assert!(signal.is_free(1) && (signal.slope(1) + 1.25).abs() < f64::EPSILON, "no longer held");
-        // Setting any value restores those that were set.
+        assert!(!signal.is_free(0) && signal.slope(0) == 0.0, "limited by its bound now");
+        assert!(signal.is_free(1) && (signal.slope(1) + 1.25).abs() < f64::EPSILON, "no longer limited");
+        // Setting any value restores the set values.
         assert!(signal.set_value(1, 1.5));
         signal.update();
         assert_eq!(*signal.latest(), Two { values: [0.5, 1.0] });

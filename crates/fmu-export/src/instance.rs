@@ -1,8 +1,8 @@
-//! One instance of an FMU: what each function of the standard does, without C.
+//! An instance of an FMU: the functions of the standard, without C.
 //!
-//! A call is refused, and changes nothing, when the calling sequence forbids it or an argument is wrong.
-//! Only a step that fails midway, or a panic, leaves the instance in the state `error`, from which
-//! `fmi2Reset` and `fmi2SetFMUstate` lead back. An initialization that fails can be tried again.
+//! A call that the calling sequence forbids, or with a wrong argument, is an error and changes nothing. After a
+//! failed step or a panic the instance is in the state `error`, which `fmi2Reset` and `fmi2SetFMUstate` leave. A
+//! failed initialization can be repeated.
 
 mod derivatives;
 mod values;
@@ -20,19 +20,19 @@ use crate::panics::contain;
 use crate::persistence::{Archive, Persistent};
 use crate::serialized_state;
 
-/// How far, relative to the step, the importer's time may be off this instance's. Importers compute
-/// communication points as `i * h`, by adding up, or from integer nanoseconds.
+/// The tolerance of the importer's time relative to the step. Importers compute communication points as `i * h`, as
+/// a sum, or from integer nanoseconds.
 const TIME_TOLERANCE: f64 = 1e-6;
 
-/// Rounding that times of this magnitude carry, whatever the step.
+/// The rounding of a time, relative to its magnitude.
 fn time_rounding(time: f64) -> f64 {
     64.0 * f64::EPSILON * time.abs()
 }
 
-/// What a call answers: a message when it failed, otherwise `fmi2OK`, `fmi2Warning` or `fmi2Discard`.
+/// The result of a call: an error, or else `fmi2OK`, `fmi2Warning` or `fmi2Discard`.
 pub(crate) type Answer = Result<Status, Error>;
 
-/// Everything that a saved state holds.
+/// The content of a saved state.
 #[derive(Clone)]
 pub(crate) struct Memory<M: Model> {
     phase: Phase,
@@ -45,8 +45,8 @@ pub(crate) struct Memory<M: Model> {
     stale: bool,
     /// Whether a tunable parameter was set since the parameters were checked.
     parameters_changed: bool,
-    /// What initialization has told.
-    told: RecentMessages,
+    /// The messages of initialization.
+    recent_messages: RecentMessages,
 }
 
 impl<M: Model> Memory<M> {
@@ -61,15 +61,24 @@ impl<M: Model> Memory<M> {
             time: 0.0,
             stale: true,
             parameters_changed: true,
-            told: RecentMessages::default(),
+            recent_messages: RecentMessages::default(),
         }
     }
 }
 
 impl<M: Model> Persistent for Memory<M> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let Self { phase, model, variables, inputs, experiment, time, stale, parameters_changed, told } =
-            self;
+        let Self {
+            phase,
+            model,
+            variables,
+            inputs,
+            experiment,
+            time,
+            stale,
+            parameters_changed,
+            recent_messages,
+        } = self;
         phase.persist(archive)?;
         model.persist(archive)?;
         variables.persist(archive)?;
@@ -78,7 +87,7 @@ impl<M: Model> Persistent for Memory<M> {
         time.persist(archive)?;
         stale.persist(archive)?;
         parameters_changed.persist(archive)?;
-        told.persist(archive)
+        recent_messages.persist(archive)
     }
 }
 
@@ -86,7 +95,7 @@ impl<M: Model> Persistent for Memory<M> {
 pub(crate) struct Instance<M: Model> {
     logger: Logger,
     memory: Memory<M>,
-    /// The strings that the last `fmi2GetString` returned; they stay valid until the next.
+    /// The strings of the last `fmi2GetString`, valid until the next one.
     pub(crate) strings: Vec<CString>,
 }
 
@@ -102,8 +111,7 @@ impl<M: Model> Instance<M> {
 
     const DESCRIPTION: &'static ModelDescription = M::Variables::DESCRIPTION;
 
-    /// Runs the body of a function: only where the calling sequence allows it, with panics caught, and a
-    /// failure told to the importer.
+    /// Runs the body of a function, if the calling sequence allows it; catches panics and logs errors.
     pub(crate) fn call(&mut self, function: Function, body: impl FnOnce(&mut Self) -> Answer) -> Status {
         let phase = self.memory.phase;
         let error = if function.phases().contains(&phase) {
@@ -122,7 +130,7 @@ impl<M: Model> Instance<M> {
         Status::Error
     }
 
-    /// What the function that has run has to tell.
+    /// The messages of the finished function.
     pub(crate) fn take_messages(&self) -> Option<Delivery> {
         self.logger.take()
     }
@@ -153,7 +161,7 @@ impl<M: Model> Instance<M> {
         {
             return Err(Error::new(format!("tolerance is {}", Shown(tolerance))));
         }
-        // Masters whose users give none define one of 0.
+        // Some masters pass 0 if their users give none.
         let (tolerance, not_positive) = match tolerance {
             Some(tolerance) if tolerance <= 0.0 => (None, Some(tolerance)),
             tolerance => (tolerance, None),
@@ -162,7 +170,7 @@ impl<M: Model> Instance<M> {
         self.memory.time = start_time;
         Ok(not_positive.map_or(Status::Ok, |tolerance| {
             self.warn(format_args!(
-                "fmi2SetupExperiment: tolerance is {}, which is not above 0; it is taken as not defined",
+                "fmi2SetupExperiment: tolerance is {}, which is not above 0; it is ignored",
                 Shown(tolerance)
             ))
         }))
@@ -185,19 +193,19 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    #[expect(clippy::unnecessary_wraps, reason = "answers as every function that may be called does")]
+    #[expect(clippy::unnecessary_wraps, reason = "returns what every callable function does")]
     pub(crate) fn terminate(&mut self) -> Answer {
         self.memory.phase = Phase::Terminated;
         Ok(Status::Ok)
     }
 
-    #[expect(clippy::unnecessary_wraps, reason = "answers as every function that may be called does")]
+    #[expect(clippy::unnecessary_wraps, reason = "returns what every callable function does")]
     pub(crate) fn reset(&mut self) -> Answer {
         self.memory = Memory::new();
         Ok(Status::Ok)
     }
 
-    /// Brings the values up to date with what was set since they were computed.
+    /// Recomputes the values if something was set.
     fn compute_values(&mut self) -> Answer {
         let memory = &mut self.memory;
         if !memory.stale {
@@ -207,10 +215,10 @@ impl<M: Model> Instance<M> {
         let mut status = Status::Ok;
         match memory.phase {
             Phase::InitializationMode => {
-                let (logger, told) = (&self.logger, &mut memory.told);
+                let (logger, recent_messages) = (&self.logger, &mut memory.recent_messages);
                 // A warning is given once; without one the status is fmi2OK.
                 let mut log = |category, message: std::fmt::Arguments<'_>| {
-                    if told.is_new(&message.to_string()) {
+                    if recent_messages.is_new(&message.to_string()) {
                         logger.message(category, message);
                         if category == WARNING {
                             status = Status::Warning;
@@ -232,7 +240,7 @@ impl<M: Model> Instance<M> {
     pub(crate) fn do_step(&mut self, start: f64, size: f64) -> Answer {
         let end = start + size;
         if !self.can_step(start, size, end) {
-            return Err(self.why_no_step(start, size, end));
+            return Err(self.step_error(start, size, end));
         }
         let memory = &mut self.memory;
         let experiment = memory.experiment.unwrap_or_default();
@@ -251,7 +259,7 @@ impl<M: Model> Instance<M> {
             logger.message(category, message);
         };
         let step = Step { start, size, inputs: &memory.inputs };
-        // Until the step is complete, whatever cuts it short leaves an instance that refuses to go on.
+        // If an error or a panic interrupts the step, the instance remains in this state.
         memory.phase = Phase::Error;
         memory.model.step(&mut memory.variables, &step, &mut Context::new(experiment, &mut log))?;
         check_finite(&memory.variables, end)?;
@@ -262,7 +270,7 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    /// Whether the next step can be the one from a time on, of a size, to an end (s). Not for any NaN.
+    /// Whether the next step may have this start, size and end (s). False for not-a-number.
     fn can_step(&self, start: f64, size: f64, end: f64) -> bool {
         size > 0.0
             && size <= M::LONGEST_STEP
@@ -271,13 +279,13 @@ impl<M: Model> Instance<M> {
             && self.ends_in_time(end, size)
     }
 
-    /// Whether a step of a size that begins at a time (s) begins where the last one ended.
+    /// Whether a step of a size (s) starts at the end of the last one, up to rounding.
     fn goes_on(&self, start: f64, size: f64) -> bool {
         let time = self.memory.time;
         (start - time).abs() <= TIME_TOLERANCE * size + time_rounding(time)
     }
 
-    /// Whether a step of a size that ends at a time (s) does not go past the experiment's end.
+    /// Whether a step of a size (s) does not go past the experiment's end.
     fn ends_in_time(&self, end: f64, size: f64) -> bool {
         self.stop_time()
             .is_none_or(|stop_time| end <= stop_time + TIME_TOLERANCE * size + time_rounding(stop_time))
@@ -287,9 +295,9 @@ impl<M: Model> Instance<M> {
         self.memory.experiment.and_then(|experiment| experiment.stop_time)
     }
 
-    /// Why the next step cannot be that one.
+    /// Why a step is rejected.
     #[cold]
-    fn why_no_step(&self, start: f64, size: f64, end: f64) -> Error {
+    fn step_error(&self, start: f64, size: f64, end: f64) -> Error {
         let [start_shown, size_shown] = [Shown(start), Shown(size)];
         Error::new(if !(size.is_finite() && size > 0.0) {
             format!("communicationStepSize is {size_shown}; it must be finite and greater than 0")
@@ -316,14 +324,14 @@ impl<M: Model> Instance<M> {
         })
     }
 
-    /// Warns of what does not keep the call from succeeding; its status.
+    /// Logs a warning, and returns its status.
     fn warn(&self, message: std::fmt::Arguments<'_>) -> Status {
         self.logger.message(WARNING, message);
         Status::Warning
     }
 
-    /// Tells why a call is discarded.
-    pub(crate) fn tell_discarded(&self, message: std::fmt::Arguments<'_>) {
+    /// Logs why a call is discarded.
+    pub(crate) fn log_discarded(&self, message: std::fmt::Arguments<'_>) {
         self.logger.discarded(message);
     }
 
@@ -332,7 +340,7 @@ impl<M: Model> Instance<M> {
         self.memory.time
     }
 
-    /// Everything that a later call depends on.
+    /// A copy of everything that later calls depend on.
     pub(crate) fn memory(&self) -> Result<&Memory<M>, Error> {
         if Self::DESCRIPTION.capabilities.get_and_set_state {
             Ok(&self.memory)
@@ -341,7 +349,7 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// Takes up where a saved memory left off.
+    /// Continues from a saved memory.
     pub(crate) fn restore(&mut self, memory: &Memory<M>) {
         self.memory.clone_from(memory);
     }
@@ -352,7 +360,7 @@ impl<M: Model> Instance<M> {
         serialized_state::to_bytes(Self::DESCRIPTION, &mut memory.clone())
     }
 
-    /// The memory that was saved as bytes, by this FMU wherever it ran.
+    /// The memory that this FMU saved as bytes, in any process.
     pub(crate) fn deserialize(bytes: &[u8]) -> Result<Memory<M>, Error> {
         Self::check_serializes()?;
         let mut memory = Memory::<M>::new();

@@ -1,18 +1,18 @@
 #![doc = include_str!("../README.md")]
 
-// The runtime's modules, of which each depends on those below it only:
+// The runtime's modules; each depends only on those below it:
 //
 //   c_api                                 the functions of FMI 2.0
-//   instance, simulation                  one instance of an FMU; a model without any FMU
+//   instance, simulation                  an instance of an FMU; a model without an FMU
 //   co_simulation                         a model of equations as a model with an integrator
-//   equations, integrator                 what a model of equations implements; Rodas5P
-//   model                                 what a model implements and is given
+//   equations, integrator                 the trait of models of equations; Rodas5P
+//   model                                 the trait of models
 //   inputs, logger, calling_sequence, number, linear
 //   serialized_state, saved_states
 //   persistence, panics
 //   error, description, c_types
 
-// The macros that this crate offers name it.
+// This crate's macros refer to it by this name.
 #[cfg(all(test, feature = "derive"))]
 extern crate self as fmu_export;
 
@@ -48,10 +48,10 @@ pub use number::{Dual, Number};
 pub use persistence::Persistent;
 pub use simulation::Simulation;
 
-/// Makes the FMU of this crate, whose library bears the model identifier: the module `variables` of what
-/// `fmu_export_build::generate` made of the model's JSON, its items in scope, and the functions of FMI around a type
-/// that implements [`Model`], or after `equations`, [`Equations`]. `struct` before the type's name declares it, for a
-/// model without memory of its own.
+/// Defines the FMU of a crate whose library has the model identifier as its name: the module `variables` that
+/// `fmu_export_build::generate` generated from the model's JSON, its items in scope, and the functions of FMI for a
+/// type that implements [`Model`], or after `equations`, [`Equations`]. `struct` before the type's name declares it, for
+/// a model without other memory.
 ///
 /// ```ignore
 /// fmu_export::fmu!(struct Lag);
@@ -95,8 +95,8 @@ macro_rules! fmu {
     };
 }
 
-/// Includes the typed interface that `fmu_export_build::generate` made of a model's JSON, by the model's identifier.
-/// For a model that is exported from another crate; [`fmu!`] does it for the crate of an FMU.
+/// Includes the typed interface that `fmu_export_build::generate` generated, by the model identifier. For a model
+/// that another crate exports; [`fmu!`] includes it by itself.
 #[macro_export]
 macro_rules! include_variables {
     ($model_identifier:literal) => {

@@ -1,10 +1,10 @@
 //! Messages to the importer: through its logger callback, under the declared categories (FMI 2.0.5,
 //! section 2.1.5).
 //!
-//! Errors and warnings are always passed on; events only while debug logging is on for their category.
+//! Errors and warnings are always logged; events only while debug logging is on for their category.
 //!
-//! Messages are kept while a function runs and passed on as it returns. Nothing of the instance is in use
-//! then, so that the importer's logger may call it; the standard does not say that it must not.
+//! Messages are logged when a function returns. Then the instance is no longer in use, so that the importer's logger
+//! may call it, which the standard does not forbid.
 
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char};
@@ -29,13 +29,13 @@ pub const EVENT: &str = "logEvents";
 pub(crate) struct Logger {
     recipient: Option<Arc<Recipient>>,
     categories: &'static [&'static str],
-    /// For each category, whether debug messages are wanted.
+    /// For each category, whether debug logging is on.
     enabled: Vec<bool>,
-    /// Messages not passed on yet.
+    /// Messages that are not logged yet.
     pending: RefCell<Vec<Message>>,
 }
 
-/// Where messages go, and from whom.
+/// The importer's logger, with its arguments that identify the instance.
 #[derive(Debug)]
 struct Recipient {
     callback: CallbackLogger,
@@ -50,7 +50,7 @@ struct Message {
     text: CString,
 }
 
-/// Messages to be passed on; they no longer need the instance.
+/// Messages to log; they no longer need the instance.
 #[derive(Debug)]
 #[must_use]
 pub(crate) struct Delivery {
@@ -59,11 +59,8 @@ pub(crate) struct Delivery {
 }
 
 impl Logger {
-    /// A logger for an instance of this name. With debug logging on, all categories are.
-    #[allow(
-        clippy::arc_with_non_send_sync,
-        reason = "several threads may call an instance, one after the other"
-    )]
+    /// A logger for an instance of this name, with debug logging on or off for all categories.
+    #[allow(clippy::arc_with_non_send_sync, reason = "an instance may be called by one thread after another")]
     pub(crate) fn new(
         callback: Option<CallbackLogger>,
         environment: ComponentEnvironment,
@@ -79,7 +76,7 @@ impl Logger {
     /// Switches debug messages of the named categories, or of all when none is named, on or off.
     ///
     /// # Errors
-    /// The name of a category that is not declared; then nothing changes.
+    /// The name of an undeclared category; then nothing changes.
     pub(crate) fn set_debug_logging<'a>(&mut self, on: bool, names: &[&'a CStr]) -> Result<(), &'a CStr> {
         let mut positions = Vec::with_capacity(names.len());
         for &name in names {
@@ -95,12 +92,12 @@ impl Logger {
         Ok(())
     }
 
-    /// Logs why a call failed.
+    /// Logs the error of a failed call.
     pub(crate) fn error(&self, message: fmt::Arguments<'_>) {
         self.send(Status::Error, ERROR, message);
     }
 
-    /// Logs a message of the model under a category.
+    /// Logs a message of the model in a category.
     pub(crate) fn message(&self, category: &'static str, message: fmt::Arguments<'_>) {
         if category == WARNING {
             self.send(Status::Warning, category, message);
@@ -128,7 +125,7 @@ impl Logger {
         }
     }
 
-    /// What is to be passed on, if anything is.
+    /// Takes the messages, if there are any.
     pub(crate) fn take(&self) -> Option<Delivery> {
         let mut pending = self.pending.borrow_mut();
         if pending.is_empty() {
@@ -140,14 +137,14 @@ impl Logger {
 }
 
 impl Delivery {
-    /// Passes the messages on.
+    /// Logs the messages.
     pub(crate) fn deliver(self) {
         let Recipient { callback, environment, instance_name } = &*self.recipient;
         let format: *const c_char = c"%s".as_ptr();
         for Message { status, category, text } in &self.messages {
-            // SAFETY: the importer gave the callback for this purpose (section 2.1.5); every pointer is to
-            // a NUL-terminated string that outlives the call, and the one variadic argument is what "%s"
-            // reads. No reference to an instance exists meanwhile.
+            // SAFETY: the importer passed the callback for this purpose (section 2.1.5); every pointer is to a
+            // NUL-terminated string that outlives the call, and the variadic argument is the one that "%s" reads.
+            // No reference to an instance exists during the call.
             unsafe {
                 callback(
                     environment.0,
@@ -162,13 +159,13 @@ impl Delivery {
     }
 }
 
-/// A number as messages show it: all its digits, but no endless zeros.
+/// A number in messages: all its digits, but no long rows of zeros.
 #[derive(Debug)]
 pub(crate) struct Shown(pub(crate) f64);
 
 impl fmt::Display for Shown {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // `{:?}` compares numbers, which is an invalid operation on NaN, and the importer may have enabled its trap.
+        // `{:?}` compares the number, which traps for NaN if the importer has enabled the trap.
         if !self.0.is_finite() {
             return write!(formatter, "{}", self.0);
         }
@@ -177,20 +174,20 @@ impl fmt::Display for Shown {
     }
 }
 
-/// A message as the logger takes it: `#` has a meaning there (section 2.1.5) and is doubled.
+/// A message for the logger, with `#` doubled (section 2.1.5).
 fn printable(message: &str) -> CString {
     CString::new(message.replace('#', "##").replace('\0', "")).unwrap_or_default()
 }
 
-/// The latest distinct messages of initialization, by their checksums, the last one first. It runs anew after
-/// every set in initialization mode; what it has to tell, it tells once. So many are remembered that a master
-/// which goes to and fro between a few values meets no message twice, and that saved states stay small. An
-/// unused place holds a 0.
+/// The latest distinct messages of initialization, by their checksums, the last one first. Initialization runs again
+/// after every set in initialization mode, but logs each message once. So few are remembered that saved states stay
+/// small, and so many that a master which alternates between a few values gets no message twice. An unused entry
+/// is 0.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RecentMessages([u64; 16]);
 
 impl RecentMessages {
-    /// Whether this message is new; it is not, the next time.
+    /// Whether this message is new; it is remembered.
     pub(crate) fn is_new(&mut self, message: &str) -> bool {
         let checksum = checksum(message.as_bytes());
         let known = self.0.iter().position(|&known| known == checksum);

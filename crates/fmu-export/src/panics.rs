@@ -1,4 +1,4 @@
-//! Where a model's panics end: none may unwind into the importer, whose stack is not Rust's.
+//! Catches a model's panics, which must not unwind into the importer's stack.
 
 use std::any::Any;
 use std::mem;
@@ -6,14 +6,13 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::error::Error;
 
-/// Runs what may call the model. A panic becomes an error with its message.
+/// Runs code that may call the model. A panic becomes an error with its message.
 ///
-/// What the body has borrowed may be half done then; the caller sees to it.
+/// After a panic, what the body has borrowed may be inconsistent; the caller handles that.
 pub(crate) fn contain<T>(body: impl FnOnce() -> T) -> Result<T, Error> {
     catch_unwind(AssertUnwindSafe(body)).map_err(|payload| {
         let error = Error::new(format!("the model panicked: {}", message(payload.as_ref())));
-        // What a panic carries may panic itself as it is dropped. Should that carry something again, it is
-        // lost rather than let loose.
+        // A panic's payload may itself panic when dropped; the payload of that panic is leaked.
         if let Err(next) = catch_unwind(AssertUnwindSafe(|| drop(payload))) {
             mem::forget(next);
         }
@@ -21,7 +20,7 @@ pub(crate) fn contain<T>(body: impl FnOnce() -> T) -> Result<T, Error> {
     })
 }
 
-/// The text that a panic was given.
+/// The message of a panic.
 fn message(payload: &(dyn Any + Send)) -> &str {
     payload
         .downcast_ref::<&str>()

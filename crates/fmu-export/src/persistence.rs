@@ -1,5 +1,5 @@
-//! Memory as bytes: writes and reads a model, its variables and everything that the runtime stores of an instance,
-//! so that a saved state outlives its process (FMI 2.0.5, section 2.1.8).
+//! Serialization: writes and reads a model, its variables and the runtime's data of an instance, so that a saved
+//! state outlives its process (FMI 2.0.5, section 2.1.8).
 //!
 //! One function serves both directions: [`Persistent::persist`] names each part of a value once, and the
 //! [`Archive`] either takes the part's bits or replaces them. `#[derive(Persistent)]`, of the feature `derive`,
@@ -7,31 +7,31 @@
 
 use crate::error::Error;
 
-/// Bytes that are being written, or read back.
+/// Bytes that are written, or read back.
 ///
-/// Numbers are little-endian; a floating-point number is its 64 bits.
+/// Numbers are little-endian.
 #[derive(Debug)]
 pub struct Archive<'a>(Direction<'a>);
 
 #[derive(Debug)]
 enum Direction<'a> {
     Writing(Vec<u8>),
-    /// What is left to read.
+    /// The remaining bytes.
     Reading(&'a [u8]),
 }
 
 impl<'a> Archive<'a> {
-    /// An archive that writes what is persisted.
+    /// An archive for writing.
     pub(crate) fn writing() -> Self {
         Self(Direction::Writing(Vec::new()))
     }
 
-    /// An archive that reads what was persisted.
+    /// An archive for reading.
     pub(crate) fn reading(bytes: &'a [u8]) -> Self {
         Self(Direction::Reading(bytes))
     }
 
-    /// What was written; nothing for an archive that is read.
+    /// The written bytes; none for an archive that is read.
     pub(crate) fn into_bytes(self) -> Vec<u8> {
         match self.0 {
             Direction::Writing(bytes) => bytes,
@@ -44,7 +44,7 @@ impl<'a> Archive<'a> {
         matches!(self.0, Direction::Reading([]) | Direction::Writing(_))
     }
 
-    /// Writes bytes, or replaces them by as many that are read.
+    /// Writes bytes, or replaces them by bytes that are read.
     ///
     /// # Errors
     /// When fewer are left to read.
@@ -60,7 +60,7 @@ impl<'a> Archive<'a> {
         Ok(())
     }
 
-    /// Writes a number of elements, or reads one of which at least so many bytes are left.
+    /// Writes a number of elements, or reads one that is at most the number of remaining bytes.
     fn length(&mut self, length: usize) -> Result<usize, Error> {
         let mut number = length as u64;
         number.persist(self)?;
@@ -80,15 +80,15 @@ fn too_short() -> Error {
 /// A value whose bits can be written and read back. After reading, it equals the one that was written,
 /// bit for bit.
 pub trait Persistent {
-    /// Hands every part of the value to the archive, always in the same order.
+    /// Passes every part of the value to the archive, always in the same order.
     ///
     /// # Errors
-    /// When what is read cannot be such a value.
+    /// When the bytes are not such a value.
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error>;
 }
 
-/// What `#[derive(Persistent)]` does, for generated code and this crate, which depends on no procedural macro. It does
-/// not compile when a field is left out.
+/// Does the same as `#[derive(Persistent)]`, for generated code and this crate, which do not depend on procedural
+/// macros. It does not compile when a field is left out.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! persistent {

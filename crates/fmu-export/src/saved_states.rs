@@ -1,11 +1,10 @@
 //! The states that importers have saved, by their handles.
 //!
-//! A handle (`fmi2FMUstate`) is looked up here and never dereferenced. So one that is not a state, that was
-//! freed, or that is another FMU's is an error and not a crash. A state may be set in another instance of
-//! the FMU than the one it is of. What an importer does not free is freed with the instance.
+//! A handle (`fmi2FMUstate`) is looked up here and never dereferenced, so that one that is not a state, was freed, or
+//! belongs to another FMU is an error and not a crash. A state may be set in another instance of the FMU. States
+//! that the importer does not free are freed with the instance.
 //!
-//! This table is all that the instances of a library share. None sees another's states through it, unless
-//! the importer hands it the handle.
+//! This table is the only data that the instances of a library share.
 
 use std::any::Any;
 use std::collections::BTreeMap;
@@ -14,26 +13,25 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 use crate::error::Error;
 use crate::panics::contain;
 
-/// By handle, the states.
+/// The states by handle.
 static STATES: Mutex<BTreeMap<usize, Entry>> = Mutex::new(BTreeMap::new());
 
 struct Entry {
     /// The address of the instance with which the state is freed.
     owner: usize,
-    /// A `RwLock` of what was saved. The allocation's address is the handle: no other that is alive, of this
-    /// library or another, has the same.
+    /// A `RwLock` of the saved memory. Its address is the handle, which is unique in the process.
     state: Arc<dyn Any + Send + Sync>,
 }
 
-/// A state, which several instances may read from at once.
+/// A state, which several instances may read at once.
 pub(crate) type Saved<T> = Arc<RwLock<T>>;
 
 fn states() -> MutexGuard<'static, BTreeMap<usize, Entry>> {
-    // Nothing panics while the table is being changed.
+    // No code panics while it holds the lock.
     STATES.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Keeps a state for an importer; its handle.
+/// Keeps a state for an importer, and returns its handle.
 pub(crate) fn keep<T: Send + Sync + 'static>(owner: usize, state: T) -> usize {
     let state = Arc::new(RwLock::new(state));
     let handle = Arc::as_ptr(&state).addr();
@@ -59,12 +57,12 @@ pub(crate) fn find<T: Send + Sync + 'static>(handle: usize) -> Result<Saved<T>, 
 pub(crate) fn free<T: Send + Sync + 'static>(handle: usize) -> Result<(), Error> {
     let state = find::<T>(handle)?;
     remove(&mut states(), &[handle]);
-    // Only now is the memory given back: a model's destructor runs outside the lock.
+    // The memory is dropped here, so that a model's destructor runs outside the lock.
     drop(state);
     Ok(())
 }
 
-/// Frees the states that are left of an instance.
+/// Frees the remaining states of an instance.
 pub(crate) fn free_all_of(owner: usize) {
     let mut states = states();
     let handles: Vec<_> =
@@ -72,7 +70,7 @@ pub(crate) fn free_all_of(owner: usize) {
     let removed = remove(&mut states, &handles);
     drop(states);
     for entry in removed {
-        // One that panics must not keep the next from being dropped. There is nobody left to tell.
+        // A panic must not prevent the next drop, and can no longer be logged.
         let _ = contain(|| drop(entry));
     }
 }
@@ -80,7 +78,7 @@ pub(crate) fn free_all_of(owner: usize) {
 fn remove(states: &mut BTreeMap<usize, Entry>, handles: &[usize]) -> Vec<Entry> {
     let removed = handles.iter().filter_map(|handle| states.remove(handle)).collect();
     if states.is_empty() {
-        // An empty map may keep a node, which would be lost when the library is unloaded.
+        // An empty map may keep a node, which would leak when the library is unloaded.
         *states = BTreeMap::new();
     }
     removed

@@ -1,5 +1,5 @@
-//! The bytes of a serialized state: what they say of themselves, so that what is not a state of this FMU is
-//! refused (FMI 2.0.5, section 2.1.8).
+//! The format of a serialized state, by which other bytes than a state of this FMU are refused (FMI 2.0.5,
+//! section 2.1.8).
 //!
 //! | bytes | content |
 //! |---|---|
@@ -17,7 +17,7 @@ use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 
 const SIGNATURE: [u8; 8] = *b"fmi2stat";
-/// Increased with every change of what the runtime writes. (The GUID identifies what the model writes.)
+/// Increased with every change of the runtime's content. (The GUID identifies the model's content.)
 const VERSION: u32 = 3;
 /// The length of the checksum.
 const CHECKSUM: usize = 8;
@@ -49,7 +49,7 @@ pub(crate) fn to_bytes(
 /// Fills a value from the bytes that [`to_bytes`] made of one of the same FMU.
 ///
 /// # Errors
-/// When the bytes are anything else; the value is then of no use.
+/// When the bytes are anything else; then the value is undefined.
 pub(crate) fn from_bytes(
     description: &ModelDescription,
     bytes: &[u8],
@@ -65,12 +65,12 @@ pub(crate) fn from_bytes(
     }
 }
 
-/// What a state's bytes call its FMU.
+/// The FMU's name in a state.
 fn name(description: &ModelDescription) -> String {
     format!("{} {}", description.model_identifier, description.guid)
 }
 
-/// The content of intact bytes that are a state of this FMU.
+/// The content, after checking that the bytes are an intact state of this FMU.
 fn content<'b>(description: &ModelDescription, bytes: &'b [u8]) -> Result<&'b [u8], Error> {
     let ends_early =
         || Error::new(format!("the {} bytes of the serialized state end too early", bytes.len()));
@@ -116,8 +116,8 @@ fn array<const N: usize>(bytes: Option<&[u8]>) -> Option<[u8; N]> {
     bytes?.try_into().ok()
 }
 
-/// The 64-bit FNV-1a hash: each of its steps is a bijection, so that no single changed byte goes unseen,
-/// and of other changes one in 2^64.
+/// The 64-bit FNV-1a hash: each of its steps is a bijection, so that it detects any single changed byte, and all but
+/// one in 2^64 of other changes.
 pub(crate) const fn checksum(bytes: &[u8]) -> u64 {
     let mut hash = 0xcbf2_9ce4_8422_2325;
     let mut position = 0;

@@ -1,4 +1,4 @@
-//! A model without any FMU around it, for tests and programs in Rust.
+//! A model without an FMU, for tests and programs in Rust.
 
 use std::fmt;
 
@@ -6,8 +6,7 @@ use crate::error::Error;
 use crate::inputs::InputSignal;
 use crate::model::{Context, Experiment, InputsOf, Model, Step, Variables};
 
-/// A model, its variables and what it says. In an FMU, values are checked before they reach the model; here they are
-/// taken as they are.
+/// A model with its variables and messages. Unlike in an FMU, values are not checked.
 ///
 /// ```ignore
 /// let mut simulation = Simulation::<Lag>::default();
@@ -21,15 +20,15 @@ use crate::model::{Context, Experiment, InputsOf, Model, Step, Variables};
 pub struct Simulation<M: Model> {
     /// The model.
     pub model: M,
-    /// Its variables, at their start values until it is initialized.
+    /// The variables, at their start values until initialization.
     pub variables: M::Variables,
-    /// Its inputs from now on.
+    /// The inputs of the next step.
     pub inputs: InputsOf<M>,
-    /// What the importer would tell it.
+    /// The experiment as an importer would set it up.
     pub experiment: Experiment,
     /// The time in seconds.
     pub time: f64,
-    /// What it has logged so far: category and message.
+    /// The logged messages: category and text.
     pub messages: Vec<(&'static str, String)>,
 }
 
@@ -60,7 +59,7 @@ impl<M: Model> Simulation<M> {
         model.initialize(variables, inputs, &mut Context::new(*experiment, &mut log))
     }
 
-    /// Advances by a communication step of a size in seconds, during which the inputs hold their values.
+    /// Advances by a communication step of a size in seconds with constant inputs.
     ///
     /// # Errors
     /// Those of the model.

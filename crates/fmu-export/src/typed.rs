@@ -1,13 +1,13 @@
-//! What the generated structs of a model's variables have in common: macros, so that little has to be generated.
+//! Macros for the generated structs of a model's variables, so that little has to be generated.
 
-/// Makes a generated struct, which is generic over its number type, from others of its kind: number by number.
-/// Each field is a `number` (with the sizes of an array), `nested` (a struct of this kind) or `other`.
+/// Maps generated structs, which are generic over their number type, number by number. Each field is a `number` (with
+/// the sizes of an array), `nested` (a struct of this kind) or `other`.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! numbers {
     ($name:ident { $($kind:ident $field:ident $([$size:literal])*),* $(,)? }) => {
         impl<T: Copy> $name<T> {
-            /// Each number from this one's and the other's.
+            /// Maps each number of both.
             #[must_use]
             pub fn combine<S: Copy, U>(
                 &self,
@@ -19,7 +19,7 @@ macro_rules! numbers {
                 }
             }
 
-            /// Each number from this one's.
+            /// Maps each number.
             #[must_use]
             pub fn map<U>(&self, mut function: impl FnMut(T) -> U) -> $name<U> {
                 self.combine(self, &mut |number, _| function(number))
@@ -36,7 +36,7 @@ macro_rules! numbers {
     (@other $one:expr, $other:expr, $function:ident) => { $one.clone() };
 }
 
-/// Makes a generated enumeration known to FMI: by its values, and as bytes.
+/// Converts a generated enumeration from and to its FMI values and bytes.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! enumeration {
@@ -51,7 +51,7 @@ macro_rules! enumeration {
                 }
             }
 
-            /// The value by which FMI knows the item.
+            /// The item's value.
             #[must_use]
             pub fn value(self) -> i32 {
                 self as i32

@@ -1,8 +1,6 @@
-//! ZIP archives: written so that the same parts give the same bytes, and read as what they may be when a
-//! stranger made them.
+//! ZIP archives: written reproducibly, and read without trust.
 //!
-//! Nothing is extracted here. What would do harm when extracted is refused: paths that lead out of
-//! the archive's folder, two entries of one path, entries of unbelievable sizes.
+//! Harmful archives are refused: with paths out of the archive's folder, two entries of one path, or huge sizes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
@@ -16,10 +14,10 @@ use zip::{CompressionMethod, DateTime, ZipArchive};
 
 use super::reading::{LARGEST_CONTENT, LARGEST_TEXT, up_to, utf_8};
 
-/// Opens the archive of an FMU or a system, after a look at all its entries.
+/// Opens the archive of an FMU or a system, and checks all its entries.
 ///
 /// # Errors
-/// When it is not a ZIP archive, or an entry would do harm; the message names it.
+/// When it is not a ZIP archive, or an entry is harmful; the message names it.
 pub fn open<R: Read + Seek>(reader: R) -> io::Result<ZipArchive<R>> {
     let mut archive = ZipArchive::new(reader)
         .map_err(|error| broken(format!("it is not a ZIP archive: {}", plain(error))))?;
@@ -55,11 +53,11 @@ fn read_text_up_to<R: Read + Seek>(
         .map_err(|error| broken(format!("its {path} cannot be read: {error}")))
 }
 
-/// All files of an archive, by their paths. What they hold is taken off the bytes that are `left`, of which several
-/// archives may share the same: [`LARGEST_CONTENT`] for all that is held at once.
+/// All files of an archive, by their paths. Their sizes are subtracted from `left`, a budget that several archives
+/// may share: [`LARGEST_CONTENT`] for all in memory.
 ///
 /// # Errors
-/// When an entry is not a file, damaged, or the files are larger than what is left.
+/// When an entry is not a file, damaged, or the files exceed the budget.
 pub fn read_files<R: Read + Seek>(
     archive: &mut ZipArchive<R>,
     left: &mut u64,
@@ -122,14 +120,14 @@ fn path_of<R: Read>(entry: &ZipFile<'_, R>) -> io::Result<String> {
 struct Paths(BTreeSet<String>);
 
 impl Paths {
-    /// Adds a path, unless extracting it would do harm.
+    /// Adds a path, unless it is harmful to extract.
     fn add(&mut self, path: &str) -> io::Result<()> {
         if !is_inside(path) {
             return Err(broken(format!("its entry '{path}' would be extracted outside of its folder")));
         }
-        // Windows and macOS take paths that differ in case for one.
+        // Windows and macOS ignore the case of paths.
         if !self.0.insert(path.to_lowercase()) {
-            return Err(broken(format!("its entry '{path}' stands twice")));
+            return Err(broken(format!("its entry '{path}' occurs twice")));
         }
         Ok(())
     }
@@ -139,12 +137,12 @@ impl Paths {
 pub(crate) fn is_inside(path: &str) -> bool {
     // A folder's path ends with a slash.
     let path = path.strip_suffix('/').unwrap_or(path);
-    // Windows leaves out the dots and blanks at the end of a name.
+    // Windows ignores dots and blanks at the end of a name.
     let is_name = |part: &str| !part.trim_end_matches(['.', ' ']).is_empty();
     !path.contains(['\\', ':', '\0']) && path.split('/').all(is_name)
 }
 
-/// The error, without saying twice what the system says.
+/// The error, without the prefix that repeats the system's message.
 fn plain(error: ZipError) -> io::Error {
     match error {
         ZipError::Io(error) => error,
@@ -152,21 +150,21 @@ fn plain(error: ZipError) -> io::Error {
     }
 }
 
-/// What is wrong with a file that was read.
+/// An error in a file.
 pub(crate) fn broken(message: impl Into<String>) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, message.into())
 }
 
-/// Writes an archive of paths and contents: the order of the entries, their times and permissions are fixed. What
-/// [`open`] would refuse is not written.
+/// Writes an archive of paths and contents: the order of the entries, their times and permissions are fixed. Entries
+/// that [`open`] would refuse are errors.
 pub(crate) fn write(mut writer: impl Write, entries: &[(String, &[u8])]) -> io::Result<()> {
     let mut paths = Paths::default();
     entries.iter().try_for_each(|(path, _)| paths.add(path))?;
     writer.write_all(&zipped(entries).map_err(plain)?)
 }
 
-/// The bytes of an archive. They are made in memory: a `ZipWriter` that is dropped after a failed write tries again,
-/// and prints that this fails, too.
+/// The bytes of an archive. They are made in memory, because a `ZipWriter` dropped after a failed write tries again
+/// and prints an error.
 fn zipped(entries: &[(String, &[u8])]) -> Result<Vec<u8>, ZipError> {
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
@@ -215,7 +213,7 @@ mod tests {
 
     #[test]
     fn paths_that_differ_only_in_case_are_refused() {
-        assert_eq!(refusal(archive(&["a/b", "A/b"])), "its entry 'A/b' stands twice");
+        assert_eq!(refusal(archive(&["a/b", "A/b"])), "its entry 'A/b' occurs twice");
     }
 
     #[test]

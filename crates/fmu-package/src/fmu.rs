@@ -1,7 +1,6 @@
 //! The .fmu archive (FMI 2.0.5, section 2.3): a ZIP file that holds modelDescription.xml and, for each
 //! platform, the model's library.
 //!
-//! The same parts give the same bytes.
 
 use std::io::{self, Write};
 
@@ -9,7 +8,7 @@ use super::archive;
 use super::model_description::refuse_no_identifier;
 use super::platform::Platform;
 
-/// Where every importer reads what the FMU is.
+/// The path of the description.
 pub(crate) const MODEL_DESCRIPTION: &str = "modelDescription.xml";
 
 /// The parts of an FMU.
@@ -29,8 +28,8 @@ impl Fmu<'_> {
     /// Writes the archive.
     ///
     /// # Errors
-    /// When writing fails, the identifier is not one of C, two parts have the same path, or a file lies where the
-    /// standard has no place for it.
+    /// When writing fails, the identifier is not one of C, two parts have the same path, or the standard does not allow
+    /// a file's path.
     pub fn write(&self, writer: impl Write) -> io::Result<()> {
         refuse_no_identifier(self.model_identifier)?;
         let mut entries = vec![];
@@ -42,13 +41,13 @@ impl Fmu<'_> {
         }
         entries.extend(self.files.iter().map(|(path, content)| (path.clone(), content.as_slice())));
         entries.sort();
-        // First what every importer reads first.
+        // Every importer reads this first.
         entries.insert(0, (MODEL_DESCRIPTION.to_owned(), self.model_description.as_bytes()));
         archive::write(writer, &entries)
     }
 }
 
-/// Refuses what lies neither in a folder of the standard nor is its picture, or would be extracted elsewhere.
+/// Refuses a file outside of the standard's folders that is not its picture, or with a harmful path.
 fn refuse_stray(path: &str) -> io::Result<()> {
     let mut parts = path.split('/');
     let folder = parts.next().unwrap_or_default();
@@ -108,7 +107,7 @@ mod tests {
             files: vec![("resources/a".to_owned(), vec![]), ("resources/a".to_owned(), vec![])],
         };
         let error = fmu.write(Cursor::new(vec![])).unwrap_err();
-        assert!(error.to_string().contains("its entry 'resources/a' stands twice"), "{error}");
+        assert!(error.to_string().contains("its entry 'resources/a' occurs twice"), "{error}");
     }
 
     #[test]

@@ -1,11 +1,10 @@
-//! The files that models and systems are exchanged in, for commands.
+//! Files for the exchange of models and systems.
 //!
 //! Written: [`Fmu`], [`SystemPackage`], [`PlatformList`]. Read, of any maker: [`archive::open`],
-//! [`FmuDescription`] and [`Library`]; [`validation`] finds what is wrong in an FMU. Both: [`ParameterSet`], which [fits](ParameterSet::fit) an FMU or does not,
-//! and FMUs that are [`Merged`].
+//! [`FmuDescription`] and [`Library`]; [`validation`] finds errors in an FMU. Both: [`ParameterSet`], which is
+//! [checked](ParameterSet::fit) against an FMU, and FMUs that are [`Merged`].
 //!
-//! How files are read and written, and what of them is printed, is the same for all commands: [`reading`], [`writing`],
-//! [`temporary`] and [`terminal`].
+//! Common to all commands: [`reading`], [`writing`], [`temporary`] and [`terminal`].
 
 pub mod archive;
 mod fmu;

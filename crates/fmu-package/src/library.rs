@@ -1,4 +1,4 @@
-//! The library of a model as a file: what it was built for, and what it needs there.
+//! A model's library as a file: its platform and what it needs there.
 //!
 //! The file is not trusted: only its headers are read, and anything but a library is refused.
 
@@ -27,7 +27,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// What the name of a library ends in.
+    /// The suffix of a library's file.
     #[must_use]
     pub fn suffix(self) -> &'static str {
         match self {
@@ -65,14 +65,14 @@ impl Architecture {
     }
 }
 
-/// What a library's file says of itself.
+/// The platform of a library.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Library {
     /// The format of the binary, by its header.
     pub format: Format,
-    /// The processors it is for: several in a universal library of macOS.
+    /// Its processors: several in a universal library of macOS.
     pub architectures: Vec<Architecture>,
-    /// The oldest glibc (ELF) or macOS (Mach-O) that it runs on: the numbers of its version, where it tells.
+    /// The version of the oldest glibc (ELF) or macOS (Mach-O) that it runs on, if known.
     pub oldest_system: Option<Vec<u32>>,
 }
 
@@ -85,7 +85,7 @@ impl Library {
         let slices = slices(bytes).map_err(unreadable)?;
         let mut slices = slices.into_iter().map(Self::read_slice);
         let mut library =
-            slices.next().ok_or_else(|| broken("it is a universal library that holds none"))??;
+            slices.next().ok_or_else(|| broken("it is a universal library without content"))??;
         for slice in slices {
             let slice = slice?;
             library.architectures.extend(slice.architectures);
@@ -119,7 +119,7 @@ impl Library {
         Ok(Self { format, architectures: vec![architecture], oldest_system })
     }
 
-    /// Refuses a library that does not belong into a platform's folder.
+    /// Refuses a library in the wrong platform's folder.
     ///
     /// # Errors
     /// When its format or a processor is another one.
@@ -150,21 +150,21 @@ impl Display for Library {
     }
 }
 
-/// What a library for a single processor offers to who loads it, and asks for.
+/// The exports and imports of a library for a single processor.
 #[derive(Clone, Debug, Default)]
 pub struct Linkage {
-    /// The symbols that it exports, without the underscore that macOS puts before each.
+    /// The exported symbols, without the underscore that macOS puts before each.
     pub exports: BTreeSet<String>,
-    /// The symbols that it imports.
+    /// The imported symbols.
     pub imports: BTreeSet<String>,
     /// The libraries that it depends on.
     pub libraries: BTreeSet<String>,
-    /// What hardened loaders refuse: relocations in the code, or an executable stack (ELF).
+    /// Why hardened loaders refuse it: relocations in the code, or an executable stack (ELF).
     pub is_refused_for: Option<&'static str>,
 }
 
 impl Linkage {
-    /// Reads the tables of a library; of each, if it is a universal one.
+    /// Reads the tables of a library, or of each in a universal one.
     ///
     /// # Errors
     /// When it is not a library, or a table is damaged.
@@ -228,7 +228,7 @@ fn names(architectures: &[Architecture], between: &str) -> String {
     architectures.iter().map(|architecture| architecture.name()).collect::<Vec<_>>().join(between)
 }
 
-/// The libraries in a universal one, or the one that it is.
+/// The libraries in a universal one, or the library itself.
 fn slices(bytes: &[u8]) -> object::Result<Vec<&[u8]>> {
     fn all<'a, A: FatArch>(arches: &[A], bytes: &'a [u8]) -> object::Result<Vec<&'a [u8]>> {
         arches.iter().map(|arch| arch.data(bytes)).collect()
@@ -240,7 +240,7 @@ fn slices(bytes: &[u8]) -> object::Result<Vec<&[u8]>> {
     }
 }
 
-/// The library in bytes, all of whose parts that are loaded are there.
+/// The library in bytes, after checking that all parts that are loaded are present.
 fn whole(bytes: &[u8]) -> object::Result<File<'_>> {
     let file = File::parse(bytes)?;
     file.segments().try_for_each(|segment| segment.data().map(drop))?;
@@ -262,7 +262,7 @@ pub fn refuse_cut_short(bytes: &[u8]) -> io::Result<()> {
         .map_err(|error| broken(format!("it is damaged or cut short: {error}")))
 }
 
-/// The version of glibc that has all the symbols it asks for.
+/// The oldest version of glibc with all the symbols it imports.
 fn glibc<Elf>(file: &ElfFile<'_, Elf>) -> object::Result<Option<Vec<u32>>>
 where
     Elf: FileHeader<Endian = Endianness>,
@@ -275,7 +275,7 @@ where
         while let Some(version) = versions.next()? {
             let name = String::from_utf8_lossy(version.name(endian, strings)?);
             let numbers = name.strip_prefix("GLIBC_").map(|version| version.split('.').map(str::parse));
-            // There are names without numbers, for what is private.
+            // Private versions have no numbers.
             if let Some(Ok(numbers)) = numbers.map(Iterator::collect) {
                 newest = newest.max(Some(numbers));
             }

@@ -1,9 +1,9 @@
-//! The name that is likely meant by one that nothing has.
+//! The most similar known name, for messages about an unknown one.
 
-/// How like each other two names must be for the one to be taken for the other, from 0 to 1.
+/// The least similarity of a suggestion, from 0 to 1.
 const LIKENESS: f64 = 0.8;
 
-/// The likeliest of the known names, as the end of a message: `; the nearest is …`. Empty where none is like it.
+/// The most similar known name, as the end of a message: `; the nearest is …`. Empty if none is similar.
 pub fn like<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
     known
         .map(|other| (strsim::jaro_winkler(name, other), other))

@@ -1,7 +1,7 @@
 //! Joins FMUs of one model, each with libraries for other platforms, into one with all of them.
 //!
-//! They may be anyone's, so nothing is taken for granted: the descriptions must be the same, each library
-//! must be what its folder says, and what differs otherwise is refused.
+//! They are not trusted: the descriptions must be the same, each library must match its folder, and other
+//! differences are refused.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -17,9 +17,9 @@ use super::platform_list::PlatformList;
 /// An FMU that is to be merged.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// What messages call it.
+    /// For messages.
     pub name: String,
-    /// Its files by their paths, as [`archive::read_files`] has them.
+    /// Its files by their paths, from [`archive::read_files`].
     pub files: BTreeMap<String, Vec<u8>>,
 }
 
@@ -32,7 +32,7 @@ pub struct Merged<'a> {
 }
 
 impl<'a> Merged<'a> {
-    /// Merges parts. `runs` tells where libraries were run, beyond what the parts say.
+    /// Merges parts. `runs` lists where libraries were run, beyond the parts' own lists.
     ///
     /// # Errors
     /// When the parts are of different models, or do not fit together; the message names them.
@@ -99,7 +99,7 @@ impl<'a> Merged<'a> {
     pub fn write(&self, writer: impl Write) -> io::Result<()> {
         let mut entries: Vec<_> =
             self.files.iter().map(|(path, content)| ((*path).to_owned(), content.as_ref())).collect();
-        // First what every importer reads first.
+        // Every importer reads this first.
         entries.sort_by_key(|(path, _)| path != MODEL_DESCRIPTION);
         archive::write(writer, &entries)
     }
@@ -129,18 +129,18 @@ impl Part {
             return refuse(format!("are different models, with the GUIDs {} and {}", guids[0], guids[1]));
         }
         if self.files.get(MODEL_DESCRIPTION) != other.files.get(MODEL_DESCRIPTION) {
-            return refuse(format!("have the GUID {} and yet different descriptions", guids[0]));
+            return refuse(format!("have the same GUID {}, but different descriptions", guids[0]));
         }
         Ok(())
     }
 
-    /// Refuses another FMU that differs in more than its libraries and the list of these.
+    /// Refuses another FMU that differs in more than its libraries and their list.
     fn refuse_other_documents(&self, other: &Self) -> io::Result<()> {
         for path in self.files.keys().chain(other.files.keys()) {
             if path.starts_with("binaries/") || path == PlatformList::PATH {
                 continue;
             }
-            // The licenses of what another compiler links into its libraries are kept as well.
+            // Another compiler may link other packages, whose licenses are kept as well.
             if path.starts_with("documentation/licenses/")
                 && !(self.files.contains_key(path) && other.files.contains_key(path))
             {
@@ -154,7 +154,7 @@ impl Part {
     }
 }
 
-/// One library of two that lie in the same place.
+/// Joins two libraries of the same path.
 fn unite(path: &str, first: &[u8], second: &[u8]) -> io::Result<Vec<u8>> {
     if path.split('/').nth(1) == Some(Platform::Darwin64.folder()) {
         return library::join(&[first, second]).map_err(|error| broken(format!("both hold {path}: {error}")));

@@ -1,7 +1,7 @@
 //! Reads the modelDescription.xml of an FMU of any maker and any version of FMI.
 //!
-//! What the schemas say is not checked here; validators do. What is read is taken as it stands there, as text
-//! where its meaning differs between versions, and whatever is not XML is refused with its place.
+//! The schemas are not checked here; validators do that. Values whose meaning differs between versions are kept as
+//! text, and errors in the XML are refused with their location.
 
 use std::fs::File;
 use std::io::{self, BufReader};
@@ -15,11 +15,11 @@ use super::fmu::MODEL_DESCRIPTION;
 use super::terminal::in_line;
 use super::units::{BaseUnit, DisplayUnit, Unit};
 
-/// How deep elements may lie in each other; schemas of FMI and SSP need a tenth.
+/// The deepest nesting of elements; schemas of FMI and SSP need a tenth.
 pub(crate) const DEEPEST: usize = 100;
-/// How many elements a document may have; a variable, of which the largest models have 200,000, takes three.
+/// The most elements of a document; the largest models have 200,000 variables with three elements each.
 pub(crate) const MOST_ELEMENTS: usize = 2_000_000;
-/// How many attributes an element may have; schemas of FMI and SSP need a fifth.
+/// The most attributes of an element; schemas of FMI and SSP need a fifth.
 pub(crate) const MOST_ATTRIBUTES: usize = 100;
 
 /// The attribute with the name of the FMU's library.
@@ -36,12 +36,12 @@ pub(crate) fn refuse_no_identifier(text: &str) -> io::Result<()> {
     Err(broken(format!("the modelIdentifier '{}' is not an identifier of C", in_line(text))))
 }
 
-/// What an FMU says of itself.
+/// An FMU's modelDescription.xml.
 #[derive(Clone, Debug, Default)]
 pub struct FmuDescription {
     /// The root element's attributes, by name, in the order of the file.
     pub attributes: Vec<(String, String)>,
-    /// What the FMU can be used for (`CoSimulation` …), each with its attributes: identifier and capabilities.
+    /// The interface types (`CoSimulation` …), each with its attributes: identifier and capabilities.
     pub interfaces: Vec<(String, Vec<(String, String)>)>,
     /// The attributes of `DefaultExperiment`.
     pub default_experiment: Vec<(String, String)>,
@@ -62,16 +62,16 @@ pub struct Enumeration {
     pub items: Vec<(String, i32)>,
 }
 
-/// A variable as it is declared; what is not declared is empty, and the default of its version of FMI.
+/// A variable as declared; what is not declared is empty, with the default of its version of FMI.
 #[derive(Clone, Debug, Default)]
 pub struct FmuVariable {
     /// Unique in the FMU.
     pub name: String,
-    /// The number that calls refer to it by.
+    /// The value reference.
     pub value_reference: String,
     /// `Real`, `Integer`, `Boolean`, `String`, `Enumeration`, or a type of FMI 3.0.
     pub data_type: String,
-    /// The enumeration that the variable is of, or another declared type.
+    /// The enumeration or another declared type.
     pub declared_type: String,
     /// `causality`.
     pub causality: String,
@@ -79,7 +79,7 @@ pub struct FmuVariable {
     pub variability: String,
     /// `initial`.
     pub initial: String,
-    /// The unit, its type's where it has none of its own.
+    /// The unit, or else its type's unit.
     pub unit: String,
     /// The start value.
     pub start: String,
@@ -91,7 +91,7 @@ pub struct FmuVariable {
     pub description: String,
 }
 
-/// What a declared type says of its variables.
+/// A declared type's attributes for its variables.
 #[derive(Default)]
 struct DeclaredType {
     name: String,
@@ -101,7 +101,7 @@ struct DeclaredType {
 }
 
 impl FmuDescription {
-    /// Reads the description of an FMU, after a look at the whole archive.
+    /// Reads the description of an FMU, and checks the whole archive.
     ///
     /// # Errors
     /// When there is no such file, it is not an FMU, or its description is broken; the message names the file.
@@ -131,7 +131,12 @@ impl FmuDescription {
                 }
                 [_] if name == "DefaultExperiment" => description.default_experiment = attributes.0,
                 [_, "UnitDefinitions"] => description.units.push(Unit {
-                    name: attributes.text("name"),
+                    // FMI 1.0 names it otherwise.
+                    name: attributes
+                        .get("name")
+                        .or_else(|| attributes.get("unit"))
+                        .unwrap_or_default()
+                        .to_owned(),
                     base: None,
                     display_units: vec![],
                 }),
@@ -168,6 +173,13 @@ impl FmuDescription {
                         variable.take_type(name, &attributes, &types);
                     }
                     description.variables.push(variable);
+                }
+                // FMI 3.0: texts are elements, one for each element of an array.
+                [_, "ModelVariables", "String" | "Binary"] if name == "Start" => {
+                    if let Some(variable) = description.variables.last_mut() {
+                        let before = if variable.start.is_empty() { "" } else { "\n" };
+                        variable.start += &format!("{before}{}", attributes.text("value"));
+                    }
                 }
                 [_, "ModelVariables", "ScalarVariable"] => {
                     if let Some(variable) = description.variables.last_mut()
@@ -230,7 +242,7 @@ impl FmuDescription {
         self.variables.iter().filter(move |variable| variable.causality == causality)
     }
 
-    /// A unit by its name, among those that are declared and those that their values are shown in.
+    /// A unit by its name, among the declared units and their display units.
     #[must_use]
     pub fn unit(&self, name: &str) -> Option<Unit> {
         let declared = self.units.iter().find(|unit| unit.name == name).cloned();
@@ -258,7 +270,7 @@ impl FmuVariable {
         }
     }
 
-    /// Takes what the type's element says.
+    /// Adopts attributes of a type's element.
     fn take_type(&mut self, name: &str, attributes: &Attributes, types: &[DeclaredType]) {
         name.clone_into(&mut self.data_type);
         self.declared_type = attributes.text("declaredType");
@@ -288,7 +300,7 @@ impl FmuVariable {
         Ok((bound(&self.min, f64::NEG_INFINITY)?, bound(&self.max, f64::INFINITY)?))
     }
 
-    /// Whether an importer may give it a value before initialization (FMI 2.0.5, section 2.2.7).
+    /// Whether an importer may set it before initialization (FMI 2.0.5, section 2.2.7).
     #[must_use]
     pub fn is_settable(&self) -> bool {
         let is_set_by_default = matches!(self.causality.as_str(), "input" | "parameter");
@@ -307,7 +319,7 @@ impl DeclaredType {
 }
 
 impl Unit {
-    /// Takes what an element within the unit's says.
+    /// Adopts an element within the unit's.
     pub(crate) fn take(&mut self, name: &str, attributes: &Attributes) -> io::Result<()> {
         let (factor, offset) = (attributes.number("factor", 1.0)?, attributes.number("offset", 0.0)?);
         match name {
@@ -320,6 +332,11 @@ impl Unit {
             }
             "DisplayUnit" => {
                 self.display_units.push(DisplayUnit { name: attributes.text("name"), factor, offset });
+            }
+            // FMI 1.0.
+            "DisplayUnitDefinition" => {
+                let (name, factor) = (attributes.text("displayUnit"), attributes.number("gain", 1.0)?);
+                self.display_units.push(DisplayUnit { name, factor, offset });
             }
             _ => {}
         }
@@ -358,10 +375,9 @@ impl Attributes {
     fn number<T: std::str::FromStr>(&self, key: &str, default: T) -> io::Result<T> {
         match self.get(key) {
             None => Ok(default),
-            Some(text) => text
-                .trim()
-                .parse()
-                .map_err(|_| broken(format!("the attribute {key} is '{text}', which is no such number"))),
+            Some(text) => text.trim().parse().map_err(|_| {
+                broken(format!("the attribute {key} is '{text}', which is not a number of this kind"))
+            }),
         }
     }
 }
@@ -370,10 +386,10 @@ fn text_of<'a>(attributes: &'a [(String, String)], name: &str) -> &'a str {
     attributes.iter().find(|(known, _)| known == name).map_or("", |(_, value)| value)
 }
 
-/// Hands each element of a document to a function: the names of those around it, its own, its attributes.
-/// Prefixes of namespaces are left out. Returns the name of the root.
+/// Calls a function for each element of a document, with the names of the enclosing elements, its name and its
+/// attributes, without namespace prefixes. Returns the name of the root.
 ///
-/// A document type definition is refused: it is where entities are defined that expand without bounds.
+/// A document type definition is refused, because entities in it may expand without bounds.
 pub(crate) fn read_elements(
     xml: &str,
     mut take: impl FnMut(&[&str], &str, Attributes) -> io::Result<()>,
@@ -411,7 +427,7 @@ pub(crate) fn read_elements(
         if !is_empty {
             path.push(name);
             if path.len() > DEEPEST {
-                return Err(broken(format!("more than {DEEPEST} elements lie in each other")));
+                return Err(broken(format!("more than {DEEPEST} elements are nested")));
             }
         }
     }
@@ -438,8 +454,22 @@ mod tests {
     }
 
     #[test]
+    fn units_of_fmi_1_and_texts_of_fmi_3_are_read() {
+        let xml = r#"<fmiModelDescription><UnitDefinitions><BaseUnit unit="K">
+            <DisplayUnitDefinition displayUnit="degC" gain="1" offset="-273.15"/>
+            </BaseUnit></UnitDefinitions></fmiModelDescription>"#;
+        let shown = DisplayUnit { name: "degC".to_owned(), factor: 1.0, offset: -273.15 };
+        let unit = Unit { name: "K".to_owned(), base: None, display_units: vec![shown] };
+        assert_eq!(FmuDescription::parse(xml).unwrap().units, [unit]);
+
+        let xml = r#"<fmiModelDescription><ModelVariables><String name="a"><Start value="b"/><Start value="c"/>
+            </String></ModelVariables></fmiModelDescription>"#;
+        assert_eq!(FmuDescription::parse(xml).unwrap().variables[0].start, "b\nc");
+    }
+
+    #[test]
     fn a_model_identifier_is_a_c_identifier() {
-        for identifier in ["BoostPlant", "_1", "a"] {
+        for identifier in ["Lag", "_1", "a"] {
             assert!(refuse_no_identifier(identifier).is_ok(), "{identifier}");
         }
         for (identifier, shown) in [

@@ -1,5 +1,4 @@
-//! Whether a parameter set is one for an FMU: each value of its variable's type, in its unit and within its
-//! range.
+//! Checks and converts a parameter set for an FMU.
 
 use std::io;
 
@@ -11,10 +10,10 @@ use super::terminal;
 use super::units::{Linear, Unit};
 
 impl ParameterSet {
-    /// The set as an FMU takes it: each value of its variable's type, in its unit and within its range.
+    /// The set converted for an FMU: each value with its variable's type and unit, and within its range.
     ///
     /// # Errors
-    /// At the first parameter that is none of the FMU's, cannot be set, or is of another type, unit or range; the
+    /// At the first parameter that the FMU does not have, cannot be set, or does not fit in type, unit or range; the
     /// message names it and says what was expected.
     pub fn fit(&self, fmu: &FmuDescription) -> io::Result<Self> {
         let parameters = self.parameters.iter().map(|parameter| {
@@ -43,12 +42,12 @@ impl ParameterSet {
 }
 
 impl Value {
-    /// The value as a variable of an FMU takes it: of its type and in its unit. Units are those of the FMU, and
-    /// others that come with the value. Whole numbers do for real ones; an item of an enumeration is a name, as a
-    /// text too, or its number. The range is the FMU's own affair.
+    /// The value converted for a variable of an FMU: to its type and unit. Units are those of the FMU, and others that
+    /// come with the value. Integers are accepted as Reals; an item of an enumeration is a name, also as a String, or
+    /// its number. The range is not checked.
     ///
     /// # Errors
-    /// When it is of another type or unit; the message names variable and value, and what was expected.
+    /// When type or unit do not fit; the message names variable and value, and what was expected.
     pub fn fit(&self, variable: &FmuVariable, units: &[Unit], fmu: &FmuDescription) -> io::Result<Self> {
         match (variable.data_type.as_str(), self) {
             ("Real", Self::Real(value, unit)) => {
@@ -119,7 +118,7 @@ impl Value {
     }
 }
 
-/// What takes values in a unit to the variable's.
+/// The conversion from a unit to the variable's.
 fn conversion(
     unit: &str,
     variable: &FmuVariable,
@@ -171,7 +170,7 @@ mod tests {
     fn values_become_those_of_the_variable() {
         let pascal = |value| Ok(Value::Real(value, Some("Pa".to_owned())));
         assert_eq!(pressure(1.5, "kPa"), pascal(1500.0));
-        // A unit of the set's own.
+        // A unit that the set defines.
         assert_eq!(pressure(1.5, "hPa"), pascal(150.0));
         assert_eq!(fit("pressure", Value::Integer(7)), pascal(7.0));
         assert_eq!(fit("count", Value::Integer(4)), Ok(Value::Integer(4)));
@@ -191,7 +190,7 @@ mod tests {
             pressure(201.0, "kPa").unwrap_err(),
             "the value 201000 Pa of pressure cannot be taken: 201000 Pa is not within 0..200000"
         );
-        // Not with the 309 digits of the number.
+        // Without the number's 309 digits.
         assert_eq!(
             pressure(1e308, "Pa").unwrap_err(),
             "the value 1e308 Pa of pressure cannot be taken: 1e308 Pa is not within 0..200000"

@@ -14,7 +14,7 @@ use fmu_xml::{XmlWriter, document, element, empty, float};
 
 /// The namespace of parameter sets.
 pub(crate) const NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureParameterValues";
-/// The namespace of what SSP's files have in common.
+/// The namespace of elements common to SSP's files.
 pub(crate) const COMMON_NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureCommon";
 
 /// Values of parameters under a name.
@@ -33,9 +33,9 @@ pub struct ParameterSet {
 /// A parameter's value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
-    /// The name, that of the variable.
+    /// The name of the variable.
     pub name: String,
-    /// Why the value is what it is.
+    /// The reason for the value.
     pub description: String,
     /// With its type, and a unit if the file gives one.
     pub value: Value,
@@ -74,14 +74,16 @@ impl ParameterSet {
     pub fn parse(xml: &str) -> io::Result<Self> {
         let mut set = Self::default();
         let mut names = BTreeSet::new();
-        // A parameter whose value did not come yet.
+        // A parameter whose value is still to come.
         let mut open: Option<(String, String)> = None;
         let root = read_elements(xml, |path, name, attributes| {
             match path {
                 [] if name == "ParameterSet" => {
                     let version = attributes.text("version");
                     if !version.starts_with("1.") {
-                        return Err(broken(format!("parameter sets of version '{version}' are not known")));
+                        return Err(broken(format!(
+                            "parameter sets of version '{version}' are not supported"
+                        )));
                     }
                     set.name = attributes.text("name");
                     set.description = attributes.text("description");
@@ -92,7 +94,7 @@ impl ParameterSet {
                     }
                     let parameter = attributes.text("name");
                     if !names.insert(parameter.clone()) {
-                        return Err(broken(format!("the parameter {parameter} stands twice")));
+                        return Err(broken(format!("the parameter {parameter} occurs twice")));
                     }
                     open = Some((parameter, attributes.text("description")));
                 }
@@ -190,12 +192,12 @@ impl Value {
             },
             "String" => Self::String(text.to_owned()),
             "Enumeration" => Self::Enumeration(text.to_owned()),
-            other => return Err(broken(format!("values of the type {other} are not known"))),
+            other => return Err(broken(format!("values of the type {other} are not supported"))),
         })
     }
 }
 
-/// The value as messages show it, with its unit; a number reads back as the same double.
+/// The value with its unit, for messages; a number reads back as the same double.
 impl Display for Value {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
         match self {

@@ -1,5 +1,4 @@
-//! The platforms that an FMU may hold libraries for: the folders of these and what belongs into them
-//! (FMI 2.0.5, section 2.3).
+//! The platforms of an FMU's libraries: their folders and formats (FMI 2.0.5, section 2.3).
 //!
 //! The standard names folders for x86. For other processors it refers to the platform tuples of FMI 3.0
 //! (section 2.5.1.4.1 there).
@@ -16,8 +15,8 @@ pub enum Platform {
     Aarch64Darwin,
     Aarch64Linux,
     Aarch64Windows,
-    /// By the standard macOS on x86-64. On Apple Silicon FMPy and others look here, too, so the library may
-    /// be for either processor, or a universal one for both.
+    /// In the standard macOS on x86-64. On Apple Silicon, FMPy and others use this folder as well, so the library may be
+    /// for either processor, or a universal one for both.
     Darwin64,
     Linux32,
     Linux64,
@@ -89,7 +88,7 @@ impl Platform {
         }
     }
 
-    /// Where a library of this platform lies in the archive.
+    /// The path of a library in the archive.
     #[must_use]
     pub fn library_path(self, model_identifier: &str) -> String {
         format!("binaries/{}/{model_identifier}.{}", self.folder(), self.format().suffix())

@@ -1,5 +1,4 @@
-//! `documentation/platforms.txt`: for which platforms an FMU has libraries, what these need, and where they
-//! were run.
+//! `documentation/platforms.txt`: the platforms of an FMU's libraries, what these need, and where they were run.
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Display};
@@ -7,23 +6,23 @@ use std::fmt::{self, Display};
 use super::library::Library;
 use super::platform::Platform;
 
-/// Begins the part of a line that tells where the library was run.
+/// Begins the part of a line with the systems where the library was run.
 const RUN: &str = "; run: ";
 
 /// The platforms of an FMU.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PlatformList {
-    /// What the library of each is.
+    /// The library of each.
     pub libraries: BTreeMap<Platform, Library>,
-    /// Where the library of a platform was run: in which system or emulator.
+    /// The systems or emulators in which the library of a platform was run.
     pub runs: BTreeMap<Platform, String>,
 }
 
 impl PlatformList {
-    /// Where the list lies in the archive.
+    /// The path in the archive.
     pub const PATH: &'static str = "documentation/platforms.txt";
 
-    /// Reads from a list where the libraries were run; the rest is read from the libraries.
+    /// Reads from a list where the libraries were run.
     #[must_use]
     pub fn read_runs(text: &str) -> BTreeMap<Platform, String> {
         text.lines()

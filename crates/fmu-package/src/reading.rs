@@ -1,4 +1,4 @@
-//! Reading files that may be anyone's: never more of one than is sane. The limits on sizes are all here.
+//! Reading untrusted files, with limits on their sizes.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -6,9 +6,9 @@ use std::path::Path;
 
 use super::archive::broken;
 
-/// What a text may hold in bytes; descriptions of the largest models have some 50 MB.
+/// The largest text in bytes; descriptions of the largest models have some 50 MB.
 pub const LARGEST_TEXT: u64 = 64 << 20;
-/// What an archive may hold in bytes, packed or unpacked, and any other file that is not a text for people.
+/// The largest archive, packed or unpacked, or other binary file in bytes.
 pub const LARGEST_CONTENT: u64 = 1 << 30;
 
 /// A text file.
@@ -29,10 +29,10 @@ pub fn bytes(path: &Path) -> io::Result<Vec<u8>> {
     read.map_err(|error| cannot_read(path, &error))
 }
 
-/// All that a reader gives.
+/// The whole content of a reader.
 ///
 /// # Errors
-/// When it fails, or gives more than `largest` bytes.
+/// When it fails, or has more than `largest` bytes.
 pub fn up_to(largest: u64, reader: impl Read) -> io::Result<Vec<u8>> {
     let mut bytes = vec![];
     reader.take(largest + 1).read_to_end(&mut bytes)?;

@@ -1,15 +1,15 @@
 //! Systems of coupled components: the .ssd and .ssp files of System Structure and Parameterization 1.0
 //! (SSP, sections 3 and 5).
 //!
-//! They are written so that the tools which are known to read them do, beyond what the schema asks for:
+//! Beyond the schema, known tools have requirements:
 //!
-//! - OMSimulator wants its own annotation, which says that the system is one of co-simulation, as the first;
-//!   it knows prefixes by their usual names, refuses `SystemGeometry`, and whatever a component holds beside
-//!   connectors, geometry and parameter bindings; from Python it fails on the units of parameters that stand in
-//!   the structure, so that all parameter sets are files of their own;
-//! - libcosim takes its step size from an annotation of its own; it reads connections between components
-//!   alone, hence [`SystemStructure::of_components`];
-//! - FMPy wants every input that is listed to be connected.
+//! - OMSimulator needs its own annotation, which selects co-simulation, as the first one; it needs the usual names
+//!   of prefixes, and refuses `SystemGeometry` and elements of a component other than connectors, geometry and
+//!   parameter bindings; from Python it fails on units of parameters inside the structure, so that all parameter
+//!   sets are separate files;
+//! - libcosim reads its step size from its own annotation; it supports only connections between components, hence
+//!   [`SystemStructure::of_components`];
+//! - FMPy needs a connection for every listed input.
 
 use std::io::{self, Write};
 use std::iter;
@@ -24,7 +24,7 @@ const NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureDescription
 /// The namespace of OMSimulator's annotations.
 const OMSIMULATOR_NAMESPACE: &str =
     "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd";
-/// The tolerance that OMSimulator hands to the FMUs, its own default. Its schema requires one.
+/// The tolerance that OMSimulator passes to the FMUs, its own default. Its schema requires one.
 const OMSIMULATOR_TOLERANCE: f64 = 1e-4;
 /// The namespace of libcosim's annotations.
 const LIBCOSIM_NAMESPACE: &str = "http://opensimulationplatform.com/SSP/OSPAnnotations";
@@ -34,9 +34,9 @@ const DEFAULT_STRUCTURE: &str = "SystemStructure.ssd";
 /// A system structure description: the system, and how it is simulated by default.
 #[derive(Clone, Debug)]
 pub struct SystemStructure {
-    /// The name, by which variants in one package are told apart.
+    /// The name, unique among the variants in a package.
     pub name: String,
-    /// What the structure is.
+    /// For users.
     pub description: String,
     /// The root system; it contains the FMUs.
     pub system: System,
@@ -55,7 +55,7 @@ pub struct SystemStructure {
 pub struct System {
     /// Unique within its parent.
     pub name: String,
-    /// What the system exchanges with the outside.
+    /// The connectors of the system.
     pub connectors: Vec<Connector>,
     /// The components; masters that step one after the other do so in this order.
     pub components: Vec<SystemComponent>,
@@ -70,11 +70,11 @@ pub struct SystemComponent {
     pub name: String,
     /// The FMU's path in the package.
     pub source: String,
-    /// What the component exchanges: variables of the FMU.
+    /// The connectors: variables of the FMU.
     pub connectors: Vec<Connector>,
-    /// Where the component is drawn.
+    /// The component's rectangle in the diagram.
     pub placement: Placement,
-    /// The paths in the package of the parameter sets that apply to it, later ones over earlier ones.
+    /// The paths of its parameter sets in the package; later ones override earlier ones.
     pub parameter_sets: Vec<String>,
 }
 
@@ -87,7 +87,7 @@ pub struct Placement {
     pub upper_right: (f64, f64),
 }
 
-/// A Real value that an element exchanges.
+/// A Real connector of an element.
 #[derive(Clone, Debug)]
 pub struct Connector {
     /// Unique within its parent.
@@ -96,9 +96,9 @@ pub struct Connector {
     pub kind: Kind,
     /// The unit; empty when it is not known.
     pub unit: String,
-    /// An input of the system: the value when nobody gives one.
+    /// For an input of the system: the start value.
     pub start: Option<f64>,
-    /// Where it is drawn: 0 to 1 from left to right and from below to above, of the element's rectangle.
+    /// The position in the element's rectangle: 0 to 1 from left to right and from bottom to top.
     pub place: (f64, f64),
 }
 
@@ -113,11 +113,11 @@ pub enum Kind {
 /// A connection of two connectors.
 #[derive(Clone, Debug)]
 pub struct Connection {
-    /// Where the value comes from.
+    /// The source.
     pub start: End,
-    /// Where it goes to.
+    /// The target.
     pub end: End,
-    /// The conversion of the value, instead of that by units.
+    /// A conversion that replaces the one by units.
     pub transformation: Option<Linear>,
     /// The corners of the line, in mm.
     pub corners: Vec<(f64, f64)>,
@@ -132,20 +132,20 @@ pub struct End {
     pub connector: String,
 }
 
-/// The .ssp archive: structures, and what they refer to.
+/// The .ssp archive: structures with their FMUs and parameter sets.
 #[derive(Clone, Debug)]
 pub struct SystemPackage {
-    /// What tools read that know nothing of variants.
+    /// The structure for tools without support of variants.
     pub structure: SystemStructure,
     /// Other structures by their file names, `Components.ssd` for one.
     pub variants: Vec<(String, SystemStructure)>,
-    /// FMUs and parameter sets by the paths that components refer to.
+    /// FMUs and parameter sets by their paths.
     pub resources: Vec<(String, Vec<u8>)>,
 }
 
 impl SystemStructure {
-    /// The same without what the system exchanges with the outside, under another name: for masters that read
-    /// no connectors of the system and whose users set the components' inputs themselves.
+    /// The same without the system's connectors, under another name: for masters that do not support these, whose users
+    /// set the components' inputs.
     #[must_use]
     pub fn of_components(&self, name: &str) -> Self {
         let mut structure = Self { name: name.to_owned(), ..self.clone() };
@@ -208,8 +208,7 @@ impl SystemStructure {
         })
     }
 
-    /// The values of the system's inputs when nobody gives others, as a parameter set, and its path in the package;
-    /// none where no input has one.
+    /// The start values of the system's inputs as a parameter set, with its path in the package, if there are any.
     fn start_values(&self) -> Option<(String, ParameterSet)> {
         let starts = self.system.connectors.iter().filter_map(|connector| {
             Some(Parameter {
@@ -305,7 +304,7 @@ impl Connection {
         attributes.extend(self.end.component.clone().map(|component| ("endElement", component)));
         attributes.push(("endConnector", self.end.connector.clone()));
         if self.transformation.is_some() {
-            // The transformation says all; without this it would be done on top of a conversion by units.
+            // Without this, the transformation would be applied in addition to the conversion by units.
             attributes.push(("suppressUnitConversion", true.to_string()));
         }
         element(writer, "ssd:Connection", attributes, |writer| {

@@ -1,5 +1,4 @@
-//! Files and folders that are there only as long as they are used: they go when they are dropped, and where the
-//! program asks for it, also when the user interrupts it.
+//! Temporary files and folders: they are removed when dropped and, on request, when the user interrupts the program.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -10,26 +9,26 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use tempfile::{Builder, NamedTempFile, TempDir};
 
-/// The exit status of a program that was interrupted, as shells give it.
+/// The exit status of an interrupted program, as in shells.
 pub const INTERRUPTED: i32 = 130;
-/// What the names of files begin with that are not yet in their places.
+/// The prefix of unfinished files.
 const UNFINISHED: &str = ".unfinished-";
 
-/// All that is to be removed.
+/// Everything to be removed.
 static PATHS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
 fn paths() -> MutexGuard<'static, BTreeSet<PathBuf>> {
     PATHS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// From now on an interruption (Ctrl-C; on Unix also SIGTERM and SIGHUP) removes what is there, and ends the process
-/// with [`INTERRUPTED`]. Where one of these signals is ignored, as below `nohup`, they all stay as they are.
+/// From now on an interruption (Ctrl-C; on Unix also SIGTERM and SIGHUP) removes them, and ends the process with
+/// [`INTERRUPTED`]. If one of these signals is ignored, as under `nohup`, this has no effect.
 pub fn remove_when_interrupted() {
     let remove = || {
-        // Locked to the end of the process: nothing begins any more, and nothing is moved to its place.
+        // Locked until the process ends, so that nothing is created or moved any more.
         let paths = paths();
         for path in paths.iter() {
-            // What cannot be removed, as the loaded library on Windows, stays.
+            // A loaded library cannot be removed on Windows.
             let _ = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
         }
         process::exit(INTERRUPTED);
@@ -38,11 +37,11 @@ pub fn remove_when_interrupted() {
     let _ = ctrlc::try_set_handler(remove);
 }
 
-/// A folder for files of others, in the system's place for such.
+/// A folder in the system's folder for temporary files.
 pub struct Folder(Option<TempDir>);
 
 impl Folder {
-    /// Makes a folder and fills it; where that fails nothing is left. One is filled at a time.
+    /// Makes a folder and fills it; if that fails, removes it. Only one is filled at a time.
     ///
     /// # Errors
     /// When it cannot be made, or what `fill` returns.
@@ -50,7 +49,7 @@ impl Folder {
         prefix: &str,
         fill: impl FnOnce(&Path) -> Result<(), E>,
     ) -> Result<Self, E> {
-        // An interruption waits until it is known.
+        // An interruption waits until the folder is registered.
         let mut paths = paths();
         let folder = Builder::new().prefix(prefix).tempdir()?;
         fill(folder.path())?;
@@ -75,13 +74,13 @@ impl Drop for Folder {
     }
 }
 
-/// A file that is not yet in its place.
+/// An unfinished file.
 pub(crate) struct Unfinished(Option<NamedTempFile>);
 
 impl Unfinished {
-    /// Makes a file of a name of its own, with the permissions of any new file.
+    /// Makes a file with a unique name and the permissions of any new file.
     pub(crate) fn new_in(folder: &Path) -> io::Result<Self> {
-        // Otherwise the error of a missing folder names the temporary file.
+        // Otherwise the error of a missing folder would name the temporary file.
         fs::metadata(folder)?;
         let mut builder = Builder::new();
         builder.prefix(UNFINISHED);
@@ -97,7 +96,7 @@ impl Unfinished {
         self.0.as_ref().map(NamedTempFile::as_file).ok_or_else(|| io::Error::other("it is in its place"))
     }
 
-    /// Moves the file to its place: over what is there, or only where nothing is.
+    /// Moves the file to its path, and replaces an existing file only if wanted.
     pub(crate) fn persist(mut self, place: &Path, replaces: bool) -> io::Result<()> {
         let mut paths = paths();
         let Some(file) = self.0.take() else { return Ok(()) };

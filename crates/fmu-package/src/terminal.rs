@@ -1,5 +1,5 @@
-//! What commands print. The texts may be anyone's, from descriptions, messages and file names: what would control the
-//! terminal is shown, not sent.
+//! Output of commands. Texts from descriptions, messages and file names are not trusted: control characters are
+//! escaped.
 
 use std::fmt::Write as _;
 use std::io::{self, ErrorKind, Write};
@@ -23,14 +23,13 @@ pub fn complain(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{}", printable(text));
 }
 
-/// A text that may be printed: control characters, and those that change the direction of writing, are escaped.
-/// Line breaks and tabs stay.
+/// A text with escaped control characters, also those for the direction of writing. Line breaks and tabs stay.
 #[must_use]
 pub fn printable(text: &str) -> String {
     escaped(&text.replace("\r\n", "\n"), |character| matches!(character, '\n' | '\t'))
 }
 
-/// A text that may be printed within a line.
+/// The same for a text within a line, with line breaks and tabs escaped.
 #[must_use]
 pub fn in_line(text: &str) -> String {
     escaped(text, |_| false)
@@ -42,7 +41,7 @@ fn escaped(text: &str, stays: impl Fn(char) -> bool) -> String {
         // Unicode's embeddings, overrides and isolates (UAX #9, section 2).
         let turns = matches!(character, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
         if (character.is_control() || turns) && !stays(character) {
-            // A `String` takes every write.
+            // Writing to a `String` cannot fail.
             let _ = write!(printable, "{}", character.escape_default());
         } else {
             printable.push(character);
@@ -51,7 +50,7 @@ fn escaped(text: &str, stays: impl Fn(char) -> bool) -> String {
     printable
 }
 
-/// A number in its shortest form that reads back as the same: with an exponent where there would be many zeros.
+/// The shortest form of a number that reads back as the same, with an exponent instead of many zeros.
 #[must_use]
 pub fn number(value: f64) -> String {
     if value == 0.0 || !value.is_finite() || (1e-5..1e16).contains(&value.abs()) {

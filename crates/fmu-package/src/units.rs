@@ -7,14 +7,14 @@ use fmu_xml::{Attributes, XmlWriter, conversion, element, empty};
 /// The SI base units and rad, in the order of [`BaseUnit::exponents`].
 const BASE_UNITS: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
 
-/// A unit by its name, with what it is in SI units, where this is known.
+/// A unit with its definition in SI units, if known.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unit {
     /// The name that variables refer to.
     pub name: String,
     /// The unit in SI base units.
     pub base: Option<BaseUnit>,
-    /// The units that values in this unit are shown in.
+    /// Its display units.
     pub display_units: Vec<DisplayUnit>,
 }
 
@@ -29,10 +29,10 @@ pub struct BaseUnit {
     pub offset: f64,
 }
 
-/// A unit to show values in: value in it = factor · value in the unit + offset.
+/// A display unit: value in it = factor · value in the unit + offset.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DisplayUnit {
-    /// As variables refer to it.
+    /// The name that variables refer to.
     pub name: String,
     /// See above.
     pub factor: f64,
@@ -50,12 +50,12 @@ pub struct Linear {
 }
 
 impl BaseUnit {
-    /// A base unit of no dimension, of which others differ.
+    /// The dimensionless unit, as a start for others.
     pub(crate) fn one() -> Self {
         Self { exponents: [0; BASE_UNITS.len()], factor: 1.0, offset: 0.0 }
     }
 
-    /// Sets the exponent of a base unit by its name; others are not known.
+    /// Sets the exponent of a base unit by its name; other names are ignored.
     pub(crate) fn set_exponent(&mut self, name: &str, exponent: i32) {
         if let Some(position) = BASE_UNITS.iter().position(|&base| base == name) {
             self.exponents[position] = exponent;
@@ -67,8 +67,7 @@ impl BaseUnit {
         BASE_UNITS.contains(&name)
     }
 
-    /// The function that takes values in this unit to values in another; none where they measure different
-    /// things.
+    /// The conversion from this unit to another; none if they have different dimensions.
     #[must_use]
     pub fn to(&self, other: &Self) -> Option<Linear> {
         (self.exponents == other.exponents).then(|| {
@@ -79,7 +78,7 @@ impl BaseUnit {
 }
 
 impl Unit {
-    /// This unit, and the units in which its values may be shown as units of their own.
+    /// This unit and its display units, as units.
     pub fn with_display_units(&self) -> impl Iterator<Item = Self> + '_ {
         let shown = self.display_units.iter().map(|display| {
             // base = f·u + o and shown = g·u + p, hence base = (f/g)·shown + o − (f/g)·p.
@@ -94,7 +93,7 @@ impl Unit {
 }
 
 impl Linear {
-    /// The function that leaves values as they are.
+    /// The identity.
     pub const IDENTITY: Self = Self { factor: 1.0, offset: 0.0 };
 
     /// The value of the function.
@@ -103,25 +102,25 @@ impl Linear {
         self.factor * value + self.offset
     }
 
-    /// This function, and another one of its value.
+    /// This function followed by another one.
     #[must_use]
     pub fn then(self, next: Self) -> Self {
         Self { factor: next.factor * self.factor, offset: next.factor * self.offset + next.offset }
     }
 
-    /// The function that takes back.
+    /// The inverse function.
     #[must_use]
     pub fn inverse(self) -> Self {
         Self { factor: self.factor.recip(), offset: -self.offset / self.factor }
     }
 }
 
-/// A number to 15 digits: the reciprocal of 1e-5, which no double is, becomes 100000.
+/// A number rounded to 15 digits: the reciprocal of 1e-5, which is not exact in doubles, becomes 100000.
 fn rounded(value: f64) -> f64 {
     format!("{value:.14e}").parse().unwrap_or(value)
 }
 
-/// Writes the list of units that SSP's files hold, of those that are in SI base units: SSP knows no other.
+/// Writes the list of units in SSP's files: those defined in SI base units, since SSP has no others.
 pub(crate) fn write_units(writer: &mut XmlWriter, list: &'static str, units: &[Unit]) -> io::Result<()> {
     let known: Vec<_> = units.iter().filter_map(|unit| unit.base.map(|base| (unit, base))).collect();
     if known.is_empty() {

@@ -1,7 +1,7 @@
 //! Writing files: whole, or not at all.
 //!
-//! A file is written beside its place under a name of its own and then moved there, so that a reader never
-//! sees a part of it, two processes with the same output do not mix, and what was there stays where writing fails.
+//! A file is written under a unique name in the same folder and then renamed, so that a reader never sees a part of
+//! it, two processes with the same output do not mix, and an existing file stays if writing fails.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, ErrorKind, Write};
@@ -9,11 +9,11 @@ use std::path::{Path, PathBuf};
 
 use super::temporary::Unfinished;
 
-/// What a file's content is written to.
+/// The writer of a file's content.
 pub type Writer<'a> = BufWriter<&'a File>;
 
-/// Writes a file. One that is there is replaced, and keeps its permissions; a link stays, and what it leads to is
-/// replaced. What is not a file, such as a pipe or `/dev/stdout`, is written to as it is.
+/// Writes a file. An existing one is replaced, and keeps its permissions; of a link the target is replaced. What is not
+/// a file, such as a pipe or `/dev/stdout`, is written to directly.
 ///
 /// # Errors
 /// When it cannot be written; the message names it.
@@ -22,7 +22,7 @@ pub fn write(path: &Path, content: impl FnOnce(&mut Writer<'_>) -> io::Result<()
 }
 
 fn replace(path: &Path, content: impl FnOnce(&mut Writer<'_>) -> io::Result<()>) -> io::Result<()> {
-    // Who may not write to a file may not replace it, either.
+    // A file without write permission must not be replaced either.
     let place = match OpenOptions::new().write(true).open(path) {
         Ok(known) if known.metadata()?.is_file() => Some((fs::canonicalize(path)?, known.metadata()?)),
         Ok(other) => return fill(&other, content),
@@ -40,7 +40,7 @@ fn replace(path: &Path, content: impl FnOnce(&mut Writer<'_>) -> io::Result<()>)
     new.persist(target, true)
 }
 
-/// Writes a file that its user will edit: one that is there is kept.
+/// Writes a file that its user will edit, unless it exists.
 ///
 /// # Errors
 /// When there is one, or it cannot be written; the message names it.
@@ -66,7 +66,7 @@ fn fill(file: &File, content: impl FnOnce(&mut Writer<'_>) -> io::Result<()>) ->
     writer.flush()
 }
 
-/// Refuses outputs that would destroy an input or each other; an output that is a folder may hold no input.
+/// Refuses outputs that would destroy an input or each other; an output folder must not contain an input.
 ///
 /// # Errors
 /// When there is such an output, or its folder is missing; the message names it.
@@ -91,7 +91,7 @@ pub fn refuse_overlap(outputs: &[PathBuf], inputs: &[PathBuf]) -> io::Result<()>
     Ok(())
 }
 
-/// Where a file is, or will be.
+/// The canonical path of a file, which need not exist.
 fn place(path: &Path) -> io::Result<PathBuf> {
     match (fs::canonicalize(path), path.file_name()) {
         (Err(error), Some(name)) if error.kind() == ErrorKind::NotFound => {
@@ -142,7 +142,7 @@ mod tests {
         assert_eq!(names(folder.path()), ["a"]);
     }
 
-    /// Other names beside the file are their users' own.
+    /// Other files beside it are not touched.
     #[cfg(unix)]
     #[test]
     fn a_link_stays_and_its_target_keeps_its_permissions() {
@@ -160,7 +160,7 @@ mod tests {
         assert_eq!(names(folder.path()), ["a", "a.new", "link"]);
     }
 
-    /// A new file may be read by whom the user's mask allows, as any other.
+    /// A new file has the permissions of the user's umask.
     #[cfg(unix)]
     #[test]
     fn a_new_file_has_the_permissions_of_any_other() {

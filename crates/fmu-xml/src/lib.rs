@@ -70,3 +70,32 @@ pub fn conversion(factor: f64, offset: f64) -> Attributes {
     }
     attributes
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_document_is_indented_and_escaped() {
+        let text = document(|writer| {
+            element(writer, "Unit", vec![("name", "a<\"b\"".to_owned())], |writer| {
+                empty(writer, "BaseUnit", conversion(1000.0, 0.0))
+            })
+        });
+        let expected = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
+                        <Unit name=\"a&lt;&quot;b&quot;\">\n  <BaseUnit factor=\"1000.0\"/>\n</Unit>\n";
+        assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn numbers_are_short_and_read_back() {
+        for (value, text) in
+            [(0.1, "0.1"), (1.0, "1.0"), (1e-9, "1e-9"), (f64::MAX, "1.7976931348623157e308")]
+        {
+            assert_eq!(float(value), text);
+            assert_eq!(float(value).parse::<f64>().unwrap().to_bits(), value.to_bits());
+        }
+        assert_eq!(conversion(1.0, 0.0), []);
+        assert_eq!(conversion(1.0, 273.15), [("offset", "273.15".to_owned())]);
+    }
+}

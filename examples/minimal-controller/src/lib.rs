@@ -1,17 +1,17 @@
-//! The least that `BoostPlant` can be controlled with: a PI controller of boost pressure that samples at each
-//! communication point, and the relay of the vacuum pump. A template for a controller of one's own.
-#![allow(non_snake_case, reason = "the library bears the model identifier")]
+//! A minimal controller for `BoostPlant`: a PI controller of boost pressure that samples at each communication point,
+//! and the relay of the vacuum pump. A template for your own controller.
+#![allow(non_snake_case, reason = "the library is named after the model identifier")]
 
 use fmu_export::{Context, Error, InputsOf, Model, Persistent, Step};
 
 fmu_export::fmu!(MinimalController);
 
-/// The duties between which the wastegate moves, in %.
+/// The range of duties in which the wastegate moves, in %.
 const DUTIES: [f64; 2] = [25.0, 75.0];
 /// The tank's pressures in Pa at which the pump stops and starts.
 const TANK_PRESSURES: [f64; 2] = [30_000.0, 35_000.0];
 
-/// What the controller remembers from step to step: the integral term in % of duty.
+/// The controller's memory: the integral term in % of duty.
 #[derive(Clone, Default, Persistent)]
 struct MinimalController {
     integral: f64,
@@ -41,7 +41,7 @@ impl Model for MinimalController {
         let (inputs, parameters) = (step.inputs.initial(), &variables.parameters);
         let proportional = parameters.gain * (inputs.boost_reference - inputs.boost_pressure);
         let duty = (self.integral + proportional).clamp(DUTIES[0], DUTIES[1]);
-        // At a bound the integral term stays where it does not ask for more than that.
+        // At a bound the integral term is limited, against windup.
         let integral = self.integral + proportional * step.size / parameters.integral_time;
         self.integral = integral.clamp(DUTIES[0], DUTIES[1]);
 
@@ -56,7 +56,7 @@ impl Model for MinimalController {
     }
 }
 
-/// A duty at 12 V as the one at the present voltage that does the same (paper, eq. (9)).
+/// A duty at 12 V, compensated for the present voltage (paper, eq. (9)).
 fn compensated(duty: f64, inputs: &InputsOf<MinimalController>) -> f64 {
     (duty * 12.0 / inputs.supply_voltage_measured.max(6.0)).min(100.0)
 }

@@ -1,4 +1,4 @@
-//! Where the coupled system is drawn: the controller at the upper left, the plant at the lower right.
+//! The diagram of the coupled system: the controller at the upper left, the plant at the lower right.
 //!
 //! ```text
 //!   ┌────────────┐
@@ -11,16 +11,16 @@
 //!   other inputs   └───────┘
 //! ```
 //!
-//! The canvas is what the components span: OMSimulator refuses files that give it another size.
+//! The components span the canvas, since OMSimulator refuses files that give another size.
 
 use fmu_package::Placement;
 
 /// The distance of neighbouring lines in mm.
 const PITCH: f64 = 10.0;
-/// The smallest width of a component in mm: its name is to be read.
+/// The smallest width of a component in mm, for its name.
 const SMALLEST: f64 = 60.0;
 
-/// How many connectors there are at each side.
+/// The number of connectors at each side.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Counts {
     /// From the environment to the controller alone.
@@ -41,9 +41,9 @@ pub struct Counts {
 #[derive(Clone, Copy, Debug)]
 pub struct Layout {
     counts: Counts,
-    /// The controller's place.
+    /// The controller's rectangle.
     pub controller: Placement,
-    /// The plant's place.
+    /// The plant's rectangle.
     pub plant: Placement,
 }
 
@@ -120,13 +120,12 @@ impl Layout {
         (self.right(), self.plant.upper_right.1 - PITCH * (index + 1) as f64)
     }
 
-    /// The whole canvas.
     pub fn canvas(&self) -> Placement {
         Placement { lower_left: (0.0, 0.0), upper_right: (self.right(), self.controller.upper_right.1) }
     }
 }
 
-/// A point's place in a rectangle, from 0 to 1.
+/// A point's relative position in a rectangle, from 0 to 1.
 pub fn relative((x, y): (f64, f64), Placement { lower_left, upper_right }: Placement) -> (f64, f64) {
     ((x - lower_left.0) / (upper_right.0 - lower_left.0), (y - lower_left.1) / (upper_right.1 - lower_left.1))
 }

@@ -1,4 +1,4 @@
-//! Coupling a plant with a controller, ours or others: the system that results, and how it is drawn.
+//! Couples a plant and a controller, ours or others: the system and its diagram.
 
 mod layout;
 mod system;

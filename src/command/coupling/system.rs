@@ -1,9 +1,8 @@
-//! The system of a plant and a controller: components, connections and what it exchanges with its
-//! environment, drawn and ready to be written.
+//! The system of a plant and a controller: components, connections and connectors, with their diagram.
 //!
-//! Connections follow from the interface. What one place gives and the other takes is connected, and an input
-//! that neither gives becomes an input of the system, one for both where both have it. All outputs become
-//! outputs of the system. Where an FMU's units differ from the interface's, the connection converts.
+//! Connections follow from the interface: outputs of either FMU are connected to inputs of the other, and inputs
+//! without a source become inputs of the system, a common one if both have it. All outputs become outputs of the
+//! system. If an FMU's units differ from the interface's, the connection converts.
 
 use boost_interface::{Compatibility, Match, Port, Role};
 use fmu_package::{
@@ -13,12 +12,12 @@ use fmu_package::{
 
 use super::layout::{Counts, Layout, relative};
 
-/// The file of the structure that has no connectors of the system.
+/// The file of the structure without the system's connectors.
 const COMPONENTS: &str = "Components.ssd";
 
-/// An FMU that takes part.
+/// An FMU in the system.
 pub struct Member<'a> {
-    /// Which of its variables are those of the interface.
+    /// Its variables in the interface.
     pub compatibility: &'a Compatibility<'a>,
     /// The .fmu file.
     pub fmu: Vec<u8>,
@@ -26,7 +25,7 @@ pub struct Member<'a> {
     pub parameter_sets: Vec<(String, String)>,
 }
 
-/// A variable of an FMU that is one of the interface.
+/// A variable of an FMU in the interface.
 struct Wire<'a> {
     port: &'a Port,
     variable: &'a FmuVariable,
@@ -44,14 +43,14 @@ struct Builder {
     names: [String; 2],
 }
 
-/// The package of a plant and a controller that fit.
+/// The package of a fitting plant and controller.
 pub fn couple(name: &str, plant: Member<'_>, controller: Member<'_>) -> SystemPackage {
     let fits = [controller.compatibility, plant.compatibility];
     let names = component_names(fits);
     let units = units(fits);
     let mut system = build(plant.compatibility, controller.compatibility, names.clone());
     for connector in system.controller.iter_mut().chain(&mut system.plant) {
-        // A unit that another FMU defines otherwise says nothing; the connections convert.
+        // Units that the FMUs define differently are removed; the connections convert.
         if !units.iter().any(|unit| unit.name == connector.unit) {
             connector.unit.clear();
         }
@@ -98,7 +97,7 @@ pub fn couple(name: &str, plant: Member<'_>, controller: Member<'_>) -> SystemPa
     SystemPackage { structure, variants: vec![(COMPONENTS.to_owned(), of_components)], resources }
 }
 
-/// The wires and lines of the system.
+/// The connections of the system.
 fn build(plant: &Compatibility<'_>, controller: &Compatibility<'_>, names: [String; 2]) -> Builder {
     let of_plant = |kind| wires(plant, kind);
     let of_controller = |kind| wires(controller, kind);
@@ -250,7 +249,7 @@ impl Builder {
     }
 }
 
-/// The variables of a kind that are connected.
+/// The connected variables of a kind.
 fn wires<'a>(compatibility: &'a Compatibility<'a>, kind: Kind) -> Vec<Wire<'a>> {
     compatibility
         .matches
@@ -265,8 +264,8 @@ fn wires<'a>(compatibility: &'a Compatibility<'a>, kind: Kind) -> Vec<Wire<'a>> 
         .collect()
 }
 
-/// Whether a value of 0 does no harm. Some masters hand zeros to connected inputs before anything else, so an
-/// input for which this is out of range is better not connected and keeps its start value.
+/// Whether 0 is within the range. Some masters set connected inputs to zero first, so an input without 0 in its range
+/// is not connected and keeps its start value.
 fn may_be_zero(port: &Port) -> bool {
     port.variable.range().is_ok_and(|(min, max)| min <= 0.0 && max >= 0.0)
 }
@@ -275,7 +274,7 @@ fn transformation(function: Linear) -> Option<Linear> {
     (function != Linear::IDENTITY).then_some(function)
 }
 
-/// The names of controller and plant in the system: their identifiers, told apart where they are the same.
+/// The names of controller and plant in the system: their identifiers, made unique.
 fn component_names(fits: [&Compatibility<'_>; 2]) -> [String; 2] {
     let identifiers = fits.map(|compatibility| {
         compatibility.fmu.co_simulation_identifier().unwrap_or(compatibility.role.name())
@@ -287,7 +286,7 @@ fn component_names(fits: [&Compatibility<'_>; 2]) -> [String; 2] {
     }
 }
 
-/// The units of the interface, and those of the FMUs that are not defined otherwise there.
+/// The units of the interface, and those of the FMUs without a conflicting definition there.
 fn units(fits: [&Compatibility<'_>; 2]) -> Vec<Unit> {
     let interface = [Role::Controller, Role::Plant].map(|role| &role.description().units);
     let own = fits.map(|compatibility| &compatibility.fmu.units);
@@ -304,7 +303,7 @@ fn units(fits: [&Compatibility<'_>; 2]) -> Vec<Unit> {
     units
 }
 
-/// Start, stop and step of the default experiment in s: the longer one, in the smaller steps.
+/// Start, stop and step of the default experiment in s: the longer duration with the smaller step.
 fn default_experiment(fits: [&Compatibility<'_>; 2]) -> [f64; 3] {
     let values = |name: &str| {
         fits.map(|compatibility| {

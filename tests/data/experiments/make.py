@@ -1,9 +1,9 @@
-"""Makes the experiments of this folder: all ten inputs of the plant move at random, and an implementation of
-its equations of its own, with SciPy's DOP853 at a tolerance of 1e-11, says what the plant does.
+"""Makes the experiments of this folder: all ten inputs of the plant are random, and an independent
+implementation of its equations computes the reference with SciPy's DOP853 at a tolerance of 1e-11.
 
     python tests/data/experiments/make.py [--out FOLDER | --check] [NUMBER ...]
 
-It writes the files anew, here or in another folder, or checks those that are here.
+It writes the files, here or in another folder, or checks the existing ones.
 
 The equations are those of src/plant/, which has their sources, transcribed as they are read there; the
 parameters are read from modelDescription/plant.json. Needs Python 3.11 and SciPy; an experiment takes about
@@ -43,7 +43,7 @@ INPUTS = {
     "ambient_pressure": (7e4, 1.08e5),
     "ambient_temperature": (250.0, 320.0),
 }
-# What counts as 100 % of each state.
+# The full scale of each state.
 SCALES = [3.5e4, 1e5, 1e-2, 0.1, 0.2, 100.0, 1e5, 2e5, 2e5, 2e5, 2e5, 2e5, 1.5e5, 1e5, 2e4, 1e4]
 
 
@@ -65,7 +65,7 @@ def parameters():
 
 
 def points_of(seed):
-    """Points (time, value) of each input: it rests, jumps and ramps by turns."""
+    """Points (time, value) of each input: constant values, jumps and ramps."""
     chance = random.Random(seed)
     points = {}
     for name, (least, most) in INPUTS.items():
@@ -79,7 +79,7 @@ def points_of(seed):
 
         now = value()
         points[name] = [(0.0, now)]
-        # Between communication points, so that rounding of times decides nothing.
+        # Between communication points, so that rounding of times has no effect.
         time = 0.5 * STEP
         while time < DURATION:
             time += math.floor(chance.uniform(0.2, 3.0) / STEP) * STEP
@@ -351,11 +351,11 @@ def rows_of(folder, number):
 
 
 def check(number):
-    """Fails where an experiment, made anew, differs from what is kept.
+    """Fails if a new run of an experiment differs from the stored one.
 
-    The inputs are the same bytes. The reference may differ by what another version of SciPy or of the
-    system's mathematics rounds differently: by 1e-7 of the largest value of a column, a thousandth of what
-    the plant's tests allow (1e-4).
+    The inputs are the same bytes. The reference may differ by the rounding of another version of SciPy or of
+    the system's mathematics: by 1e-7 of the largest value of a column, a thousandth of the tolerance of the
+    plant's tests (1e-4).
     """
     with TemporaryDirectory() as name:
         made = Path(name)
@@ -363,11 +363,11 @@ def check(number):
         inputs = f"{number:02}_inputs.csv"
         if (made / inputs).read_bytes() != (FOLDER / inputs).read_bytes():
             raise SystemExit(f"{inputs} is not what {Path(__file__).name} makes")
-        (start, *anew), (kept_start, *kept) = rows_of(made, number), rows_of(FOLDER, number)
+        (start, *rows), (kept_start, *kept) = rows_of(made, number), rows_of(FOLDER, number)
     file = f"{number:02}_reference.csv"
-    if start != kept_start or [len(row) for row in anew] != [len(row) for row in kept]:
+    if start != kept_start or [len(row) for row in rows] != [len(row) for row in kept]:
         raise SystemExit(f"{file} has other initial states or rows than {Path(__file__).name} makes")
-    columns = zip(zip(*anew, strict=True), zip(*kept, strict=True), strict=True)
+    columns = zip(zip(*rows, strict=True), zip(*kept, strict=True), strict=True)
     for column, (ours, theirs) in enumerate(columns):
         scale = max(map(abs, theirs)) or 1.0
         worst = max(abs(a - b) for a, b in zip(ours, theirs, strict=True)) / scale
@@ -378,8 +378,8 @@ def check(number):
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--out", type=Path, default=FOLDER, help="the folder that is written to")
-    where.add_argument("--check", action="store_true", help="compare with what is kept instead")
+    where.add_argument("--out", type=Path, default=FOLDER, help="the folder to write to")
+    where.add_argument("--check", action="store_true", help="compare with the stored files instead")
     parser.add_argument("numbers", type=int, nargs="*", default=range(1, 11))
     options = parser.parse_args()
     for number in options.numbers:

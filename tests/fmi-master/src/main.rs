@@ -18,11 +18,11 @@ use slave::{Slave, Wires};
 /// The size of a step in s: the controller samples at 80 Hz.
 const STEP: f64 = 1.0 / 80.0;
 
-/// How many steps there are: until 124 s.
+/// The number of steps, until 124 s.
 const STEPS: u32 = 124 * 80;
 
 fn boost_reference(time: f64) -> f64 {
-    // A communication point is computed as a multiple of the step: it may fall short by rounding.
+    // Communication points are computed as multiples of the step, and may be early by rounding.
     let begun = BOOST_STEPS.partition_point(|&(begin, _)| begin <= time + 1e-9);
     BOOST_STEPS[begun.saturating_sub(1)].1
 }
@@ -37,8 +37,8 @@ fn run(folder: &Path, csv: &mut impl Write) -> Result<()> {
     plant.enter_initialization(0.0)?;
     controller.enter_initialization(0.0)?;
     controller.set(&reference, &[boost_reference(0.0)])?;
-    // Twice, because a plant that settles for the controller's outputs gives it the supply that it then
-    // measures, and this its outputs.
+    // Twice, because a plant that settles at the controller's outputs returns a measured supply, which changes
+    // these.
     for _ in 0..2 {
         measurements.transfer(&mut plant, &mut controller)?;
         commands.transfer(&mut controller, &mut plant)?;
@@ -51,7 +51,7 @@ fn run(folder: &Path, csv: &mut impl Write) -> Result<()> {
     for index in 0..STEPS {
         let time = f64::from(index) * STEP;
         controller.set(&reference, &[boost_reference(time)])?;
-        // The controller first, so that its outputs act in the plant at once: no delay is added.
+        // The controller first, so that its outputs act in the plant without delay.
         measurements.transfer(&mut plant, &mut controller)?;
         controller.step(time, STEP)?;
         commands.transfer(&mut controller, &mut plant)?;
@@ -73,7 +73,7 @@ fn write_row(csv: &mut impl Write, time: f64, slaves: [&mut Slave; 2]) -> Result
     Ok(())
 }
 
-/// What an FMU says beside its status, without which the status would say little.
+/// Prints the FMUs' messages.
 struct Messages;
 
 impl log::Log for Messages {
@@ -90,7 +90,7 @@ impl log::Log for Messages {
 
 fn main() -> ExitCode {
     let run = || {
-        log::set_logger(&Messages).context("there is another logger")?;
+        log::set_logger(&Messages).context("another logger is set")?;
         let arguments: Vec<_> = std::env::args_os().skip(1).collect();
         let [folder] = arguments.as_slice() else {
             bail!("usage: fmi-master FOLDER, where both FMUs are");

@@ -1,4 +1,4 @@
-//! An instance of an FMU whose Real variables go by their names.
+//! An instance of an FMU with access to Real variables by name.
 
 use std::path::Path;
 
@@ -53,7 +53,7 @@ impl Slave {
         Ok(())
     }
 
-    /// Begins an experiment without an end or a tolerance.
+    /// Sets up an experiment without an end or a tolerance.
     pub fn enter_initialization(&mut self, start_time: f64) -> Result<()> {
         let begun = self.instance.setup_experiment(None, start_time, None);
         begun.with_context(|| format!("{}: fmi2SetupExperiment", self.name))?;
@@ -69,7 +69,7 @@ impl Slave {
         Ok(())
     }
 
-    /// Steps from a time on; no state before it will be asked for again.
+    /// Steps from a time on; no earlier state will be restored.
     pub fn step(&mut self, time: f64, size: f64) -> Result<()> {
         let stepped = self.instance.do_step(time, size, true);
         stepped.with_context(|| format!("{}: fmi2DoStep at {time} s", self.name))?;
@@ -91,14 +91,14 @@ fn reals(import: &Fmi2Import, causality: Causality) -> impl Iterator<Item = &Sca
     import.model_description().get_model_variables().filter(of_both)
 }
 
-/// What one FMU takes from another: the outputs that have the name of an input.
+/// A connection: the outputs of one FMU with the names of inputs of another.
 pub struct Wires {
     outputs: Vec<u32>,
     inputs: Vec<u32>,
 }
 
 impl Wires {
-    /// Joins equal names.
+    /// Connects equal names.
     pub fn between(source: &Slave, target: &Slave) -> Self {
         let (outputs, inputs) = reals(&source.import, Causality::Output)
             .filter_map(|output| Some((output.value_reference, target.input(&output.name).ok()?)))
@@ -106,7 +106,7 @@ impl Wires {
         Self { outputs, inputs }
     }
 
-    /// Carries the values over.
+    /// Transfers the values.
     pub fn transfer(&self, source: &mut Slave, target: &mut Slave) -> Result<()> {
         let values = get(&mut source.instance, &self.outputs).with_context(|| source.name.clone())?;
         target.set(&self.inputs, &values)

@@ -88,14 +88,13 @@ COPYRIGHTS = {
     "num-dual": "Copyright (c) 2021-present Gernot Bauer, Philipp Rehner",
     "num-traits": "Copyright (c) 2014 The Rust Project Developers",
 }
-"""What the licenses of packages that are linked into both libraries say, those of other makers among them."""
+"""Copyright notices of packages linked into both libraries."""
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_licenses_are_those_of_what_is_linked(root: Path, exported: Path, name: str) -> None:
-    """Section 2.3: readers begin at license.txt. It lists each package that is linked into the library, as
-    the lock file has it, and holds the texts that come with it. The notices of Rust's standard library lie
-    beside it."""
+    """Section 2.3: license.txt is the entry point. It lists each linked package, as in the lock file, with
+    its license texts. The notices of Rust's standard library are beside it."""
     with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
         folder = "documentation/licenses/"
         names = [path.removeprefix(folder) for path in archive.namelist() if path.startswith(folder)]
@@ -118,7 +117,7 @@ def test_licenses_are_those_of_what_is_linked(root: Path, exported: Path, name: 
 
 
 def parts(text: str) -> list[tuple[list[str], str]]:
-    """The texts in license.txt, each with whose it is."""
+    """The texts in license.txt by their owners."""
     _, *pieces = text.split(80 * "-" + "\n")
     pairs = zip(pieces[::2], pieces[1::2], strict=True)
     return [(owners.splitlines(), section.strip()) for owners, section in pairs]

@@ -1,4 +1,4 @@
-"""Each FMU in FMPy: the exporter's tests try all of this, and much more, on a model made for them."""
+"""Smoke tests of each FMU in FMPy; the exporter's tests do all of this, and much more, on a test model."""
 
 from __future__ import annotations
 
@@ -45,7 +45,8 @@ def refusal(instance: Instance, call: Callable, *arguments) -> str:
 
 @BOTH
 def test_its_life(make: New, fmus: dict[str, Fmu], name: str) -> None:
-    """Reset is as fresh; a saved state and one from bytes go on identically; another FMU's are refused."""
+    """After a reset it is as new; restored and deserialized states continue identically; another FMU's are
+    refused."""
     fmu, slave = fmus[name], (used := make(fmus[name])).slave
     expected = drive(make(fmu).start(), 0, 80)
     assert (np.ptp(expected, axis=0) > 0).any()
@@ -91,8 +92,8 @@ def test_a_wrong_guid_makes_no_instance(fmus: dict[str, Fmu], name: str) -> None
 
 
 @BOTH
-def test_what_is_not_finite_is_refused(make: New, fmus: dict[str, Fmu], name: str) -> None:
-    """In every Real variable that can be set before initialization; nothing has changed afterwards."""
+def test_values_that_are_not_finite_are_refused(make: New, fmus: dict[str, Fmu], name: str) -> None:
+    """In every Real variable that can be set before initialization; nothing changes."""
     instance = make(fmus[name])
     for variable in fmus[name].description.modelVariables:
         if variable.type == "Real" and (variable.causality == "input" or variable.initial in ("exact", "approx")):
@@ -120,8 +121,8 @@ def test_a_late_start(make: New, fmus: dict[str, Fmu], name: str, start_time: fl
 
 
 def test_the_plant_reports_what_it_cannot_compute(plant: Make) -> None:
-    """A step whose friction jumps as the rod turns back, at a tolerance that no step meets, names a state and
-    the time; start values that lead nowhere name what is not finite."""
+    """A failed step, at a jump of friction with a tolerance that no step meets, names a state and the time;
+    impossible start values are reported with the variable that is not finite."""
     instance = plant()
     instance.start({"solver.relative_tolerance": 1e-8, "actuator.friction_exponent": 0.0})
     instance.slave.doStep(0.0, STEP)
@@ -136,7 +137,7 @@ def test_the_plant_reports_what_it_cannot_compute(plant: Make) -> None:
     assert "der(lp_compressor.outlet_pressure)" in refusal(instance, instance.slave.exitInitializationMode)
     instance.set({"initialization.mode": "settled"})
     instance.slave.exitInitializationMode()
-    # The start values are not used, of which there is a warning.
+    # A warning says that the start values are not used.
     assert "actuator.velocity, hp_shaft.speed" in instance.warnings()[-1]
 
 
@@ -145,8 +146,8 @@ def test_the_largest_tank(plant: Make) -> None:
 
 
 def test_derivatives(plant: Make, controller: Make) -> None:
-    """The plant's are those of its outputs over time, where an input moves; the controller, whose outputs
-    change at samples, declares none."""
+    """The plant's are those of its outputs over time, with a moving input; the controller, whose outputs
+    change at samples, has none."""
     plant, controller = plant().start(), controller().start()
     simulation = {i: i.fmu.description.coSimulation for i in (plant, controller)}
     assert simulation[plant].providesDirectionalDerivative
@@ -170,7 +171,7 @@ def test_derivatives(plant: Make, controller: Make) -> None:
         values.append(plant.get("engine_torque"))
         if len(values) == 2:
             found = derivative(plant, "engine_torque")
-    # The solver's tolerance within a step, and the third derivative, of the fastest modes (1e3 1/s).
+    # The solver's tolerance within a step, and the third derivative of the fastest modes (1e3 1/s).
     expected = (values[2] - values[0]) / (2 * width)
     assert found == pytest.approx(expected, rel=1e-2, abs=1e-7 * values[1] / width)
     assert expected != 0

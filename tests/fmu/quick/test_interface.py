@@ -1,4 +1,4 @@
-"""The variables by which plant and controller meet: who swaps one of them builds on these tables."""
+"""The interface of plant and controller, on which users rely who replace one of them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from master import Fmu
 
 @dataclass
 class Row:
-    """What is promised of a variable."""
+    """The promised attributes of a variable."""
 
     name: str
     unit: str | None
@@ -125,7 +125,7 @@ ENUMERATIONS = {
 
 
 def check(variable: ScalarVariable, row: Row, causality: str) -> None:
-    """Holds a variable against what is promised."""
+    """Compares a variable with the promised attributes."""
 
     def number(text: str | None) -> float | None:
         return None if text is None else float(text)
@@ -186,7 +186,7 @@ def test_voltage_compensation_is_a_tunable_switch(controller_fmu: Fmu) -> None:
 
 
 def test_schedule_and_inverse_of_the_actuator(controller_fmu: Fmu) -> None:
-    """The grid is always 16 x 7; grid points stay, the maps may be tuned."""
+    """The grid is always 16 x 7; grid points are fixed, the maps tunable."""
     units = {"feedforward": "%", "gain": "Pa/%", "time_constant": "s", "delay": "s"}
     promised = {f"schedule.engine_speed[{j}]": ("rpm", "fixed") for j in range(1, 8)}
     promised |= {f"schedule.boost_reference[{i}]": ("Pa", "fixed") for i in range(1, 17)}
@@ -215,7 +215,7 @@ def test_schedule_and_inverse_of_the_actuator(controller_fmu: Fmu) -> None:
 
 
 def test_the_controllers_actuator_is_the_plants(fmus: dict[str, Fmu]) -> None:
-    """Position control inverts the plant that it is delivered with."""
+    """Position control inverts the plant of this repository."""
     plant, controller = fmus["BoostPlant"].variables, fmus["BoostController"].variables
     pairs = {f"valve.pressure_coefficient[{i}]": f"pressure_coefficient[{i}]" for i in range(1, 5)}
     names = ["spring_preload", "spring_stiffness", "spring_hardening", "membrane_area", "stroke"]
@@ -237,7 +237,7 @@ def test_enumerations(fmus: dict[str, Fmu], key: tuple[str, str], promised: tupl
 
 
 def test_plant_states(plant_fmu: Fmu) -> None:
-    """The states and their derivatives exist by name; all but the tank's pressure may be guesses."""
+    """The states and their derivatives exist by name; all except the tank's pressure are guesses."""
     assert plant_fmu.states() == sorted(
         PLANT_STATES, key=lambda name: plant_fmu.variables[name].valueReference
     )
@@ -254,8 +254,8 @@ def test_tank_may_be_frozen_and_released(plant_fmu: Fmu) -> None:
     assert (variable.type, variable.variability, variable.start) == ("Boolean", "tunable", "false")
 
 
-def test_no_loop_through_what_the_controller_reads(fmus: dict[str, Fmu]) -> None:
-    """What is measured are states; what is commanded changes at samples: no algebraic loop."""
+def test_no_loop_through_the_measurements(fmus: dict[str, Fmu]) -> None:
+    """Measurements are states, and commands change at samples: there is no algebraic loop."""
     plant = {unknown.variable.name: unknown for unknown in fmus["BoostPlant"].description.outputs}
     for name in ["boost_pressure", "tank_pressure", "supply_voltage_measured"]:
         reads = plant[name].dependencies
@@ -268,9 +268,9 @@ def test_no_loop_through_what_the_controller_reads(fmus: dict[str, Fmu]) -> None
 
 
 def test_initial_system_of_both_has_no_loop(fmus: dict[str, Fmu]) -> None:
-    """A master that exchanges values in initialization finds an order.
+    """A master that exchanges values in initialization can order the FMUs.
 
-    Pressures settle for the controller's outputs, which read the measured supply but no pressure.
+    Pressures settle at the controller's outputs, which depend on the measured supply but on no pressure.
     """
     initial = {
         name: {

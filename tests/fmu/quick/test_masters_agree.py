@@ -1,4 +1,4 @@
-"""What the FMUs compute in Fig. 13 is what the models compute, to the last bit, in FMPy and by a master in C."""
+"""In Fig. 13 the FMUs compute the models' results, to the last bit, in FMPy and with a master in C."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from master import Fmu
 def test_every_number_is_the_models(
     plant: Make, controller: Make, plant_fmu: Fmu, controller_fmu: Fmu, tmp_path: Path
 ) -> None:
-    """All outputs of both after each step, compared as 64-bit patterns. The models' are those of the Rust test
-    of Fig. 13, which holds them against the figure."""
+    """All outputs of both after each step, compared as 64-bit patterns. The models' come from the Rust test
+    of Fig. 13, which compares them with the figure."""
     file = TARGET / "tmp" / "figure_13.txt"
     assert file.is_file(), "run the Rust tests first: cargo test --all-features"
     rows = [bytes.fromhex(line) for line in file.read_text().splitlines()]
@@ -31,7 +31,7 @@ def test_every_number_is_the_models(
     inputs = {"boost_reference": staircase(*BOOST_STEPS)}
     record = couple(plant(), controller(), inputs=inputs).run(BOOST_STEPS_END)
     names = [*controller_fmu.named("output"), *plant_fmu.named("output")]
-    # FMPy's record begins before the first step.
+    # FMPy's record starts before the first step.
     in_python = np.stack([record[name][1:] for name in names], axis=1)
     for fmus in (in_c, in_python):
         assert fmus.shape == models.shape == (124 * 80, 18)

@@ -20,7 +20,7 @@ pub struct Arguments {
     /// The measured data: a CSV file with a header; a row's duty and supply hold until the next row
     #[arg(value_name = "DATA.csv")]
     data: PathBuf,
-    /// The plant: its values are what is known, and where the fits start
+    /// The plant, whose values are taken as known or as starts of the fits
     #[arg(long, value_name = "FILE.fmu")]
     plant: PathBuf,
     /// Parameters of the plant, such as the membrane's area; may be given several times
@@ -31,7 +31,7 @@ pub struct Arguments {
     /// The unit of a quantity, where the header does not give it in brackets
     #[arg(long, value_name = "QUANTITY=UNIT", value_parser = name_and_value)]
     unit: Vec<(String, String)>,
-    /// The part of the data that no fit sees
+    /// The share of the data that is kept for validation
     #[arg(long, value_name = "SHARE", default_value_t = 0.3, value_parser = share)]
     validation_share: f64,
     /// The folder for identified.ssv, report.html and report.json
@@ -82,6 +82,6 @@ fn name_and_value(text: &str) -> Result<(String, String), String> {
         Some((name, value)) if !name.is_empty() && !value.is_empty() => {
             Ok((name.to_owned(), value.to_owned()))
         }
-        _ => Err("expected a role, = and what it is".to_owned()),
+        _ => Err("expected a quantity, = and its column or unit".to_owned()),
     }
 }

@@ -16,6 +16,7 @@ use anyhow::{Context, Result, bail};
 use clap::{Args, Parser, Subcommand};
 use fmu_package::terminal::print;
 use fmu_package::writing;
+use indicatif::{ProgressBar, ProgressStyle};
 
 /// What the process ends with.
 const EXIT_STATUSES: &str = "\
@@ -44,7 +45,7 @@ enum Command {
         scenario: PathBuf,
         #[command(flatten)]
         fmus: FmuArguments,
-        /// The file to write, or a folder to write it to [default: <scenario>.csv]
+        /// The file to write, or a folder to write it to [default: SCENARIO.csv]
         #[arg(long, value_name = "FILE.csv|DIR")]
         out: Option<PathBuf>,
         /// Draw what is recorded
@@ -154,6 +155,12 @@ fn refuse_overlap(folder: &Path, results: &[PathBuf], inputs: &[PathBuf]) -> Res
         writing::refuse_overlap(results, inputs)?;
     }
     Ok(())
+}
+
+/// A progress bar, which is drawn only if standard error is a terminal.
+fn progress_bar(length: u64, progress: &str) -> Result<ProgressBar> {
+    let style = ProgressStyle::with_template(&format!("{{wide_bar}} {progress}  {{eta}} left"));
+    Ok(ProgressBar::new(length).with_style(style.context("no progress bar")?))
 }
 
 /// Writes texts into a folder by their names, and says where.

@@ -7,12 +7,11 @@ use crate::master::{LoadedFmus, Master};
 use crate::plot::{Figure, Line, Panel, color};
 use crate::record::Record;
 use crate::scenario::Scenario;
-use anyhow::{Context, Result};
+use anyhow::Result;
 use fmu_package::terminal::{complain, print};
 use fmu_package::writing;
-use indicatif::{ProgressBar, ProgressStyle};
 
-/// How many steps go by between two looks at the progress bar.
+/// Steps between two updates of the progress bar.
 const STEPS_PER_LOOK: u32 = 256;
 
 /// Runs a scenario.
@@ -28,11 +27,7 @@ pub fn run(path: &Path, fmus: &super::FmuArguments, out: Option<PathBuf>, plot: 
     let outputs: Vec<_> = [out.clone()].into_iter().chain(plot.map(Path::to_path_buf)).collect();
     writing::refuse_overlap(&outputs, &fmus.inputs(&scenario))?;
     let master = Master::new(&scenario, &mut LoadedFmus::default())?;
-    // It draws nothing where standard error is not a terminal.
-    let bar = ProgressBar::new(u64::from(scenario.steps));
-    bar.set_style(
-        ProgressStyle::with_template("{wide_bar} {percent} %  {eta} left").context("no progress bar")?,
-    );
+    let bar = super::progress_bar(u64::from(scenario.steps), "{percent} %")?;
     let run = master.run(|step| {
         if step % STEPS_PER_LOOK == 0 {
             bar.set_position(u64::from(step));
@@ -75,7 +70,7 @@ fn draw(record: &Record) -> Figure {
     units.iter().map(panel).fold(Figure::new(), Figure::row).shared_x()
 }
 
-/// The unit in which values are drawn, and the factor to it.
+/// The unit of the plot, and the factor to it.
 fn shown(unit: &str) -> (String, f64) {
     match unit {
         "" | "1" => (String::new(), 1.0),

@@ -5,10 +5,9 @@ use std::path::Path;
 use crate::sweep::Study;
 use crate::sweep::journal::StudyJournal;
 use crate::sweep::results::{self, Table};
-use anyhow::{Context, Result};
+use anyhow::Result;
 use fmu_package::terminal::{complain, print};
 use fmu_package::writing;
-use indicatif::{ProgressBar, ProgressStyle};
 
 /// Runs a study, or what is left of it.
 pub fn run(path: &Path, fmus: &super::FmuArguments, out: &Path, threads: Option<usize>) -> Result<()> {
@@ -23,12 +22,7 @@ pub fn run(path: &Path, fmus: &super::FmuArguments, out: &Path, threads: Option<
     }
     let available = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let threads = threads.unwrap_or(available);
-    // It draws nothing where standard error is not a terminal.
-    let bar = ProgressBar::new(study.runs() as u64).with_position(taken_up as u64);
-    bar.set_style(
-        ProgressStyle::with_template("{wide_bar} {pos} of {len} runs  {eta} left")
-            .context("no progress bar")?,
-    );
+    let bar = super::progress_bar(study.runs() as u64, "{pos} of {len} runs")?.with_position(taken_up as u64);
     let outcomes = study.run(journal, threads, |outcome| {
         if let Some(error) = &outcome.error {
             bar.suspend(|| complain(&format!("run {}: {error}", outcome.run)));

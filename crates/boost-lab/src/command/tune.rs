@@ -10,7 +10,6 @@ use anyhow::{Context, Result};
 use clap::Args;
 use fmu_package::ParameterSet;
 use fmu_package::terminal::{complain, print};
-use indicatif::{ProgressBar, ProgressStyle};
 
 /// The name of the parameter set.
 const SET: &str = "schedule";
@@ -87,11 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ))?;
     }
 
-    // It draws nothing where standard error is not a terminal.
-    let bar = ProgressBar::new(whole(task.duration()));
-    bar.set_style(
-        ProgressStyle::with_template("{wide_bar} {percent} %  {eta} left").context("no progress bar")?,
-    );
+    let bar = super::progress_bar(whole(task.duration()), "{percent} %")?;
     let tuning = task.run(&journal, &|duration| bar.inc(whole(duration)));
     bar.finish_and_clear();
     let tuning = tuning?;
@@ -116,7 +111,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// Whole seconds.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // durations are above zero, and few
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // durations are positive and short
 fn whole(seconds: f64) -> u64 {
     seconds.round() as u64
 }

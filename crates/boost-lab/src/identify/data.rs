@@ -1,4 +1,4 @@
-//! Measured data: a CSV file's columns by what they are, in SI units.
+//! Measured data from a CSV file, in SI units.
 
 use std::path::Path;
 
@@ -9,13 +9,13 @@ use fmu_package::terminal::number as shown;
 /// A quantity that a column of the data can hold.
 struct Quantity {
     name: &'static str,
-    /// What messages call it.
+    /// The description in messages.
     meaning: &'static str,
     /// The columns' default names.
     columns: &'static [&'static str],
-    /// Units, each with its factor and offset; the first is that of columns without one.
+    /// Units, each with its factor and offset; columns without a unit are in the first one.
     units: &'static [(&'static str, f64, f64)],
-    /// The plausible range, in the first unit: values outside are in another unit.
+    /// The plausible range, in the first unit; values outside are probably in another one.
     range: (f64, f64),
     is_required: bool,
 }
@@ -29,7 +29,7 @@ const PRESSURE: &[(&str, f64, f64)] = &[
     ("MPa", 1e6, 0.0),
 ];
 
-/// From a good vacuum to ten times what surrounds an engine.
+/// From a good vacuum to ten times ambient pressure.
 const PRESSURES: (f64, f64) = (1e3, 1e6);
 
 const QUANTITIES: [Quantity; 9] = [
@@ -112,7 +112,7 @@ pub fn quantities() -> String {
     QUANTITIES.map(|quantity| quantity.name).join(", ")
 }
 
-/// Columns and units that differ from what is expected, by quantity.
+/// Columns and units other than the defaults, by quantity.
 #[derive(Clone, Debug, Default)]
 pub struct Naming {
     /// Column names, by quantity.
@@ -130,12 +130,12 @@ pub struct Data {
     pub tank: Vec<f64>,
     pub chamber: Vec<f64>,
     pub position: Vec<f64>,
-    /// Whether the position is in parts of the stroke.
+    /// Whether the position is a fraction of the stroke.
     pub position_is_relative: bool,
     pub pump: Option<Vec<f64>>,
     pub ambient_pressure: Option<Vec<f64>>,
     pub ambient_temperature: Option<Vec<f64>>,
-    /// The file's line of the last row.
+    /// The line of the last row.
     pub last_line: u64,
 }
 
@@ -237,7 +237,7 @@ impl Heading {
     }
 }
 
-/// Where a quantity's numbers stand, and how they convert.
+/// The column of a quantity, and its conversion.
 struct DataColumn {
     index: usize,
     factor: f64,
@@ -316,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn a_position_may_be_in_parts_of_the_stroke() -> Result<()> {
+    fn a_position_may_be_a_fraction_of_the_stroke() -> Result<()> {
         let mut naming = naming();
         naming.units.push(("position".to_owned(), "%".to_owned()));
         let data = Data::parse(&format!("{HEADER}0,40,12000,32.5,8e4,50\n"), &naming)?;

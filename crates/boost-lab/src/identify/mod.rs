@@ -1,7 +1,7 @@
 //! Identifies the wastegate's actuation from measured data, as section 4.2 of the paper does: the valve's
 //! pressure and leakage over the duty, the spring with its friction, and what moves between.
 //!
-//! Four fits follow each other: eq. (7) from the chamber's pressure at rest (`valve`), eq. (6) from the
+//! There are four fits: eq. (7) from the chamber's pressure at rest (`valve`), eq. (6) from the
 //! tank's pressure (`valve`), spring and friction from the positions at rest (`rod`), and the valve's
 //! areas, its delays, mass and damping from the transients after steps (`motion`). Parameters that the data do not
 //! determine are listed by name and keep the plant's values.
@@ -61,7 +61,7 @@ impl Unidentified {
         Self { name: name.to_owned(), reason: reason.to_owned() }
     }
 
-    /// For a standard error that is too large relative to the parameter.
+    /// Because of a large standard error.
     fn uncertain(name: &str, relative_error: f64) -> Self {
         Self::new(name, &format!("its standard error would be {:.0} % of it", 100.0 * relative_error))
     }
@@ -71,7 +71,7 @@ impl Unidentified {
 pub struct Fit {
     pub title: String,
     pub method: String,
-    /// How far measurements are from it.
+    /// Of the measurements.
     pub residuals: Vec<Residuals>,
     #[serde(skip)]
     drawing: Figure,
@@ -81,21 +81,21 @@ pub struct Fit {
 /// A fit, with those of its parameters that the data do not determine.
 type FitOutcome = Result<(Fit, Vec<Unidentified>)>;
 
-/// How far measurements are from a fit.
+/// The residuals of a fit.
 #[derive(Clone, Debug, Serialize)]
 pub struct Residuals {
     pub name: String,
     /// The unit of the three numbers.
     pub unit: String,
-    /// The root of the mean square over the data that were fitted.
+    /// The root mean square over the tuning data.
     pub tuning: Option<f64>,
-    /// The same over the data that were kept apart.
+    /// The same over the validation data.
     pub validation: Option<f64>,
-    /// What the noise of the measurement alone would leave, where a residual is that of a single measurement.
+    /// The measurement noise, if each residual belongs to a single measurement.
     pub noise: Option<f64>,
 }
 
-/// What is known of the plant beforehand.
+/// Known values of the plant.
 #[derive(Clone, Debug, Serialize)]
 pub struct Known {
     gas_constant: f64,
@@ -208,7 +208,7 @@ pub struct Identification {
     pub fits: Vec<Fit>,
     /// The parameters that the data do not determine.
     pub unidentified: Vec<Unidentified>,
-    /// What a reader of the results must know.
+    /// Notes for readers of the results.
     pub notes: Vec<String>,
 }
 
@@ -239,7 +239,7 @@ pub fn identify(
         for position in &mut data.position {
             *position *= known.stroke;
         }
-        notes.push(format!("The position is in parts of the stroke, {} m.", known.stroke));
+        notes.push(format!("The position is a fraction of the stroke, {} m.", known.stroke));
     }
     let phases = phases::phases(&data, &known, validation_share);
     let noise = phases::noise(&data, &phases);
@@ -307,7 +307,7 @@ impl Identification {
         }
     }
 
-    /// A parameter's value: found, or known before.
+    /// The identified value of a parameter, or else the known one.
     fn value(&self, name: &str) -> f64 {
         let found = self.parameters().find(|estimate| estimate.name == name);
         found.map_or_else(|| self.known.value(name), |estimate| estimate.value)

@@ -28,7 +28,7 @@ pub const NAMES: [&str; 6] = [
     "actuator.damping",
     "actuator.mass",
 ];
-/// How many of these are fitted first: the areas, then the valve.
+/// How many of these are fitted first: the areas and the valve.
 const STAGES: [usize; 2] = [2, 4];
 /// How much of a transient is used (s).
 const DURATION: f64 = 0.6;
@@ -38,10 +38,9 @@ const LEAST_CHANGE: f64 = 3000.0;
 const LONGEST_STEP: f64 = 0.6e-3;
 /// The largest product of step and fastest eigenvalue: the method of Runge and Kutta is stable up to 2.7.
 const STABLE: f64 = 2.5;
-/// How often a step is halved at most: a fit that arrives at a rod of a few grams has failed.
+/// A step is halved at most so often: a fit with a rod of a few grams has failed.
 const MOST_HALVINGS: f64 = 3.0;
-/// The noise that is assumed at least: a converter's steps may hide the noise, and the model has errors
-/// of its own.
+/// The least noise: quantization may hide the noise, and the model is not exact.
 const LEAST_NOISE: MeasurementNoise = MeasurementNoise { chamber: 10.0, position: 1e-6 };
 /// The horizontal axis of the drawing.
 const TIME: &str = "time after the step (s)";
@@ -60,8 +59,8 @@ struct Model<'a> {
 }
 
 impl Model<'_> {
-    /// The longest step (s) with which the rod stays stable in its stops. In halves, so that it rarely changes
-    /// while a fit differentiates.
+    /// The longest stable step (s) with the rod in its stops. Found by halving, so that it rarely changes during
+    /// numerical differentiation.
     fn longest_step(&self) -> f64 {
         let rod = &self.system.actuator.parameters;
         // No eigenvalue of a damped spring is faster.
@@ -85,7 +84,7 @@ impl Model<'_> {
         let actuator = &self.system.actuator;
         let coulomb = actuator.parameters.coulomb_friction;
         let force = (ambient_pressure - chamber) * membrane_area - actuator.spring_force(position);
-        // What is left over from the balance is friction between the stops, and else the stop.
+        // The rest of the balance is friction between the stops, and otherwise the stop's force.
         let friction = force.clamp(-coulomb, coulomb);
         let left = force - friction;
         let position = if position < STOPS * stroke && left < 0.0 {
@@ -163,7 +162,7 @@ fn transients<'a>(data: &Data, phases: &'a [Phase], validates: impl Fn(usize) ->
     transients
 }
 
-/// See the head of the module. `pressure` are the coefficients of eq. (7).
+/// The fit. `pressure` are the coefficients of eq. (7).
 pub fn identify(
     data: &Data,
     phases: &[Phase],
@@ -174,7 +173,7 @@ pub fn identify(
     validates: impl Fn(usize) -> bool,
 ) -> FitOutcome {
     const LEAST_TRANSIENTS: usize = 4;
-    let noise = noise.context("nothing is at rest, where transients would begin")?;
+    let noise = noise.context("no phase is at rest, where a transient could begin")?;
     let transients = transients(data, phases, validates);
     let tuning: Vec<_> = transients.iter().filter(|transient| !transient.validates).collect();
     if tuning.len() < LEAST_TRANSIENTS {
@@ -191,7 +190,7 @@ pub fn identify(
         position: noise.position.max(LEAST_NOISE.position),
     };
     let problem = TransientFit { data, known, pressure, noise, prior, whitening: whitening(prior)?, tuning };
-    // Of a logarithm the error itself is the relative one.
+    // The error of a logarithm is the relative error.
     let Reliable { free, solution, left_out } =
         Reliable::fit(free, |free| problem.fit(free), |solution, place, _| solution.standard_error(place))?;
     unidentified.extend(left_out.iter().map(|&(index, error)| Unidentified::uncertain(NAMES[index], error)));
@@ -226,8 +225,8 @@ pub fn identify(
     ))
 }
 
-/// The transients that are fitted. Its parameters are the logarithms of those that are free, in the order of
-/// [`NAMES`], and after them the rod's, in the units of the fit that they come from.
+/// The transients that are fitted. Its parameters are the logarithms of the free ones, in the order of [`NAMES`],
+/// and after them the rod's, in the units of their own fit.
 struct TransientFit<'a> {
     data: &'a Data,
     known: &'a Known,
@@ -263,8 +262,8 @@ impl<'a> TransientFit<'a> {
         Model { known: self.known, system }
     }
 
-    /// Residuals in terms of the noise; and how far the rod's parameters are from what they were at rest, in
-    /// terms of their errors.
+    /// Residuals relative to the noise, and the differences of the rod's parameters from those at rest, relative to
+    /// their standard errors.
     fn residuals(&self, free: &[usize], values: &[f64]) -> Vec<f64> {
         let model = self.model(free, values);
         let mut residuals = vec![];
@@ -282,7 +281,7 @@ impl<'a> TransientFit<'a> {
         residuals
     }
 
-    /// First fits what moves the most, or a far start may end in a false minimum.
+    /// First fits the most influential parameters, or a far start may end in a local minimum.
     fn fit(&self, free: &[usize]) -> Result<Solution> {
         let mut lengths: Vec<_> =
             self.tuning.iter().map(|transient| 2 * (transient.rows.len() - 1)).collect();
@@ -293,7 +292,7 @@ impl<'a> TransientFit<'a> {
         for stage in STAGES {
             let count = free.iter().filter(|&&index| index < stage).count();
             let with = |values: &[f64]| [values, &begin[count..]].concat();
-            // What does not converge leaves the start to the next.
+            // If it does not converge, the next fit starts where this one did.
             if count > 0
                 && let Ok(solution) =
                     nonlinear(&begin[..count], &lengths, 1.0, |values| self.residuals(free, &with(values)))
@@ -301,13 +300,12 @@ impl<'a> TransientFit<'a> {
                 begin = with(solution.parameters.as_slice());
             }
         }
-        // The residuals are in terms of the noise. What is less tells how well the model fits, not how exact
-        // it is.
+        // The residuals are relative to the noise, so that their variance is at least 1.
         nonlinear(&begin, &lengths, 1.0, |values| self.residuals(free, values))
     }
 }
 
-/// Turns what the rod's parameters differ by from the prior into units of its standard errors.
+/// Turns differences of the rod's parameters from the prior into units of its standard errors.
 fn whitening(prior: &Prior) -> Result<DMatrix<f64>> {
     const INDEFINITE: &str = "the rod's errors are not definite";
     let Some(solution) = &prior.solution else { return Ok(DMatrix::zeros(0, 0)) };

@@ -1,4 +1,4 @@
-//! Phases of measured data: where duty, supply and pump stay as they are, and how the system settles in them.
+//! Phases of measured data: intervals with constant duty, supply and pump, and whether the system settles in them.
 
 use std::ops::Range;
 
@@ -10,26 +10,26 @@ use super::statistics::{mean, root_mean_square};
 
 /// A phase ends where the duty is further than this (%) from the phase's mean ...
 const DUTY_STEP: f64 = 0.25;
-/// ... or the supply further than this (V): above the noise of its measurement, and what moves the valve by 1 %.
+/// ... or the supply further than this (V): above its measurement noise; it moves the valve by 1 %.
 const VOLTAGE_STEP: f64 = 0.25;
-/// ... or where rows are further apart than this (s): the paper's Fig. 9 would show nothing of the motion.
+/// ... or where rows are further apart than this (s): longer than the motion in the paper's Fig. 9.
 const LONGEST_INTERVAL: f64 = 0.1;
-/// How long the actuator needs to come to rest (s). The paper's Fig. 9 shows some 0.2 s.
+/// The actuator's settling time (s). The paper's Fig. 9 shows some 0.2 s.
 const SETTLING: f64 = 1.0;
-/// The least number of rows at rest that a mean is taken of.
+/// The least number of rows at rest for a mean.
 const LEAST_ROWS: usize = 10;
-/// How far the chamber is above the tank (Pa) where this no longer limits it.
+/// The tank does not limit the chamber's pressure when this is higher by so much (Pa).
 const ABOVE_TANK: f64 = 2000.0;
-/// In units of their standard error, how far the means of both halves may lie apart where the chamber is at rest.
+/// The largest difference of the means of both halves at rest, in standard errors.
 const AT_REST: f64 = 5.0;
-/// How far they may lie apart in any case (Pa): a hundredth of what a sensor for 100 kPa is good for.
+/// A difference that is always accepted (Pa): a hundredth of the accuracy of a sensor for 100 kPa.
 const NEGLIGIBLE: f64 = 10.0;
 
-/// Rows in which nothing was changed, the last part of them at rest.
+/// Rows between two changes, the last part of them at rest.
 #[derive(Clone, Debug)]
 pub struct Phase {
     pub rows: Range<usize>,
-    /// Those after the actuator has settled; none where the phase is too short or it did not.
+    /// The rows after the actuator has settled; none if it did not.
     pub rest: Option<Rest>,
     pub pump_runs: bool,
 }
@@ -46,7 +46,7 @@ pub struct Rest {
     pub position: f64,
     /// Whether the tank's pressure, rather than the valve, holds the chamber's.
     pub is_limited_by_tank: bool,
-    /// Whether no fit sees it.
+    /// Whether it is kept for validation.
     pub validates: bool,
 }
 
@@ -60,13 +60,13 @@ pub struct MeasurementNoise {
     pub position: f64,
 }
 
-/// The mean duty of some rows, as it would have the same effect at nominal voltage (%), paper section 5.
+/// The mean duty of some rows, converted to nominal voltage (%), paper section 5.
 pub fn plunger_duty(data: &Data, rows: Range<usize>, known: &Known) -> f64 {
     let duties = rows.map(|row| known.system.valve.commanded_duty(data.duty[row], data.voltage[row]));
     mean(&duties.collect::<Vec<_>>())
 }
 
-/// Which of so many are kept from the fits: a share of them, evenly spread.
+/// Which of so many are kept for validation: a share of them, evenly spread.
 pub fn validates(index: usize, share: f64) -> bool {
     ((index + 1) as f64 * share).floor() > (index as f64 * share).floor()
 }
@@ -124,7 +124,7 @@ fn rest(data: &Data, known: &Known, rows: Range<usize>) -> Option<Rest> {
     let [before, after] = [mean(&data.chamber[early]), mean(&data.chamber[late])];
     let chamber = mean(&data.chamber[rows.clone()]);
     let scatter = root_mean_square(data.chamber[rows.clone()].iter().map(|value| value - chamber))?;
-    // Of the difference of two means, each of half of the rows.
+    // The standard error of the difference of two means, each over half of the rows.
     let error = 2.0 * scatter / (rows.len() as f64).sqrt();
     let tank = mean(&data.tank[rows.clone()]);
     let is_limited_by_tank = chamber < tank + ABOVE_TANK;
@@ -141,7 +141,7 @@ fn rest(data: &Data, known: &Known, rows: Range<usize>) -> Option<Rest> {
     })
 }
 
-/// The scatter of measurements at rest; none where nothing is.
+/// The scatter of measurements at rest; none without such phases.
 pub fn noise(data: &Data, phases: &[Phase]) -> Option<MeasurementNoise> {
     let rests =
         || phases.iter().filter_map(|phase| phase.rest.as_ref()).filter(|rest| !rest.is_limited_by_tank);

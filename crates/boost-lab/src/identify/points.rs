@@ -1,4 +1,4 @@
-//! Measurements with their residuals from a fit: drawn, and counted.
+//! Measurements with their residuals from a fit.
 
 use super::Residuals;
 use super::statistics::root_mean_square;
@@ -7,16 +7,16 @@ use crate::plot::{Figure, Line, Panel, color};
 /// A measurement with its residual from a fit.
 #[derive(Clone, Copy, Debug)]
 pub struct ResidualPoint {
-    /// Where it stands on the horizontal axis.
+    /// On the horizontal axis.
     pub place: f64,
     pub measured: f64,
-    /// Measured less computed.
+    /// Measured minus computed.
     pub residual: f64,
-    /// Whether no fit saw it.
+    /// Whether it was kept for validation.
     pub validates: bool,
 }
 
-/// Dots, in one colour what was fitted, and in another what was kept apart.
+/// Dots, with one colour for tuning and another one for validation.
 fn dots(
     points: &[ResidualPoint],
     value: fn(&ResidualPoint) -> f64,
@@ -58,7 +58,7 @@ pub fn residual_panel(points: &[ResidualPoint], x_label: &str, label: &str) -> P
     dots(points, |point| point.residual).fold(Panel::new(x_label, label), |panel, (line, _)| panel.line(line))
 }
 
-/// The roots of the residuals' mean squares.
+/// The root mean squares of the residuals.
 pub fn residuals(name: &str, unit: &str, points: &[ResidualPoint]) -> Residuals {
     let [tuning, validation] = [false, true].map(|validates| {
         let chosen = points.iter().filter(|point| point.validates == validates);

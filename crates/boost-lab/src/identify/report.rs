@@ -47,7 +47,7 @@ pub fn html(identification: &Identification) -> String {
     let mut body = format!(
         "<h1>The wastegate's actuator, identified</h1>\n<p>From {}: {rows} rows over {}, with {phases_at_rest} phases \
          in which the actuator is at rest.{} Values are given with their standard errors. Residuals of one phase may \
-         hang together as they like: of two standard errors, one for independent residuals and one that takes each \
+         be correlated: of two standard errors, one for independent residuals and one that takes each \
          phase as a whole, the larger counts. What is validation has been seen by no fit.</p>\n",
         escaped(file),
         quantity(*duration, "s"),
@@ -61,11 +61,11 @@ pub fn html(identification: &Identification) -> String {
         body += &format!("<p>{}</p>\n", escaped(note));
     }
     if !unidentified.is_empty() {
-        body += "<h2>What the data do not tell</h2>\n<table>\n<tr><th>Parameter</th><th>Why</th></tr>\n";
+        body += "<h2>Parameters that the data do not determine</h2>\n<table>\n<tr><th>Parameter</th><th>Why</th></tr>\n";
         for Unidentified { name, reason } in unidentified {
             body += &format!("<tr><td>{}</td><td>{}</td></tr>\n", escaped(name), escaped(reason));
         }
-        body += "</table>\n<p>These are in no parameter set: the plant keeps its own values, and so did the fits.</p>\n";
+        body += "</table>\n<p>These are not in the parameter set: the plant and the fits keep its own values.</p>\n";
     }
     for (index, fit) in fits.iter().enumerate() {
         body += &section(fit, index);
@@ -90,7 +90,7 @@ fn section(fit: &Fit, index: usize) -> String {
             number(parameter.plant_value)
         );
     }
-    text += "</table>\n<table>\n<tr><th>Residuals, root of the mean square</th><th>Tuning</th><th>Validation</th><th>MeasurementNoise at rest</th></tr>\n";
+    text += "</table>\n<table>\n<tr><th>Residuals, root of the mean square</th><th>Tuning</th><th>Validation</th><th>Noise at rest</th></tr>\n";
     for residuals in &fit.residuals {
         let shown =
             |value: Option<f64>| value.map_or_else(String::new, |value| quantity(value, &residuals.unit));

@@ -1,4 +1,4 @@
-//! The rod at rest: spring and friction from the balance of forces, eq. (4), over the positions that it came to.
+//! The rod at rest: spring and friction from the balance of forces, eq. (4), at its positions.
 //!
 //! Friction is Dahl's, eq. (5) with α = 1: over the distance x it approaches the Coulomb force of the direction,
 //! `F(x) = ±F_c + (F(0) ∓ F_c)·exp(−σ|x|/F_c)`. So the force at a position depends on where the rod came from.
@@ -23,11 +23,11 @@ pub const NAMES: [&str; 5] = [
     "actuator.friction_stiffness",
 ];
 
-/// The parts of the stroke at both ends in which a stop may hold the rod.
+/// The fraction of the stroke at either end in which a stop may hold the rod.
 pub const STOPS: f64 = 0.02;
-/// After so many lengths `F_c/σ` the friction has forgotten where it began.
+/// After so many lengths `F_c/σ` the friction no longer depends on its start.
 const FORGOTTEN: f64 = 5.0;
-/// In standard deviations of the position, what is a turn of the rod rather than noise.
+/// The least turn of the rod, rather than noise, in standard deviations of the position.
 const TURN: f64 = 5.0;
 
 /// An actuator with the spring and friction of a fit.
@@ -38,7 +38,7 @@ pub struct Rod {
     rate: f64,
 }
 
-/// What the fits of this rod and of its motion share: estimates with their covariance, in the fit's own units.
+/// What the fit of the motion takes from this one: estimates with their covariance, in the fit's units.
 pub struct Prior {
     pub free: Vec<usize>,
     pub parameters: Vec<f64>,
@@ -46,7 +46,7 @@ pub struct Prior {
 }
 
 impl Prior {
-    /// The rod of parameters in the fit's own units.
+    /// A rod with parameters in the fit's units.
     pub fn rod(parameters: &[f64], known: &Known) -> Rod {
         let mut actuator = known.system.actuator;
         let rate = parameters[4].exp();
@@ -60,17 +60,17 @@ impl Prior {
     }
 }
 
-/// Units of the spring's parameters in which they are of the order of 1; friction goes by logarithms, which
-/// keep it above zero.
+/// Units of the spring's parameters in which they are of the order of 1; of friction the logarithms are fitted,
+/// which keeps it above zero.
 const SCALES: [f64; 3] = [10.0, 1e3, 1e15];
 
-/// The rod at rest, and its path from the position before: the positions of its turns, and its own last.
+/// The rod at rest, with its path from the position before: the positions of its turns, and the last one.
 struct Stand<'a> {
     rest: &'a Rest,
     way: Vec<f64>,
 }
 
-/// The friction at each stand in parts of the Coulomb force, from none at the first.
+/// The friction at each stand as a fraction of the Coulomb force, 0 at the first.
 fn friction(stands: &[Stand<'_>], rate: f64) -> Vec<f64> {
     let (mut friction, mut position) = (0.0, None);
     stands
@@ -138,12 +138,12 @@ pub fn identify(
 struct Balance<'a> {
     known: &'a Known,
     stands: &'a [Stand<'a>],
-    /// The stands that count: between the stops, with known friction.
+    /// The stands that are fitted: between the stops, with known friction.
     used: Vec<usize>,
 }
 
 impl<'a> Balance<'a> {
-    /// `rate` is what is known of `σ/F_c` (1/m) before.
+    /// `rate` is the known `σ/F_c` (1/m).
     fn new(known: &'a Known, stands: &'a [Stand<'a>], rate: f64) -> Self {
         let mut travelled = 0.0;
         let mut used = vec![];
@@ -178,7 +178,7 @@ impl<'a> Balance<'a> {
         self.stands.iter().zip(friction).map(held).collect()
     }
 
-    /// Fits what the data tell; the rest stays as it is known.
+    /// Fits what the data determine; the rest keeps its known value.
     fn solve(&self, start: &[f64]) -> Result<(Prior, Vec<Unidentified>)> {
         let tuning = self.tuning();
         let (free, mut unidentified) = self.free(start);
@@ -201,7 +201,7 @@ impl<'a> Balance<'a> {
                 // Without preload and stiffness the others mean nothing.
                 0 | 1 => 0.0,
                 2 => solution.standard_error(place) / solution.parameters[place].abs(),
-                // Of a logarithm the error itself is the relative one.
+                // The error of a logarithm is the relative error.
                 _ => solution.standard_error(place),
             })?;
         unidentified
@@ -210,7 +210,7 @@ impl<'a> Balance<'a> {
         Ok((Prior { free, parameters, solution: Some(solution) }, unidentified))
     }
 
-    /// The parameters that can be determined: friction only where the rod came from either side.
+    /// The parameters that can be determined: friction only if the rod moved in both directions.
     fn free(&self, start: &[f64]) -> (Vec<usize>, Vec<Unidentified>) {
         const LEAST_EACH_WAY: usize = 3;
         let tuning = self.tuning();
@@ -251,7 +251,7 @@ fn fit(
     start: &[f64],
 ) -> Result<(Fit, Vec<Unidentified>, Prior)> {
     const LEAST_POSITIONS: usize = 8;
-    let noise = noise.context("the rod is nowhere at rest")?;
+    let noise = noise.context("the rod is never at rest")?;
     let stands = stands(data, rests, noise);
     let balance = Balance::new(known, &stands, Prior::rod(start, known).rate);
     let count = balance.tuning().len();
@@ -269,7 +269,7 @@ fn fit(
         title: "Spring and friction, eqs. (4) and (5) at rest".to_owned(),
         method: format!(
             "Nonlinear least squares of the balance of forces in {count} phases at rest with the rod between its \
-             stops. The friction is Dahl's over the way that the rod went from phase to phase. Forces are pressures \
+             stops. The friction is Dahl's over the rod's path from phase to phase. Forces are pressures \
              times the membrane's area, which is taken as {} m\u{b2}.",
             known.membrane_area
         ),
@@ -300,7 +300,7 @@ fn estimates(prior: &Prior, known: &Known) -> Vec<ParameterEstimate> {
         let others = prior.free.iter().enumerate().filter(|&(_, &other)| other >= 3);
         variance += others.map(|(other, _)| solution.covariance[(position, other)]).sum::<f64>();
     }
-    // It goes with F_c, since the plant refuses one that is too stiff for it.
+    // It is proportional to F_c, since the plant rejects one that is too stiff.
     if prior.free.iter().any(|&index| index >= 3) {
         let stiffness = coulomb * rod.rate.min(STIFFEST_FRICTION);
         estimates.push(known.estimate(NAMES[4], stiffness, stiffness * variance.max(0.0).sqrt()));

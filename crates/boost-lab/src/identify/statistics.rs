@@ -1,37 +1,35 @@
-//! Least squares, and how far its results can be trusted.
+//! Least squares with standard errors.
 //!
-//! Standard errors come from the Jacobian and the residuals. Residuals of measurements in the same phase hang
-//! together: a filter, a drift or what the model leaves out moves many of them the same way, and a formula that
-//! takes each for independent promises too much. So the errors are computed twice: from the residuals' variance,
-//! and from what each phase by itself moves the result by, which allows any correlation within a phase: the bias
-//! reduced linearization (CR2) of R. M. Bell and D. F. `McCaffrey`, Survey Methodology 28, 2002. The larger one
-//! counts.
+//! Standard errors come from the Jacobian and the residuals. Residuals of measurements in the same phase
+//! are correlated: a filter, a drift or what the model neglects moves many of them together, and the formula for
+//! independent residuals gives too small errors. So the errors are computed twice: from the residuals' variance,
+//! and from the influence of each phase, which allows any correlation within a phase: the bias reduced
+//! linearization (CR2) of R. M. Bell and D. F. `McCaffrey`, Survey Methodology 28, 2002. The larger one counts.
 
 use anyhow::{Result, bail};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::storage::Owned;
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
-/// A column that is this much shorter than the longest, once what the others explain is taken from it, tells
-/// nothing of its parameter.
+/// A column whose part orthogonal to the others is this much shorter than the longest does not determine its
+/// parameter.
 const DEPENDENT: f64 = 1e-9;
 
-/// A phase that gives more than this part of what is known of a parameter tells it alone: its residuals would be
-/// zero whatever the errors were, and show nothing.
+/// A phase with more than this leverage determines a parameter alone: its residuals would be zero whatever the
+/// errors were.
 const ALONE: f64 = 1.0 - 1e-6;
 
 /// A parameter with a larger relative standard error is not determined by the data.
 const MOST_RELATIVE_ERROR: f64 = 0.5;
 
-/// How far a solution is sought, relative to the sum of squares and to the parameters: far below any standard
-/// error, and above what differences in place of derivatives can do.
+/// The tolerance relative to the sum of squares and to the parameters: far below any standard error, and above the
+/// error of numerical derivatives.
 const TOLERANCE: f64 = 1e-9;
 
-/// How many times a solution is looked for, for each parameter and one more: where there is one, it takes two or
-/// three.
+/// The most iterations for each parameter and one more; where a solution exists, two or three suffice.
 const PATIENCE: usize = 10;
 
-/// What least squares gave.
+/// The result of least squares.
 #[derive(Clone, Debug)]
 pub struct Solution {
     pub parameters: DVector<f64>,
@@ -59,9 +57,8 @@ pub fn linear(design: &DMatrix<f64>, observed: &DVector<f64>, phases: &[usize]) 
     Ok(Solution { parameters, covariance })
 }
 
-/// Solves a nonlinear problem by Levenberg and Marquardt's method, from a start. `residuals` is measured less
-/// computed; the parameters are of the order of 1. `least_variance` is the one of the measurements that errors are
-/// at least computed from.
+/// Solves a nonlinear problem by Levenberg and Marquardt's method, from a start. `residuals` are measured minus
+/// computed; the parameters are of the order of 1. `least_variance` is a lower bound of the measurements' variance.
 pub fn nonlinear(
     start: &[f64],
     phases: &[usize],
@@ -81,18 +78,18 @@ pub fn nonlinear(
     Ok(Solution { parameters: problem.parameters, covariance })
 }
 
-/// A solution for those of many parameters that the data tell.
+/// A solution for the parameters that the data determine.
 pub struct Reliable {
     /// The parameters, in the solution's order.
     pub free: Vec<usize>,
     pub solution: Solution,
-    /// Those that were left out, with their relative standard errors.
+    /// The parameters left out, with their relative standard errors.
     pub left_out: Vec<(usize, f64)>,
 }
 
 impl Reliable {
-    /// Fits parameters, and then without the worst of them until no relative standard error is more than
-    /// [`MOST_RELATIVE_ERROR`]. `relative` gives this error for a place in the solution and the parameter there.
+    /// Fits parameters, and leaves out the worst one until no relative standard error is more than
+    /// [`MOST_RELATIVE_ERROR`]. `relative` gives this error for a position in the solution and the parameter there.
     pub fn fit(
         mut free: Vec<usize>,
         fit: impl Fn(&[usize]) -> Result<Solution>,
@@ -101,7 +98,7 @@ impl Reliable {
         let mut left_out = vec![];
         loop {
             if free.is_empty() {
-                bail!("no standard error would be less than {:.0} %", 100.0 * MOST_RELATIVE_ERROR);
+                bail!("every standard error would be more than {:.0} %", 100.0 * MOST_RELATIVE_ERROR);
             }
             let solution = fit(&free)?;
             let errors =
@@ -169,7 +166,7 @@ fn scales(matrix: &DMatrix<f64>) -> DVector<f64> {
     DVector::from_vec(lengths).map(|length| if length > 0.0 { length } else { 1.0 })
 }
 
-/// A matrix B with B·Bᵀ = (JᵀJ)⁻¹; none where a parameter changes nothing that others do not.
+/// A matrix B with B·Bᵀ = (JᵀJ)⁻¹; an error when parameters are not distinguishable.
 fn inverse_root(jacobian: &DMatrix<f64>) -> Result<DMatrix<f64>> {
     if jacobian.nrows() <= jacobian.ncols() {
         bail!("{} measurements are too few for {} parameters", jacobian.nrows(), jacobian.ncols());
@@ -178,7 +175,7 @@ fn inverse_root(jacobian: &DMatrix<f64>) -> Result<DMatrix<f64>> {
     let triangle = (jacobian * &unscaled).qr().r();
     let least = triangle.diagonal().iter().fold(f64::INFINITY, |least, value| least.min(value.abs()));
     let inverse = triangle.try_inverse().filter(|_| least > DEPENDENT);
-    let Some(inverse) = inverse else { bail!("the data do not tell the parameters from each other") };
+    let Some(inverse) = inverse else { bail!("the data do not distinguish the parameters") };
     Ok(unscaled * inverse)
 }
 
@@ -197,7 +194,7 @@ fn covariance(
     for &rows in phases {
         let phase = jacobian.rows(first, rows) * root;
         let gradient = phase.transpose() * residuals.rows(first, rows);
-        // A fit follows the phases that tell much, so their residuals are less than the errors were.
+        // A fit follows phases with a high leverage, so that their residuals are smaller than their errors.
         let SymmetricEigen { eigenvectors, eigenvalues } = (phase.transpose() * &phase).symmetric_eigen();
         let grown = eigenvalues.map(|share| if share < ALONE { (1.0 - share).sqrt().recip() } else { 0.0 });
         let change = root * (&eigenvectors * grown.component_mul(&eigenvectors.tr_mul(&gradient)));
@@ -217,7 +214,7 @@ pub fn root_mean_square(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     (count > 0).then(|| (sum / f64::from(count)).sqrt())
 }
 
-/// The arithmetic mean; not-a-number for no values.
+/// Not-a-number for no values.
 pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
@@ -230,7 +227,7 @@ mod tests {
 
     use super::*;
 
-    /// Many lines through noise: the estimates scatter as their standard errors say.
+    /// The estimates of many noisy lines scatter by their standard errors.
     fn scatter(correlation: f64) -> (f64, f64) {
         const ROWS: usize = 600;
         const PHASE: usize = 20;
@@ -262,8 +259,8 @@ mod tests {
 
     #[test]
     fn standard_errors_are_the_scatter_of_estimates() {
-        // The scatter of 400 trials is known to 1/√800, 3.5 %. The larger of two estimates is too large by what
-        // the one from 30 phases scatters, 1/√60 or 13 %, at most.
+        // The scatter of 400 trials is accurate to 1/√800, 3.5 %. The larger of two estimates is too large by at most
+        // the scatter of the one from 30 phases, 1/√60 or 13 %.
         for correlation in [0.0, 1.0] {
             let (scatter, error) = scatter(correlation);
             assert!((0.9..1.2).contains(&(error / scatter)), "{correlation}: {error} for {scatter}");

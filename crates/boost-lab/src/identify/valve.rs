@@ -20,11 +20,11 @@ pub const PRESSURE: [&str; 4] = [
 pub const LEAKAGE: [&str; 3] =
     ["valve.leakage_coefficient[1]", "valve.leakage_coefficient[2]", "valve.leakage_coefficient[3]"];
 pub const PUMP: &str = "pump.mass_flow";
-/// What the tank's pressure tells.
+/// What the tank's pressure determines.
 pub const FROM_TANK: [&str; 4] = [LEAKAGE[0], LEAKAGE[1], LEAKAGE[2], PUMP];
 /// Below ambient pressure by this much (Pa), eq. (7) rather than ambient holds the chamber's pressure.
 const BELOW_AMBIENT: f64 = 500.0;
-/// How much two duties differ that count as two (%).
+/// The least difference of two duties that count as different (%).
 const DIFFERENT: f64 = 0.5;
 
 fn different_duties(duties: impl Iterator<Item = f64>) -> usize {
@@ -90,12 +90,12 @@ pub fn pressure(rests: &[&Rest], known: &Known) -> FitOutcome {
     ))
 }
 
-/// A phase at rest, in which the tank's pressure changes by leakage and pump alone.
+/// A phase at rest, in which only leakage and pump change the tank's pressure.
 struct Decay<'a> {
     rest: &'a Rest,
     pump_runs: bool,
-    /// The tank's pressure (Pa), and what it would have risen by through 1 m² of leakage, and fallen by through
-    /// 1 kg/s of the pump (Pa); all less their means over the phase.
+    /// The tank's pressure (Pa), its rise through 1 m² of leakage and its fall through 1 kg/s of the pump (Pa); all
+    /// minus their means over the phase.
     pressure: Vec<f64>,
     leaked: Vec<f64>,
     pumped: Vec<f64>,
@@ -154,7 +154,7 @@ pub fn leakage(data: &Data, phases: &[Phase], known: &Known) -> FitOutcome {
     let mut decays: Vec<_> = phases
         .iter()
         .filter_map(|phase| Some((phase, phase.rest.as_ref()?)))
-        // Where the valve connects them, the chamber's air is in the balance, too.
+        // Where the valve connects them, the balance includes the chamber's air.
         .filter(|(_, rest)| !rest.is_limited_by_tank)
         .map(|(phase, rest)| Decay::new(data, phase, rest, known))
         .collect();
@@ -214,8 +214,8 @@ pub fn leakage(data: &Data, phases: &[Phase], known: &Known) -> FitOutcome {
     let fit = Fit {
         title: "Leakage over the duty, eq. (6)".to_owned(),
         method: format!(
-            "Linear least squares of the tank's pressure in {tuning} phases at rest: its rise is the leakage through \
-             eqs. (1) and (6), less what the pump draws where it runs. Only the area over the tank's volume is \
+            "Linear least squares of the tank's pressure in {tuning} phases at rest: its rise is the leakage by \
+            eqs. (1) and (6), minus the running pump's flow. Only the area over the tank's volume is \
              measured; the volume is taken as {} m\u{b3} and the coefficients' unit as {scale:e} m\u{b2}. The drawing \
              shows the area of each phase by itself, the pump off.",
             known.tank_volume

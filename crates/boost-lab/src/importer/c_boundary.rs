@@ -1,11 +1,10 @@
 //! The C side: the functions of an FMU's library, and the calls that go through it. All of the laboratory's
 //! `unsafe` is here.
 //!
-//! A library is foreign code, whose inside nothing can vouch for. What is kept here is this side of the
-//! contract of FMI 2.0: signatures as the standard declares them, pointers that are valid and lengths that
-//! belong to them, callbacks that outlive the instance (FMUs keep the pointer to them), no call after a fatal
-//! error, and no instance in two threads. What comes back is taken as it is: a status is a number, since a
-//! careless FMU returns any.
+//! A library is foreign code, and cannot be verified. This module keeps the importer's side of FMI 2.0: signatures
+//! as the standard declares them, valid pointers with their lengths, callbacks that outlive the instance (FMUs keep
+//! the pointer to them), no call after a fatal error, and no instance in two threads. A status is a plain number,
+//! since a careless FMU returns any.
 #![allow(unsafe_code)]
 
 use std::cell::Cell;
@@ -23,7 +22,7 @@ use libloading::Library;
 
 use super::messages::{Message, Status};
 
-/// How many messages of an instance are kept: the last ones.
+/// The number of messages kept for an instance: the last ones.
 const KEPT_MESSAGES: usize = 1000;
 
 /// `fmi2CallbackFunctions` (FMI 2.0.5, section 2.1.5).
@@ -37,7 +36,7 @@ struct CallbackFunctions {
 }
 
 unsafe extern "C" {
-    /// In logger.c.
+    /// Defined in logger.c.
     fn boost_lab_log(
         environment: *mut c_void,
         instance: *const c_char,
@@ -46,27 +45,26 @@ unsafe extern "C" {
         format: *const c_char,
         ...
     );
-    /// Of the C library, as the standard asks for.
+    /// From the C library, as the standard requires.
     fn calloc(count: usize, size: usize) -> *mut c_void;
-    /// Of the C library, too.
+    /// From the C library.
     fn free(memory: *mut c_void);
 }
 
-/// Takes an instance's messages. Its first field is what logger.c knows of it.
+/// Receives an instance's messages. logger.c declares the first field.
 #[repr(C)]
 struct Receiver {
     receive: unsafe extern "C" fn(*const Receiver, c_int, *const c_char),
     messages: Mutex<VecDeque<Message>>,
 }
 
-/// Keeps a message.
 ///
 /// # Safety
-/// `receiver` is the one of a living instance; the text is null or ends with a zero byte.
+/// `receiver` belongs to a living instance; the text is null or ends with a zero byte.
 unsafe extern "C" fn receive(receiver: *const Receiver, status: c_int, text: *const c_char) {
     // SAFETY: the callers' promise.
     let (receiver, text) = unsafe { (&*receiver, text_at(text)) };
-    // An FMU may log from threads of its own.
+    // An FMU may log from other threads.
     let mut messages = receiver.messages.lock().unwrap_or_else(PoisonError::into_inner);
     if messages.len() == KEPT_MESSAGES {
         messages.pop_front();
@@ -86,14 +84,13 @@ unsafe fn text_at(text: *const c_char) -> String {
     unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned()
 }
 
-/// Declares the functions of a library: those that each FMU for co-simulation must have, and those that one
-/// can do without.
+/// Declares the functions of a library: the required ones and the optional ones.
 macro_rules! functions {
     (
         required { $($name:ident: $symbol:literal ($($argument:ty),*) $(-> $result:ty)?;)* }
         optional { $($other:ident: $other_symbol:literal ($($other_argument:ty),*) -> $other_result:ty;)* }
     ) => {
-        /// The functions of an FMU's library, which stays loaded as long as they are there.
+        /// The functions of an FMU's library, which stays loaded as long as this exists.
         pub struct Functions {
             $($name: unsafe extern "C" fn($($argument),*) $(-> $result)?,)*
             $($other: Option<unsafe extern "C" fn($($other_argument),*) -> $other_result>,)*
@@ -102,12 +99,11 @@ macro_rules! functions {
 
         impl Functions {
             pub fn load(path: &Path) -> Result<Self> {
-                // SAFETY: loading runs the library's initializers. That an FMU's code may run is what its
-                // user asks for by naming it.
+                // SAFETY: loading runs the library's initializers; the user chose to run this FMU's code.
                 let library = unsafe { Library::new(path) }.context("its library cannot be loaded")?;
                 Ok(Self {
                     $(
-                        // SAFETY: the signature is the one that the standard declares for this name.
+                        // SAFETY: the standard declares this signature for this name.
                         $name: *unsafe { library.get($symbol) }.with_context(|| {
                             format!("its library has no {}", concat!($symbol))
                         })?,
@@ -156,16 +152,16 @@ type Set<T> = unsafe extern "C" fn(Component, *const ValueReference, usize, *con
 /// `fmi2LastSuccessfulTime` of `fmi2StatusKind`.
 const LAST_SUCCESSFUL_TIME: c_int = 2;
 
-/// An instance. It stays in the thread that made it, and so do its saved states.
+/// An instance. It and its saved states stay in one thread.
 pub struct Handle {
     component: Component,
     functions: Arc<Functions>,
     receiver: Box<Receiver>,
     /// Whether `fmi2Terminate` is due before the instance is freed.
     steps: Cell<bool>,
-    /// Whether the instance gave up for good: then the standard forbids any call.
+    /// Whether a fatal error occurred, after which the standard forbids any call.
     is_dead: Cell<bool>,
-    // What the FMU may have pointers to as long as it lives.
+    // The FMU may keep pointers to these.
     _callbacks: Box<CallbackFunctions>,
     _texts: [CString; 3],
 }
@@ -207,7 +203,7 @@ impl Handle {
         })
     }
 
-    /// What was logged since the last time.
+    /// The messages since the last call of this function.
     pub fn take_messages(&self) -> Vec<Message> {
         self.receiver.take()
     }

@@ -1,4 +1,4 @@
-//! The folder that an FMU is extracted to, as long as it is used.
+//! The temporary folder of an extracted FMU.
 
 use std::fs::File;
 use std::io::BufReader;

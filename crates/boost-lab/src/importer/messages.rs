@@ -1,4 +1,4 @@
-//! What FMUs say: statuses, messages, and the error of a call that failed.
+//! Statuses and messages of FMUs, and the error of a failed call.
 
 use std::ffi::c_int;
 use std::fmt;
@@ -6,7 +6,7 @@ use std::fmt;
 use fmu_package::FmuDescription;
 use fmu_package::terminal::number;
 
-/// A status, as the FMU gave it.
+/// A status, as the FMU returned it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Status(pub c_int);
 
@@ -15,7 +15,7 @@ impl Status {
     pub const DISCARD: Self = Self(2);
     pub const FATAL: Self = Self(4);
 
-    /// Whether the function did what it was called for.
+    /// Whether the call succeeded.
     pub fn succeeded(self) -> bool {
         // fmi2OK or fmi2Warning.
         matches!(self.0, 0 | 1)
@@ -32,7 +32,7 @@ impl fmt::Display for Status {
     }
 }
 
-/// What an instance logged.
+/// A logged message.
 #[derive(Clone, Debug)]
 pub struct Message {
     pub status: Status,
@@ -40,8 +40,7 @@ pub struct Message {
     pub text: String,
 }
 
-/// Of all that was logged since the last call that told something, what tells why a call failed: the
-/// complaints, or else the last messages.
+/// The messages that explain a failed call: warnings and errors, or else the last messages.
 pub(super) fn telling(mut messages: Vec<Message>, description: &FmuDescription) -> Vec<Message> {
     const LAST: usize = 3;
     if messages.iter().any(|message| message.status.0 > Status::WARNING.0) {
@@ -52,8 +51,7 @@ pub(super) fn telling(mut messages: Vec<Message>, description: &FmuDescription) 
     messages.into_iter().map(|message| with_names(message, description)).collect()
 }
 
-/// A message with the names of the variables that it refers to as `#r12#`, and with `##` as the `#` that it
-/// stands for (FMI 2.0.5, section 2.1.5).
+/// A message with references such as `#r12#` replaced by names, and `##` by `#` (FMI 2.0.5, section 2.1.5).
 pub(super) fn with_names(message: Message, description: &FmuDescription) -> Message {
     if !message.text.contains('#') {
         return message;
@@ -61,7 +59,7 @@ pub(super) fn with_names(message: Message, description: &FmuDescription) -> Mess
     let mut text = String::new();
     let mut parts = message.text.split('#');
     text += parts.next().unwrap_or_default();
-    // Between two of them stands a reference; after it the text goes on.
+    // References and text alternate.
     while let Some(reference) = parts.next() {
         let types: &[&str] = match reference.chars().next() {
             Some('r') => &["Real"],
@@ -84,21 +82,21 @@ pub(super) fn with_names(message: Message, description: &FmuDescription) -> Mess
     Message { text, ..message }
 }
 
-/// A call that failed, and the FMU's messages.
+/// A failed call with the FMU's messages.
 #[derive(Debug)]
 pub struct CallFailed {
     pub instance: String,
     /// The C function of FMI.
     pub function: &'static str,
-    /// The variables that it was called for, where there are few.
+    /// The variables in the call, if they are few.
     pub variables: Vec<String>,
     /// The time that the instance had reached (s); none before `fmi2SetupExperiment`.
     pub time: Option<f64>,
-    /// What the function returned; none where it returned no instance.
+    /// None if `fmi2Instantiate` returned null.
     pub status: Option<Status>,
-    /// The time up to which a discarded step succeeded (s), where the FMU tells.
+    /// The time up to which a discarded step succeeded (s), if the FMU gives it.
     pub last_successful_time: Option<f64>,
-    /// What the instance logged in the call.
+    /// Logged in the call.
     pub messages: Vec<Message>,
 }
 

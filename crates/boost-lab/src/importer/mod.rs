@@ -1,13 +1,12 @@
-//! Drives FMUs of any maker: co-simulation, FMI 2.0.
+//! Imports FMUs for co-simulation, FMI 2.0, from any tool.
 //!
-//! An [`Fmu`] is an FMU that is extracted and loaded; it makes [`Instance`]s, in any thread, and each of them
-//! stays in its thread. Variables go by their names, which are resolved once: a [`Selection`] gets or sets
-//! numbers of any type in one go and allocates nothing. The error of a call that fails is a [`CallFailed`]: the
-//! function, the time, and the FMU's messages.
+//! An [`Fmu`] is extracted and loaded; it makes [`Instance`]s in any thread, and each of them stays in its thread.
+//! Variables are addressed by names, which are resolved once: a [`Selection`] gets or sets numbers of any type at
+//! once and allocates nothing. A failed call is a [`CallFailed`]: the function, the time, and the FMU's messages.
 //!
-//! Only this module calls FMUs. It does so itself because, of the crates that import FMI 2.0, `fmi` needs libclang
-//! to be built and crashes on messages without a category, and `fmi-rs` (0.3.4) crashes with FMUs that keep the
-//! pointer to the callbacks, as many do, and with a status that the standard does not define.
+//! Only this module calls FMUs. Of the crates that import FMI 2.0, `fmi` needs libclang to be built and crashes on
+//! messages without a category, and `fmi-rs` (0.3.4) crashes with FMUs that keep the pointer to the callbacks, as
+//! many do, and with a status that the standard does not define.
 
 mod c_boundary;
 mod folder;
@@ -30,14 +29,14 @@ use fmu_package::library::refuse_cut_short;
 use fmu_package::temporary::Folder;
 use fmu_package::{FmuDescription, FmuVariable, Linear, ParameterSet, Platform, Value, like, reading};
 
-/// The flag of an FMU that can have one instance in a process.
+/// The capability flag for a single instance per process.
 pub(crate) const ONLY_ONCE: &str = "canBeInstantiatedOnlyOncePerProcess";
 
 /// An FMU, extracted and loaded.
 pub struct Fmu {
     path: PathBuf,
     description: FmuDescription,
-    /// By their names: what takes the FMU's values to those that are seen here.
+    /// The conversions from the FMU's values, by name.
     conversions: BTreeMap<String, Linear>,
     functions: Arc<Functions>,
     // Dropped after the library in it.
@@ -60,12 +59,12 @@ impl Fmu {
             .context("its modelDescription.xml is broken")?;
         let version = description.attribute("fmiVersion");
         if !version.starts_with("2.") {
-            bail!("it is one of FMI {version}; FMI 2.0 is what is known here");
+            bail!("it is one of FMI {version}; only FMI 2.0 is supported");
         }
         let Some(identifier) = description.co_simulation_identifier() else {
             bail!("it is not for co-simulation");
         };
-        let Some(platform) = Platform::host() else { bail!("FMI 2.0 knows no FMUs for this platform") };
+        let Some(platform) = Platform::host() else { bail!("FMI 2.0 does not support this platform") };
         let name = platform.library_path(identifier);
         let library = folder.path().join(&name);
         if !library.is_file() {
@@ -82,7 +81,7 @@ impl Fmu {
         })
     }
 
-    /// The FMU as it is seen in other names and units: from here on nothing refers to its own.
+    /// The FMU in other names and units, which replace its own from here on.
     pub fn translated(&self, translation: Translation) -> Arc<Self> {
         let mut conversions = translation.to_interface;
         conversions.retain(|_, conversion| *conversion != Linear::IDENTITY);
@@ -171,7 +170,7 @@ fn reference(variable: &FmuVariable) -> Result<ValueReference> {
     })
 }
 
-/// Some variables that are numbers, resolved, in the order of their names.
+/// Resolved numeric variables.
 #[derive(Default)]
 pub struct Selection {
     names: Vec<String>,
@@ -182,9 +181,9 @@ pub struct Selection {
     conversions: Vec<Conversion>,
 }
 
-/// What converts one of a selection's reals.
+/// The conversion of one of a selection's reals.
 struct Conversion {
-    /// Its place among them.
+    /// Its index among them.
     slot: usize,
     /// From the FMU's value.
     to_seen: Linear,
@@ -235,7 +234,7 @@ pub struct Instance {
     warnings: Vec<Message>,
 }
 
-/// A state that an instance saved; it can go back to it as often as is wanted.
+/// A saved state, which the instance can restore any number of times.
 pub struct SavedState {
     state: FmuState,
     handle: Rc<Handle>,
@@ -249,25 +248,25 @@ impl Drop for SavedState {
 }
 
 impl Instance {
-    /// The name that messages use.
+    /// For messages.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// What it warned of since the last time.
+    /// The warnings since the last call of this function.
     pub fn take_warnings(&mut self) -> Vec<Message> {
         self.collect();
         std::mem::take(&mut self.warnings)
     }
 
-    /// Keeps the warnings of what was logged.
+    /// Keeps the warnings among messages.
     fn collect(&mut self) {
         let messages = self.handle.take_messages().into_iter();
         let warnings = messages.filter(|message| message.status == Status::WARNING);
         self.warnings.extend(warnings.map(|message| messages::with_names(message, &self.fmu.description)));
     }
 
-    /// Takes what a function returned.
+    /// Turns the status of a call into a result.
     fn check(&mut self, function: &'static str, variables: &[String], status: Status) -> Result<()> {
         if status == Status(0) {
             return Ok(());
@@ -288,7 +287,7 @@ impl Instance {
         });
     }
 
-    /// Tells the experiment's times (s); values may be set before.
+    /// Sets the experiment's times (s); values may be set before.
     pub fn set_up(&mut self, start_time: f64, stop_time: Option<f64>) -> Result<()> {
         let status = self.handle.setup_experiment(start_time, stop_time);
         self.check("fmi2SetupExperiment", &[], status)?;
@@ -301,7 +300,7 @@ impl Instance {
         self.check("fmi2EnterInitializationMode", &[], status)
     }
 
-    /// Ends the initialization: from now on it steps.
+    /// Ends the initialization.
     pub fn exit_initialization(&mut self) -> Result<()> {
         let status = self.handle.exit_initialization_mode();
         self.check("fmi2ExitInitializationMode", &[], status)
@@ -351,7 +350,7 @@ impl Instance {
         }
         if !integers.references.is_empty() {
             #[allow(clippy::cast_possible_truncation)]
-            // what is out of range becomes the nearest that is not
+            // the cast saturates
             integers.gather(values, |value| value.round() as i32);
             let status = self.handle.set_integer(&integers.references, &integers.values);
             self.check("fmi2SetInteger", names, status)?;
@@ -364,7 +363,7 @@ impl Instance {
         Ok(())
     }
 
-    /// The number that a variable is now.
+    /// The current value of a numeric variable.
     pub fn number(&mut self, name: &str) -> Result<f64> {
         let mut value = [0.0];
         let mut selection = self.fmu.select([name])?;
@@ -426,13 +425,13 @@ impl Instance {
         Ok(SavedState { state, handle: Rc::clone(&self.handle), time: self.time })
     }
 
-    /// Goes back to a state that this instance saved.
+    /// Restores a state that this instance saved.
     pub fn restore(&mut self, saved: &SavedState) -> Result<()> {
         if !Rc::ptr_eq(&self.handle, &saved.handle) {
             bail!("{}: the state is another instance's", self.name);
         }
         let Some(status) = self.handle.set_state(saved.state) else {
-            bail!("{}: the FMU cannot go back to a state", self.name);
+            bail!("{}: the FMU cannot restore its state", self.name);
         };
         self.check("fmi2SetFMUstate", &[], status)?;
         self.time = saved.time;

@@ -1,7 +1,6 @@
-//! The importer under an FMU that is written in C as others write them (`tests/careless/careless.c`).
+//! The importer with an FMU written in C, careless as others are (`tests/careless/careless.c`).
 //!
-//! The FMU aborts the process when a state is left or a call comes after a fatal error, so that each test
-//! sees to it, too.
+//! The FMU aborts the process when a state is not freed or a call follows a fatal error.
 
 use std::fs;
 use std::path::Path;
@@ -29,7 +28,7 @@ fn opened() -> Arc<Fmu> {
     import(DESCRIPTION).expect("the FMU is imported")
 }
 
-/// An instance that steps.
+/// An instance ready to step.
 fn started(fmu: &Arc<Fmu>) -> Result<Instance> {
     let mut instance = fmu.instantiate("careless")?;
     instance.set_up(0.0, None)?;
@@ -47,7 +46,7 @@ fn fail_with(name: &str) -> (Instance, CallFailed) {
 }
 
 #[test]
-fn values_of_each_type_go_by_their_names() {
+fn values_of_each_type_are_set_by_name() {
     let fmu = opened();
     let mut instance = started(&fmu).unwrap();
     let mut selection = fmu.select(["flag", "input", "fail", "level"]).unwrap();
@@ -164,7 +163,7 @@ fn a_state_is_saved_restored_and_freed() {
     assert_eq!(instance.number("states").unwrap().to_bits(), 1.0_f64.to_bits());
     drop(saved);
     assert_eq!(instance.number("states").unwrap().to_bits(), 0.0_f64.to_bits());
-    // A state that outlives its instance frees it with itself.
+    // A saved state keeps its instance alive.
     let saved = instance.save().unwrap();
     drop(instance);
     drop(saved);
@@ -179,7 +178,7 @@ fn a_state_of_another_instance_is_refused() {
 }
 
 #[test]
-fn another_guid_is_refused_with_what_the_fmu_says() {
+fn another_guid_is_refused_with_the_message_of_the_fmu() {
     let fmu = import(&DESCRIPTION.replace("guid=\"careless\"", "guid=\"{another}\"")).unwrap();
     let error = fmu.instantiate("probe").err().expect("it is refused").to_string();
     assert_eq!(error, "probe: fmi2Instantiate made no instance\n  {another} is not 100% mine");
@@ -211,7 +210,7 @@ fn instances_in_many_threads_are_independent() {
     });
 }
 
-/// What cannot be imported, and what is said of it.
+/// The message of a refused import.
 fn refusal(imported: Result<Arc<Fmu>>) -> String {
     format!("{:#}", imported.err().expect("it is refused"))
 }

@@ -1,6 +1,6 @@
-//! Scales: from values to places on an axis, with ticks at round numbers.
+//! Scales: from values to positions on an axis, with ticks at round numbers.
 
-/// How a range lies on an axis.
+/// A range of values on an axis.
 #[derive(Clone, Debug)]
 pub struct Scale {
     from: f64,
@@ -9,13 +9,13 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// From a value to another, with at most so many ticks.
+    /// A range with at most so many ticks.
     pub fn exact(from: f64, to: f64, most_ticks: usize) -> Self {
         let (from, to) = proper(from, to);
         Self { from, to, ticks: ticks(from, to, most_ticks) }
     }
 
-    /// With a little room around the values.
+    /// With margins around the values.
     pub fn around(from: f64, to: f64, most_ticks: usize) -> Self {
         let (from, to) = proper(from, to);
         let room = 0.06 * (to - from);
@@ -27,13 +27,13 @@ impl Scale {
         (value - self.from) / (self.to - self.from)
     }
 
-    /// The values with ticks, as numbers and as texts.
+    /// The ticks, as numbers and as texts.
     pub fn ticks(&self) -> &[(f64, String)] {
         &self.ticks
     }
 }
 
-/// A range that can be drawn: not empty, and finite. What is equal to six digits is shown as constant.
+/// A range that can be drawn: not empty, and finite. Values equal to six digits are shown as constant.
 fn proper(from: f64, to: f64) -> (f64, f64) {
     if !(from.is_finite() && to.is_finite()) {
         return (0.0, 1.0);
@@ -50,7 +50,7 @@ fn ticks(from: f64, to: f64, most: usize) -> Vec<(f64, String)> {
     let magnitude = 10_f64.powf(roughest.log10().floor());
     let step = [1.0, 2.0, 2.5, 5.0, 10.0].map(|factor| factor * magnitude);
     let step = step.into_iter().find(|step| *step >= roughest * (1.0 - 1e-9)).unwrap_or(10.0 * magnitude);
-    // 2.5 needs a decimal more than its magnitude.
+    // 2.5 needs one decimal more than its magnitude.
     let decimals = (0..10).find(|&decimals| {
         let scaled = step * 10_f64.powi(decimals);
         (scaled - scaled.round()).abs() < 1e-6 * scaled

@@ -1,4 +1,4 @@
-//! Where the legend of a panel is: in a corner of the frame that no line needs, or else above the frame.
+//! The position of a panel's legend: in a corner of the frame without lines, or else above the frame.
 
 use super::svg::{Anchor, Svg};
 use super::{FONT_SIZE, Frame, Line, Panel};
@@ -11,7 +11,7 @@ const PADDING: f64 = 6.0;
 const ROW: f64 = 1.35 * FONT_SIZE;
 /// The mean width of a letter, in font sizes: generous, since fonts differ.
 const LETTER: f64 = 0.56;
-/// How near a line may come to the box.
+/// The least distance of a line from the box.
 const CLEARANCE: f64 = 4.0;
 
 pub struct Legend<'a> {
@@ -22,7 +22,7 @@ pub struct Legend<'a> {
 /// Relative to the frame's upper left corner.
 enum LegendPosition {
     Inside(f64, f64),
-    /// How many entries each row holds.
+    /// The number of entries in each row.
     Above(Vec<usize>),
 }
 
@@ -31,7 +31,7 @@ fn entry_width(label: &str) -> f64 {
 }
 
 impl<'a> Legend<'a> {
-    /// Finds a place; none where nothing has a label.
+    /// Finds the position; none without labels.
     pub fn new(panel: &'a Panel, frame: &Frame) -> Option<Self> {
         let entries: Vec<_> =
             panel.lines.iter().filter_map(|line| Some((line, line.label.as_deref()?))).collect();
@@ -88,7 +88,7 @@ impl<'a> Legend<'a> {
     }
 }
 
-/// How many entries fit each row of a width.
+/// The number of entries in each row of a width.
 fn rows(entries: &[(&Line, &str)], width: f64) -> Vec<usize> {
     let mut rows = vec![];
     let mut used = f64::INFINITY;
@@ -118,7 +118,7 @@ fn draw_entry(svg: &mut Svg, (line, label): &(&Line, &str), left: f64, middle: f
     svg.text(left + SAMPLE + PADDING, middle + 0.35 * FONT_SIZE, Anchor::Start, label);
 }
 
-/// The points of a line, and some between those that are far from each other.
+/// The points of a line, and some more between distant ones.
 fn dense(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     const DISTANCE: f64 = 4.0;
     let mut dense = points.first().copied().into_iter().collect::<Vec<_>>();

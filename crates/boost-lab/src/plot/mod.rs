@@ -1,8 +1,7 @@
 //! Draws records as SVG, in the manner of a journal: panels in rows, one frame each, thin lines, few colours
 //! (those of Okabe and Ito, which the colour-blind tell apart), and the units at the axes.
 //!
-//! A [`Figure`] is rows of [`Panel`]s; a panel holds [`Line`]s over its axes. The same figure gives the same
-//! text.
+//! A [`Figure`] is rows of [`Panel`]s; a panel holds [`Line`]s over its axes. The text is reproducible.
 
 mod axis;
 mod legend;
@@ -14,13 +13,13 @@ pub use self::svg::escaped;
 use self::svg::{Anchor, Svg};
 
 pub mod color {
-    /// For what is asked for, and for texts.
+    /// For references and texts.
     pub const BLACK: &str = "#1a1a1a";
-    /// For what is in the second place.
+    /// For secondary curves.
     pub const GRAY: &str = "#8c8c8c";
-    /// For what is shown.
+    /// For the main curve.
     pub const BLUE: &str = "#0072b2";
-    /// For what it is compared with.
+    /// For comparison.
     pub const VERMILION: &str = "#d55e00";
     pub const GREEN: &str = "#009e73";
     pub const PURPLE: &str = "#aa4499";
@@ -76,7 +75,7 @@ pub struct Line {
     marks: Marks,
 }
 
-/// What stands for a line's points.
+/// How a line's points are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Marks {
     Stroke,
@@ -111,7 +110,7 @@ impl Figure {
         self
     }
 
-    /// Panels that stand above each other have one horizontal axis, at the lowest.
+    /// Panels in a column share one horizontal axis, at the lowest.
     pub fn shared_x(mut self) -> Self {
         self.shares_x = true;
         self
@@ -119,7 +118,7 @@ impl Figure {
 }
 
 impl Panel {
-    /// A panel with its axes' labels, with their units.
+    /// A panel with its axes' labels, which include the units.
     pub fn new(x_label: &str, y_label: &str) -> Self {
         Self {
             title: None,
@@ -142,13 +141,13 @@ impl Panel {
         self
     }
 
-    /// The horizontal axis from a value to another.
+    /// The range of the horizontal axis.
     pub fn x_range(mut self, from: f64, to: f64) -> Self {
         self.x.range = Some((from, to));
         self
     }
 
-    /// The left axis from a value to another.
+    /// The range of the left axis.
     pub fn y_range(mut self, from: f64, to: f64) -> Self {
         self.left.range = Some((from, to));
         self
@@ -192,7 +191,7 @@ impl Line {
         }
     }
 
-    /// A text in the legend.
+    /// Its entry in the legend.
     pub fn label(mut self, label: &str) -> Self {
         self.label = Some(label.to_owned());
         self
@@ -237,13 +236,13 @@ impl Line {
     }
 }
 
-/// Where a panel's frame is, and its scales.
+/// A panel's frame and scales.
 struct Frame {
     left: f64,
     top: f64,
     width: f64,
     height: f64,
-    /// From the frame to the left axis' label.
+    /// The distance from the frame to the left axis' label.
     label_distance: f64,
     x: Scale,
     y: Scale,
@@ -258,7 +257,7 @@ impl Frame {
     }
 }
 
-/// Room around a frame.
+/// The margins of a frame.
 #[derive(Clone, Copy, Default)]
 struct Margins {
     left: f64,
@@ -270,12 +269,12 @@ impl Figure {
         self.svg_named("figure")
     }
 
-    /// The SVG text, for a page with other ones, which have other names.
+    /// The SVG text, with a name that is unique in its page.
     pub fn svg_named(&self, name: &str) -> String {
         let mut svg = Svg::new(name);
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let x_scales: Vec<Vec<Scale>> = self.x_scales();
-        // Frames in a column begin and end at the same place.
+        // Frames in a column are aligned.
         let mut margins = vec![Margins::default(); columns];
         for row in &self.rows {
             for (margin, panel) in margins.iter_mut().zip(row) {
@@ -426,7 +425,7 @@ impl Panel {
 }
 
 impl Line {
-    /// The points on the page, with the corners of held values.
+    /// The points in the drawing, with the corners of held values.
     fn drawn(&self, frame: &Frame) -> Vec<(f64, f64)> {
         let mut drawn: Vec<(f64, f64)> = vec![];
         for &point in &self.points {
@@ -455,8 +454,7 @@ impl Line {
     }
 }
 
-/// Of many points in a strip of the page, the first, the lowest, the highest and the last: the line looks the
-/// same.
+/// Keeps the first, lowest, highest and last of many points in a strip, which look the same.
 fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     const STRIP: f64 = 0.5;
     let mut thinned: Vec<(f64, f64)> = vec![];

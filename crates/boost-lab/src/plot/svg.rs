@@ -4,7 +4,7 @@ use super::FONT_SIZE;
 use super::color::BLACK;
 use fmu_package::terminal::printable;
 
-/// How a text lies to its place.
+/// The alignment of a text.
 #[derive(Clone, Copy)]
 pub enum Anchor {
     Start,
@@ -22,7 +22,7 @@ impl Anchor {
     }
 }
 
-/// An SVG text in the making.
+/// Builds an SVG text.
 pub struct Svg {
     name: String,
     body: String,
@@ -30,12 +30,12 @@ pub struct Svg {
 }
 
 impl Svg {
-    /// `name` makes its parts' names unique in a page.
+    /// `name` makes identifiers unique in a page.
     pub fn new(name: &str) -> Self {
         Self { name: name.to_owned(), body: String::new(), clips: 0 }
     }
 
-    /// A rectangle that lines can be clipped to; gives its name.
+    /// Defines a rectangle for clipping, and returns its name.
     pub fn clip(&mut self, x: f64, y: f64, width: f64, height: f64) -> String {
         self.clips += 1;
         let name = format!("{}-frame-{}", self.name, self.clips);
@@ -120,7 +120,7 @@ impl Svg {
         );
     }
 
-    /// The whole text, of a picture of this size.
+    /// The complete text of a picture of this size.
     pub fn finish(self, width: f64, height: f64) -> String {
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" width=\"{width:.0}\" \
@@ -132,7 +132,7 @@ impl Svg {
     }
 }
 
-/// A text as XML writes it.
+/// A text escaped for XML.
 pub fn escaped(text: &str) -> String {
     // Control characters are not allowed in XML.
     printable(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")

@@ -6,7 +6,7 @@ use super::measure::at;
 use super::{Basis, Claim, Evidence, Laboratory, shipped};
 use crate::plot::{Figure, Line, Panel, color};
 
-/// When the voltage dips, and when it is back (s).
+/// The beginning and end of the dip (s).
 const DIP: (f64, f64) = (2.0, 6.0);
 
 pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
@@ -59,7 +59,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             },
         ],
         notes: vec![format!(
-            "Boost pressure, which the paper does not show here, rises by {:.1} kPa: what a voltage's dip costs \
+            "Boost pressure, which the paper does not show here, rises by {:.1} kPa: what a voltage dip costs \
              without compensation.",
             1e-3 * change("boost_pressure")?
         )],

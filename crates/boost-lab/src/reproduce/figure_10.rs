@@ -10,7 +10,7 @@ use crate::scenario::Signal;
 
 /// The edges of the voltage (s).
 const EDGES: [f64; 2] = [2.0, 6.0];
-/// The voltage that a duty is meant at (V).
+/// The nominal voltage (V).
 const NOMINAL: f64 = 12.0;
 const POSITION: &str = "hp_wastegate_position";
 
@@ -19,7 +19,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     let compensated = laboratory.scenario(name, text)?;
     let mut without = compensated.clone();
     without.set_value("controller", "compensate_voltage", Value::Boolean(false))?;
-    // The plant alone, with eq. (9) for the voltage as it is at each instant.
+    // The plant alone, with eq. (9) for the instantaneous voltage.
     let (name, text) = shipped!("figure_1.toml");
     let mut exact = laboratory.scenario(name, text)?;
     let duty = exact.input("hp_wastegate_pwm").map_or(f64::NAN, |signal| signal.at(0.0));
@@ -111,7 +111,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             },
         ],
         notes: vec![format!(
-            "The lag of the measured voltage leaves a pulse of up to {:.1} % of stroke at each edge, which is over within \
+            "The lag of the measured voltage leaves a pulse of up to {:.1} % of stroke at each edge, which ends within \
              0.1 s.",
             greatest(pulses)
         )],

@@ -17,7 +17,7 @@ struct FullLoad {
 }
 
 impl FullLoad {
-    /// Reads what there is at the end of each step of the speed.
+    /// The values at the end of each step of the speed.
     fn new(scenario: &Scenario, record: &Record) -> Result<Self> {
         let steps = scenario.input("engine_speed").map_or(&[] as &[_], Signal::points);
         let ends = steps.iter().skip(1).map(|step| step.0).chain([scenario.stop_time]);

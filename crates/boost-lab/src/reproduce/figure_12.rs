@@ -67,7 +67,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 Drawing::Picture(without_links(STRUCTURE)),
             ),
             (
-                "Steps of the reference at a supply of 13 V: what the controller's blocks put out.".into(),
+                "Steps of the reference at a supply of 13 V: the outputs of the controller's blocks.".into(),
                 figure.into(),
             ),
         ],
@@ -102,7 +102,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: Some(1.0),
                 most: None,
                 basis: Basis::Prediction,
-                how: "How many samples are at a limit, by saturated; the claims above would show nothing of the limits \
+                how: "How many samples are at a limit, by saturated; the claims above would not test the limits \
                       otherwise.",
             },
         ],
@@ -114,7 +114,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     })
 }
 
-/// A picture with groups in the place of its links, which lead to variables of the page that it was drawn for.
+/// A picture with groups instead of its links, whose targets are in the documentation.
 fn without_links(svg: &str) -> String {
     let mut parts = svg.split(" href=\"");
     let first = parts.next().unwrap_or_default().to_owned();

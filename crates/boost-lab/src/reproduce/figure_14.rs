@@ -9,7 +9,7 @@ use crate::plot::{Figure, Line, Panel, color};
 use crate::record::Record;
 use crate::scenario::Signal;
 
-/// When the start is over (s).
+/// The end of the start (s).
 const STARTED: f64 = 3.0;
 
 /// The largest error of boost pressure (Pa).
@@ -69,7 +69,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     Ok(Evidence {
         drawings: vec![
             ("Supply voltage; desired and actual boost pressure, and the duty.".into(), figure.into()),
-            ("What the compensator spares: the band is the paper's 1 kPa.".into(), comparison.into()),
+            ("The effect of the compensator; the band is the paper's 1 kPa.".into(), comparison.into()),
         ],
         claims: vec![
             Claim {

@@ -17,7 +17,7 @@ fn branches(record: &Record, name: &str, factor: f64) -> Result<[Vec<(f64, f64)>
     let half = points.len() / 2;
     let up = points[..=half].to_vec();
     let down = points[half..].iter().rev().copied().collect();
-    // Where the duty stands for a sample, one point is enough.
+    // One point for each duty.
     Ok([up, down].map(|mut branch: Vec<(f64, f64)>| {
         branch.dedup_by(|a, b| a.0 <= b.0);
         branch
@@ -55,7 +55,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     ]);
     Ok(Evidence {
         drawings: vec![(
-            "A ramp of the duty by 1 % per second, up and down, the pump's relay at work.".into(),
+            "A ramp of the duty by 1 % per second, up and down, with the pump's relay.".into(),
             figure.into(),
         )],
         claims: vec![
@@ -67,7 +67,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: None,
                 most: Some(2.0),
                 basis: Basis::Calibration,
-                how: "The largest distance of hp_wastegate_position on the two ways at equal duty, 5 to 95 %. The Coulomb \
+                how: "The largest distance of hp_wastegate_position on the two branches at equal duty, 5 to 95 %. The Coulomb \
                       force was chosen small by this figure. The bound is what can be read from a plot of the whole \
                       stroke.",
             },

@@ -69,7 +69,7 @@ fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
     let runs = record.get("vacuum_pump")?.iter().enumerate().filter(|(_, pump)| **pump > 0.5);
     let rows: Vec<_> = runs.map(|(row, _)| row).collect();
     let (Some(&first), Some(&last)) = (rows.first(), rows.last()) else { bail!("the pump does not run") };
-    // A row holds what the controller put out at the communication point before it.
+    // A row has the controller's outputs of the communication point before.
     let before = first.checked_sub(1).context("the pump runs from the start")?;
     let (begin, end) = (time[before], time[last]);
     let change = |name: &str| {

@@ -10,7 +10,7 @@ use crate::record::Record;
 /// When the duty steps up and down (s).
 const STEPS: (f64, f64) = (1.0, 4.0);
 
-/// The time from a step to a share of the way to where a variable is in the end (s).
+/// The time from a step until a variable has covered a share of its change (s).
 fn settling(record: &Record, name: &str, begin: f64, end: f64, share: f64) -> Result<f64> {
     let values = between(record, name, begin, end)?;
     let (from, to) = (values[0], values[values.len() - 1]);

@@ -1,8 +1,8 @@
 //! The paper's figures from the FMUs: each is one or more scenarios, what is measured in them, and a drawing
 //! laid out as the paper's.
 //!
-//! A [`Claim`] is a statement of the paper with the number that the FMUs give, the range that confirms the
-//! statement out, and whether the number is a prediction of the model or was put into it.
+//! A [`Claim`] is a statement of the paper with the number that the FMUs give, the range that confirms it, and
+//! whether the number is a prediction or was calibrated.
 
 mod figure_1;
 mod figure_10;
@@ -59,18 +59,18 @@ pub const FIGURES: [PaperFigure; 10] = [
     PaperFigure { number: 14, title: "Boost pressure under voltage steps", reproduce: figure_14::reproduce },
 ];
 
-/// What a figure's experiments gave.
+/// The results of a figure's experiments.
 pub struct Evidence {
-    /// The drawings, each with what it shows.
+    /// The drawings with their captions.
     pub drawings: Vec<(String, Drawing)>,
     /// The paper's statements, in the order of the report.
     pub claims: Vec<Claim>,
-    /// What else a reader must know: how the experiment differs from the paper's, what is not reproduced.
+    /// How the experiment differs from the paper's, and what is not reproduced.
     pub notes: Vec<String>,
 }
 
 pub enum Drawing {
-    /// A plot of what was recorded.
+    /// A plot of a record.
     Plot(Figure),
     /// A picture, as SVG.
     Picture(String),
@@ -82,10 +82,10 @@ impl From<Figure> for Drawing {
     }
 }
 
-/// A statement of the paper, held against the FMUs.
+/// A statement of the paper, compared with the FMUs.
 #[derive(Clone, Debug, Serialize)]
 pub struct Claim {
-    /// What it is called in report.json, unique in its figure.
+    /// The name in report.json, unique in its figure.
     pub name: &'static str,
     /// The paper's statement.
     pub paper: &'static str,
@@ -107,18 +107,17 @@ pub struct Claim {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Basis {
-    /// Parameters were chosen so that the model gives it.
+    /// Parameters were calibrated to it.
     Calibration,
-    /// It follows from a model whose parameters were chosen by something else.
+    /// It follows from parameters that were chosen for other reasons.
     Prediction,
-    /// It follows from how the controller is built.
+    /// It follows from the controller's structure.
     Construction,
 }
 
 impl Claim {
-    /// Whether the number is in the range.
     pub fn holds(&self) -> bool {
-        // Not-a-number is in no range.
+        // False for not-a-number.
         self.value >= self.least.unwrap_or(f64::NEG_INFINITY)
             && self.value <= self.most.unwrap_or(f64::INFINITY)
     }
@@ -141,7 +140,7 @@ pub struct Reproduced {
     pub scenarios: Vec<(&'static str, &'static str)>,
 }
 
-/// Where the experiments run.
+/// Runs the experiments.
 pub struct Laboratory {
     folder: PathBuf,
     fmus: LoadedFmus,
@@ -149,7 +148,7 @@ pub struct Laboratory {
 }
 
 impl Laboratory {
-    /// One with the FMUs of a folder, `BoostPlant.fmu` and `BoostController.fmu`.
+    /// With the `BoostPlant.fmu` and `BoostController.fmu` of a folder.
     pub fn new(folder: &Path) -> Self {
         Self { folder: folder.to_owned(), fmus: LoadedFmus::default(), scenarios: vec![] }
     }
@@ -159,7 +158,7 @@ impl Laboratory {
         Ok(Reproduced { figure, evidence, scenarios: std::mem::take(&mut self.scenarios) })
     }
 
-    /// The FMUs that were used, with their versions and GUIDs.
+    /// The FMUs with their versions and GUIDs.
     pub fn fmus(&self) -> Vec<String> {
         let describe = |fmu: &Fmu| {
             let attribute = |name| fmu.description().attribute(name);
@@ -168,7 +167,7 @@ impl Laboratory {
         self.fmus.iter().map(describe).collect()
     }
 
-    /// A scenario that is shipped with the laboratory, by its file's name and text.
+    /// A scenario of the laboratory, by its file's name and text.
     fn scenario(&mut self, name: &'static str, text: &'static str) -> Result<Scenario> {
         if !self.scenarios.contains(&(name, text)) {
             self.scenarios.push((name, text));

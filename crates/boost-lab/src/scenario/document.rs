@@ -11,7 +11,7 @@ use fmu_package::like;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Where something stands in a file.
+/// A location in a file.
 #[derive(Clone, Debug)]
 pub struct Location {
     file: Arc<str>,
@@ -25,12 +25,12 @@ impl Location {
         anyhow!("{}, line {}, {}: {message}", self.file, self.line, self.key)
     }
 
-    /// Puts the location before whatever went wrong.
+    /// Puts the location before an error.
     pub fn locate<T>(&self, result: Result<T>) -> Result<T> {
         result.map_err(|error| self.error(format!("{error:#}")))
     }
 
-    /// The location of what stands below it.
+    /// The location of a value below this one.
     fn child(&self, key: impl Display, line: usize) -> Self {
         Self { file: Arc::clone(&self.file), line, key: key.to_string() }
     }
@@ -41,7 +41,7 @@ pub struct Document<'a> {
     text: &'a str,
     file: Arc<str>,
     root: Spanned<DeTable<'a>>,
-    /// The files whose paths were asked for.
+    /// The files whose paths were read.
     files: RefCell<Vec<PathBuf>>,
 }
 
@@ -75,7 +75,7 @@ fn line(text: &str, span: &Range<usize>) -> usize {
     1 + text.as_bytes().iter().take(span.start).filter(|&&byte| byte == b'\n').count()
 }
 
-/// A table, and which keys were asked for.
+/// A table, and which keys were read.
 pub struct TomlTable<'a> {
     document: &'a Document<'a>,
     table: &'a DeTable<'a>,
@@ -89,19 +89,19 @@ impl<'a> TomlTable<'a> {
         &self.location
     }
 
-    /// A value that may be left out.
+    /// An optional value.
     pub fn optional(&self, key: &str) -> Option<Node<'a>> {
         self.known.borrow_mut().push(key.to_owned());
         let (key, value) = self.table.get_key_value(key)?;
         Some(self.node(key.get_ref(), value))
     }
 
-    /// Accepts a title, which is for readers of the file.
+    /// Accepts a title, which has no effect.
     pub fn title(&self) -> Result<()> {
         self.optional("title").map_or(Ok(()), |title| title.string("a text").map(|_| ()))
     }
 
-    /// A value that must be there.
+    /// A required value.
     pub fn required(&self, key: &str, expected: &str) -> Result<Node<'a>> {
         self.optional(key).ok_or_else(|| self.location.error(format!("{key} is missing: {expected}")))
     }
@@ -114,7 +114,7 @@ impl<'a> TomlTable<'a> {
         })
     }
 
-    /// Refuses what nobody asked for.
+    /// Refuses keys that were not read.
     pub fn finish(self) -> Result<()> {
         let known = self.known.borrow();
         for (key, value) in self.table {
@@ -140,7 +140,7 @@ impl<'a> TomlTable<'a> {
     }
 }
 
-/// A value, and where it stands.
+/// A value with its location.
 pub struct Node<'a> {
     document: &'a Document<'a>,
     value: &'a DeValue<'a>,
@@ -167,7 +167,7 @@ impl<'a> Node<'a> {
         self.value
     }
 
-    /// The error that says what was expected.
+    /// An error for an unexpected value.
     pub fn unexpected(&self, expected: &str) -> Error {
         let found = match self.value {
             DeValue::String(text) => format!("the text \"{text}\""),
@@ -206,19 +206,19 @@ impl<'a> Node<'a> {
         .ok_or_else(|| self.unexpected(expected))
     }
 
-    /// The value, if it is a string.
+    /// A string.
     pub fn string(&self, expected: &str) -> Result<&'a str> {
         self.value.as_str().ok_or_else(|| self.unexpected(expected))
     }
 
-    /// The path of a file, from a folder.
+    /// The path of a file, relative to a folder.
     pub fn path(&self, expected: &str, folder: &Path) -> Result<PathBuf> {
         let path = folder.join(self.string(expected)?);
         self.document.files.borrow_mut().push(path.clone());
         Ok(path)
     }
 
-    /// The value, if it is a table.
+    /// A table.
     pub fn table(&self, expected: &str) -> Result<TomlTable<'a>> {
         let DeValue::Table(table) = self.value else { return Err(self.unexpected(expected)) };
         Ok(TomlTable {

@@ -1,5 +1,5 @@
-//! Scenarios: the TOML files that say which FMUs are coupled, how they start, what drives them and what is
-//! recorded. docs/laboratory.md describes every key.
+//! Scenarios: TOML files of coupled FMUs, their start, their inputs and what is recorded. docs/laboratory.md
+//! describes every key.
 
 pub(crate) mod document;
 mod signal;
@@ -25,59 +25,58 @@ pub struct Scenario {
     pub start_time: f64,
     /// When it ends (s).
     pub stop_time: f64,
-    /// How many communication steps there are from its beginning to its end.
+    /// The number of communication steps.
     pub steps: u32,
     pub stepping: Stepping,
     /// The FMUs, in the order of stepping.
     pub fmus: Vec<Member>,
-    /// What drives the inputs of every FMU that has them.
+    /// Signals for the inputs of every FMU that has them.
     pub inputs: Vec<Input>,
-    /// Noise that is added to values from one FMU to another.
+    /// Noise on connections.
     pub noise: Vec<Noise>,
-    /// What is recorded; all inputs that are driven and all outputs where this is left out.
+    /// The recorded variables; by default all driven inputs and all outputs.
     pub record: Option<Vec<Recorded>>,
-    /// All files that it was read from, and those of the FMUs.
+    /// All files read, and those of the FMUs.
     pub files: Vec<PathBuf>,
 }
 
 /// The order in a communication step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stepping {
-    /// One after the other, each with what those before it just put out.
+    /// One after the other, each with the new outputs of those before it.
     InTurn,
-    /// All with what was put out in the step before.
+    /// All with the outputs of the step before.
     AtOnce,
 }
 
 #[derive(Clone, Debug)]
 pub struct Member {
-    /// Its name in the experiment.
+    /// The name in the scenario.
     pub name: String,
     pub file: PathBuf,
-    /// Which of its variables are those of the interface, where it has other names or units.
+    /// From other names and units to the interface.
     pub map: Option<NameMap>,
     pub location: Location,
-    /// Parameter sets that are set before initialization.
+    /// Parameter sets, applied before initialization.
     pub parameters: Vec<(ParameterSet, Location)>,
-    /// Values that are set before initialization, after the sets.
+    /// Values, set before initialization, after the parameter sets.
     pub values: Vec<Assignment>,
-    /// Whether it runs alone before the experiment, and how.
+    /// A run alone before the experiment.
     pub run_in: Option<RunIn>,
-    /// What drives its inputs, instead of another FMU.
+    /// Signals that replace connections to its inputs.
     pub inputs: Vec<Input>,
 }
 
-/// A start from an engine that has run: the FMU steps alone, its inputs as they are when the experiment
-/// begins, and reaches the experiment's start.
+/// A start with a running engine: the FMU steps alone up to the experiment's start, with the inputs of that time.
 #[derive(Clone, Debug)]
 pub struct RunIn {
-    /// How long (s).
+    /// In s.
     pub duration: f64,
-    /// How many communication steps these are.
+    /// The number of communication steps.
     pub steps: u32,
-    /// Values that are set before its initialization.
+    /// Values, set before its initialization.
     pub during: Vec<Assignment>,
-    /// Values that are set when it is over: of tunable parameters.
+    /// Values of tunable parameters, set at its end.
     pub after: Vec<Assignment>,
 }
 
@@ -96,26 +95,26 @@ pub struct Input {
     pub location: Location,
 }
 
-/// Normally distributed noise on what one FMU gives another.
+/// Normally distributed noise on a connection.
 #[derive(Clone, Debug)]
 pub struct Noise {
     pub name: String,
     /// In the variable's unit.
     pub standard_deviation: f64,
-    /// Of the generator: the same seed gives the same noise.
+    /// The same seed gives the same noise.
     pub seed: u64,
     pub location: Location,
 }
 
 #[derive(Clone, Debug)]
 pub struct Recorded {
-    /// Its name, with its FMU's name and a colon before it where there are several.
+    /// Its name, with its FMU's name and a colon before it if several have it.
     pub name: String,
     pub location: Location,
 }
 
 impl Scenario {
-    /// Reads a file. FMUs are looked for in `fmus`, or else beside the file, as everything else is.
+    /// Reads a file. Paths are relative to its folder, those of FMUs to `fmus` if given.
     pub fn read(path: &Path, fmus: Option<&Path>) -> Result<Self> {
         let text = reading::text(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -124,8 +123,7 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// Reads the text of a file, whose name is for messages. What it refers to is looked for in `folder`, FMUs
-    /// in `fmus`.
+    /// Reads the text of a file, whose name is for messages. Paths are relative to `folder`, those of FMUs to `fmus`.
     pub fn parse(file: &str, text: &str, folder: &Path, fmus: &Path) -> Result<Self> {
         let document = Document::parse(file, text)?;
         let root = document.root();
@@ -183,7 +181,7 @@ impl Scenario {
         Ok(())
     }
 
-    /// Gives an input of one FMU a signal of its own.
+    /// Gives an input of one FMU its own signal.
     pub fn set_own_input(&mut self, fmu: &str, name: &str, signal: Signal) -> Result<()> {
         let member = self.member_mut(fmu)?;
         member.inputs.retain(|input| input.name != name);
@@ -198,7 +196,7 @@ impl Scenario {
     }
 }
 
-/// How many steps a duration has (s), which is a multiple of the step to rounding.
+/// The number of steps in a duration (s), which is a multiple of the step up to rounding.
 fn count(duration: f64, step: f64) -> Result<u32> {
     let count = (duration / step).round();
     if count > f64::from(u32::MAX) {

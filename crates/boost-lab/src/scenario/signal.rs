@@ -1,4 +1,4 @@
-//! Signals: what an input is over time.
+//! Signals: inputs over time.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -10,7 +10,7 @@ use toml::de::DeValue;
 
 use super::document::{Node, TomlTable};
 
-/// What a time may fall short of an instant by (s): communication points are computed as multiples of the step.
+/// A time may be before an instant by so much (s), since communication points are rounded multiples of the step.
 const ROUNDING: f64 = 1e-9;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -57,7 +57,7 @@ impl Signal {
         }
     }
 
-    /// The instants at which it jumps or bends (s).
+    /// The instants of jumps and kinks (s).
     pub fn points(&self) -> &[(f64, f64)] {
         match self {
             Self::Steps(points) | Self::Lines(points) => points,

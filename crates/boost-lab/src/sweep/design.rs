@@ -1,4 +1,4 @@
-//! Which values the parameters of a study have in which run.
+//! The values of a study's parameters in each run.
 
 use anyhow::Result;
 use fmu_package::{Value, terminal};
@@ -11,16 +11,16 @@ use super::Parameter;
 use crate::scenario::document::{Node, TomlTable};
 use crate::scenario::read_value;
 
-/// The most runs that a study can have: what a typing error must not exceed.
+/// The most runs of a study, against typing errors.
 const MOST_RUNS: usize = 1_000_000;
 
-/// The parameters, and for each run their values; none where the scenario's stays.
+/// The parameters, and for each run their values; none for the scenario's value.
 pub struct Design {
     pub parameters: Vec<Parameter>,
     pub points: Vec<Vec<Option<Value>>>,
 }
 
-/// From where to where a parameter goes.
+/// The range of a parameter.
 struct Range {
     from: f64,
     to: f64,
@@ -81,7 +81,7 @@ fn parameter(name: &str, node: &Node<'_>) -> Result<Parameter> {
     Ok(parameter)
 }
 
-/// Every value of each parameter with every value of the others; the last parameter changes fastest.
+/// All combinations of values; the last parameter changes fastest.
 fn read_grid(node: &Node<'_>) -> Result<Design> {
     let mut parameters = vec![];
     let mut points: Vec<Vec<Option<Value>>> = vec![vec![]];

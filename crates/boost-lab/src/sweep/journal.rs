@@ -1,4 +1,4 @@
-//! The runs that a study has finished: an interrupted study goes on from them.
+//! The finished runs of a study: an interrupted study resumes from them.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,9 +14,9 @@ pub(super) const NAME: &str = "journal.jsonl";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
     pub run: usize,
-    /// Why it failed, if it did: the FMU's own message.
+    /// The FMU's message, if the run failed.
     pub error: Option<String>,
-    /// The measures; none where one is undefined.
+    /// The measures; none for an undefined one.
     pub measures: Vec<Option<f64>>,
     pub warnings: Vec<String>,
 }
@@ -36,7 +36,7 @@ pub struct StudyJournal {
 }
 
 impl StudyJournal {
-    /// Opens the journal in a folder, or begins one.
+    /// Opens or creates the journal in a folder.
     pub fn open(folder: &Path, settings: &Settings) -> Result<Self> {
         std::fs::create_dir_all(folder)
             .with_context(|| format!("cannot make the folder {}", folder.display()))?;

@@ -1,4 +1,4 @@
-//! The numbers that a study takes from each run.
+//! The measures of each run of a study.
 
 use anyhow::{Context, Result};
 use fmu_package::terminal::number;
@@ -8,11 +8,11 @@ use crate::record::Record;
 use crate::scenario::document::{Node, TomlTable};
 use crate::scenario::{Location, Scenario, Signal};
 
-/// A number that is taken from a run.
+/// A measure of a run.
 #[derive(Clone, Debug)]
 pub struct Measure {
     pub name: String,
-    /// The variable that it is of, as the scenario records it.
+    /// The variable, as the scenario records it.
     pub variable: String,
     pub location: Location,
     kind: Kind,
@@ -22,7 +22,7 @@ pub struct Measure {
 enum Kind {
     /// Of the values between two times.
     Statistic { statistic: Statistic, from: f64, to: f64 },
-    /// Of how the variable follows the steps of an input of the scenario.
+    /// Of the response to the steps of an input of the scenario.
     Step { quality: Quality, reference: String },
 }
 
@@ -111,7 +111,7 @@ fn read_times(table: &TomlTable<'_>, scenario: &Scenario) -> Result<(f64, f64)> 
     Ok((from, to))
 }
 
-/// An input of the scenario that is steps.
+/// The steps of an input of the scenario.
 fn read_reference(table: &TomlTable<'_>, scenario: &Scenario) -> Result<String> {
     const EXPECTED: &str = "an input of the scenario that is steps";
     let node = table.required("reference", EXPECTED)?;
@@ -123,7 +123,7 @@ fn read_reference(table: &TomlTable<'_>, scenario: &Scenario) -> Result<String> 
 }
 
 impl Measure {
-    /// The number of a run; not finite where there is none, as the rise time of what never rises.
+    /// The value for a run; not finite if undefined, as a rise time that is never reached.
     pub fn of(&self, record: &Record, scenario: &Scenario) -> Result<f64> {
         match &self.kind {
             &Kind::Statistic { statistic, from, to } => {
@@ -149,7 +149,7 @@ impl Measure {
         }
     }
 
-    /// What it is, for the journal.
+    /// For the journal.
     pub fn setting(&self) -> String {
         format!("{:?} of {}", self.kind, self.variable)
     }

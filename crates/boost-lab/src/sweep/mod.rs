@@ -1,8 +1,8 @@
 //! Parameter studies: a scenario, run for many values of its FMUs' parameters, on all cores.
 //!
-//! A study is a TOML file ([`Study::read`]; docs/laboratory.md describes every key). Each run has instances of
-//! its own, so that no run knows of another; what is finished is in the [journal] at once, and a study
-//! that was interrupted goes on where it was. A run that fails is a row of the results with the FMU's message.
+//! A study is a TOML file ([`Study::read`]; docs/laboratory.md describes every key). Each run has its own
+//! instances, so that runs are independent; each finished run is written to the [journal] at once, from which an
+//! interrupted study resumes. A failed run is a row of the results with the FMU's message.
 
 mod design;
 pub mod journal;
@@ -29,11 +29,11 @@ use crate::master::{LoadedFmus, Master};
 use crate::scenario::document::Document;
 use crate::scenario::{Assignment, Location, Recorded, Scenario};
 
-/// The folder of the runs' records, in that of the results.
+/// The folder of the runs' records, below that of the results.
 const RECORDS: &str = "records";
 
 pub struct Study {
-    /// The scenario that runs, for the values that are not varied.
+    /// The scenario, with the values that are not varied.
     pub scenario: Scenario,
     parameters: Vec<Parameter>,
     points: Vec<Vec<Option<Value>>>,
@@ -43,7 +43,7 @@ pub struct Study {
 
 #[derive(Clone, Debug)]
 pub struct Parameter {
-    /// What the study calls it: the variable, with the FMU's name and a colon before it.
+    /// The name in the study: the FMU's name, a colon and the variable's name.
     pub name: String,
     pub location: Location,
 }
@@ -57,7 +57,7 @@ impl Parameter {
     }
 }
 
-/// A study with its FMUs loaded, of which everything is known that can be known before it runs.
+/// A study with its FMUs loaded, after all checks that need no run.
 pub struct Loaded {
     study: Study,
     fmus: LoadedFmus,
@@ -66,8 +66,8 @@ pub struct Loaded {
 }
 
 impl Study {
-    /// Reads a file, and the scenario that it names, which is looked for beside it. FMUs are looked for in
-    /// `fmus`, or else beside the scenario.
+    /// Reads a file, and the scenario that it names, relative to its folder. Paths of FMUs are relative to `fmus`, or
+    /// else to the scenario's folder.
     pub fn read(path: &Path, fmus: Option<&Path>) -> Result<Self> {
         let text = reading::text(path)?;
         let document = Document::parse(&path.to_string_lossy(), &text)?;
@@ -75,7 +75,7 @@ impl Study {
         let scenario = root.required("scenario", "the path of a scenario")?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let file = scenario.path("the path of a scenario", folder)?;
-        // The scenario's messages have places of their own.
+        // The scenario's messages have their own locations.
         let mut scenario = Scenario::read(&file, fmus)?;
         scenario.files.push(path.to_owned());
         root.title()?;
@@ -100,13 +100,13 @@ impl Study {
         Ok(study)
     }
 
-    /// What is written to a folder for results.
+    /// The files and folders of the results.
     pub fn outputs(&self, folder: &Path) -> Vec<PathBuf> {
         let names = [journal::NAME, results::CSV, results::PARQUET].into_iter();
         names.chain(self.keeps_records.then_some(RECORDS)).map(|name| folder.join(name)).collect()
     }
 
-    /// Loads the FMUs, and checks against them what the study names.
+    /// Loads the FMUs, and checks the study's names against them.
     pub fn load(self) -> Result<Loaded> {
         let mut fmus = LoadedFmus::default();
         let master = Master::new(&self.scenario, &mut fmus)?;
@@ -142,11 +142,11 @@ impl Study {
     }
 }
 
-/// Lets a scenario record what is measured, and nothing else unless records are kept.
+/// Limits what a scenario records to what is measured, unless records are kept.
 fn record_measured(scenario: &mut Scenario, measures: &[Measure], keeps_records: bool) {
     let mut record = match scenario.record.take() {
         Some(record) if keeps_records => record,
-        // Left out, it is all inputs that are driven and all outputs.
+        // The default is all driven inputs and all outputs.
         None if keeps_records => return,
         _ => vec![],
     };
@@ -158,7 +158,7 @@ fn record_measured(scenario: &mut Scenario, measures: &[Measure], keeps_records:
     scenario.record = Some(record);
 }
 
-/// A value as results and messages show it; a number reads back as the same double.
+/// A value for results and messages; a number reads back as the same double.
 pub fn written(value: &Value) -> String {
     match value {
         Value::Real(value, _) => format!("{value:?}"),
@@ -177,12 +177,12 @@ impl Loaded {
         self.study.points.len()
     }
 
-    /// How many runs there can be at once: one, where an FMU can have only one instance in a process.
+    /// The most parallel runs: one, if an FMU can have only one instance per process.
     pub fn most_threads(&self) -> usize {
         if self.is_single { 1 } else { usize::MAX }
     }
 
-    /// All that a run's result depends on, by names: two studies with the same settings have the same results.
+    /// All that the results depend on, by name.
     pub fn settings(&self) -> Result<BTreeMap<String, String>> {
         let Study { scenario, parameters, points, measures, keeps_records } = &self.study;
         let mut settings = BTreeMap::new();
@@ -243,7 +243,7 @@ impl Loaded {
         Ok(settings)
     }
 
-    /// Runs what the journal does not have yet, on so many threads; `progress` is called for each finished run.
+    /// Runs what is not in the journal, on so many threads; `progress` is called for each finished run.
     pub fn run(
         &self,
         journal: StudyJournal,
@@ -253,7 +253,7 @@ impl Loaded {
         let pending: Vec<_> = (0..self.runs()).filter(|&run| !journal.has(run)).collect();
         let records = journal.folder().join(RECORDS);
         if self.study.keeps_records {
-            // Nobody else writes there as long as the journal is locked.
+            // The journal's lock keeps others from writing there.
             fs::create_dir_all(&records)
                 .and_then(|()| remove_unfinished(&records))
                 .with_context(|| format!("cannot make the folder {}", records.display()))?;
@@ -261,7 +261,7 @@ impl Loaded {
         let journal = Mutex::new(journal);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.min(self.most_threads())).build()?;
         pool.install(|| {
-            // One at a time, that no thread is left with all the long ones.
+            // One at a time, so that long runs spread over the threads.
             pending.into_par_iter().try_for_each(|run| {
                 let outcome = self.run_one(run, &records)?;
                 progress(&outcome);

@@ -1,5 +1,5 @@
-//! The results of a study as a table: a row for each run, with its values, its measures and, where it failed,
-//! why. As CSV, and as Parquet, which keeps types and missing values.
+//! The results of a study as a table: a row for each run, with its values, its measures and the error if it failed.
+//! As CSV, and as Parquet, which keeps types and missing values.
 //!
 //! Parquet rather than Arrow's own file: pandas, Polars, Spark and MATLAB all read it, and of the crates
 //! that write either, `parquet` without its Arrow layer is the smallest (29 crates in its tree; `arrow-ipc` with
@@ -21,7 +21,7 @@ use super::journal::Outcome;
 use super::measures::Measure;
 use super::{Loaded, Parameter, written};
 
-/// The table's files in the folder of a study's results.
+/// The table's files in the folder of the results.
 pub const CSV: &str = "results.csv";
 pub const PARQUET: &str = "results.parquet";
 
@@ -30,11 +30,11 @@ const RUN: &str = "run";
 const ERROR: &str = "error";
 const WARNINGS: &str = "warnings";
 
-/// Refuses a measure with the name of another column: readers take no table with two of a name.
+/// Refuses a measure with the name of another column.
 pub(super) fn refuse_names(parameters: &[Parameter], measures: &[Measure]) -> Result<()> {
     let parameters = parameters.iter().map(|parameter| parameter.name.as_str());
     let taken: Vec<_> = parameters.chain([RUN, ERROR, WARNINGS]).collect();
-    // TOML itself refuses two measures of a name.
+    // TOML forbids two measures of the same name.
     match measures.iter().find(|measure| taken.contains(&measure.name.as_str())) {
         Some(measure) => Err(measure.location.error(format!(
             "the results have a column {} already; give the measure another name",
@@ -103,7 +103,7 @@ impl Table {
         Self(columns)
     }
 
-    /// Writes CSV; numbers read back as the same doubles, what is missing is empty.
+    /// Writes CSV; numbers read back as the same doubles, missing values are empty.
     pub fn write_csv(&self, writer: impl Write) -> io::Result<()> {
         let mut csv = csv::Writer::from_writer(writer);
         csv.write_record(self.0.iter().map(|column| column.name.as_str()))?;
@@ -196,7 +196,7 @@ impl Cells {
     }
 }
 
-/// The values that are there, and for each cell 1 if its value is (Parquet's definition levels).
+/// The present values, and for each cell 1 if its value is present (Parquet's definition levels).
 fn split<T: Clone>(cells: &[Option<T>]) -> (Vec<T>, Vec<i16>) {
     let levels = cells.iter().map(|cell| i16::from(cell.is_some())).collect();
     (cells.iter().flatten().cloned().collect(), levels)

@@ -1,4 +1,4 @@
-//! The test bench: a plant, held where a controller is tuned, whose duty is swept and stepped.
+//! The test bench: a plant at the operating points of the tuning, whose duty is swept and stepped.
 
 use std::sync::Arc;
 
@@ -19,9 +19,9 @@ const FROZEN: &str = "tank.frozen";
 const START: &str = "initialization.mode";
 const RUNNING: &str = "running";
 
-/// How long before its end a hold is looked at to tell whether boost pressure still moves (s).
+/// The interval at the end of a hold for the drift of boost pressure (s).
 const LOOK_BACK: f64 = 1.0;
-/// Responses are kept for drawing: all samples up to this time (s), and then every so many.
+/// Samples of responses are kept for drawing: all up to this time (s), and then every so many.
 const DRAWN_DENSELY: f64 = 1.0;
 const DRAWN_EACH: usize = 8;
 
@@ -33,14 +33,14 @@ pub struct Sweep {
     pub holds: Vec<Hold>,
 }
 
-/// A duty that was held.
+/// A hold of the duty.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Hold {
     /// The duty (%).
     pub duty: f64,
-    /// Boost pressure in the end (Pa).
+    /// Boost pressure at the end (Pa).
     pub boost_pressure: f64,
-    /// How much it changed in the last second (Pa).
+    /// Its change in the last second (Pa).
     pub drift: f64,
 }
 
@@ -51,13 +51,13 @@ pub struct Point {
     pub row: usize,
     /// The column of the grid, from 0.
     pub column: usize,
-    /// The duty from which the steps go, and boost pressure there.
+    /// The hold before the steps.
     pub hold: Hold,
     /// Changes of boost pressure (Pa), up and down, at the samples that are drawn.
     pub responses: [Vec<f64>; 2],
-    /// Final change up over final change down, in magnitude; 1 where the plant is linear.
+    /// Final change up over final change down, in magnitude; 1 for a linear plant.
     pub asymmetry: f64,
-    /// The model of the mean response to 1 % (Pa/%, s); none where none fits.
+    /// The model of the mean response to 1 % (Pa/%, s); none if no model fits.
     pub model: Option<FirstOrder>,
 }
 
@@ -68,29 +68,29 @@ pub fn drawn_samples(procedure: &Procedure, sample_time: f64) -> impl Iterator<I
         .filter(move |sample| *sample <= densely || sample.is_multiple_of(DRAWN_EACH))
 }
 
-/// How many samples come nearest to a duration.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // durations are above zero, and seconds
+/// The number of samples nearest to a duration.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // durations are positive and short
 fn steps(duration: f64, sample_time: f64) -> usize {
     (duration / sample_time).round() as usize
 }
 
-/// A plant, and how it is held.
+/// A plant with its constant inputs.
 pub struct Bench<'a> {
     plant: &'a Arc<Fmu>,
     parameters: &'a [ParameterSet],
     schedule: &'a Schedule,
     procedure: &'a Procedure,
-    /// The inputs that are held.
+    /// The constant inputs.
     held: Vec<(&'static str, f64)>,
     freezes_tank: bool,
     starts_running: bool,
     saves_states: bool,
-    /// What a reader of the results must know.
+    /// Notes for readers of the results.
     pub notes: Vec<String>,
 }
 
 impl<'a> Bench<'a> {
-    /// Mounts a plant.
+    /// Puts a plant on the bench.
     pub fn new(
         plant: &'a Arc<Fmu>,
         parameters: &'a [ParameterSet],
@@ -127,7 +127,7 @@ impl<'a> Bench<'a> {
         if !missing.is_empty() {
             let names: Vec<_> = missing.iter().map(|(name, _)| *name).collect();
             notes.push(format!(
-                "The plant has no input {}: what they stand for was not held.",
+                "The plant has no input {}: these quantities were not held constant.",
                 names.join(", ")
             ));
         }
@@ -142,7 +142,7 @@ impl<'a> Bench<'a> {
         }
         if !saves_states {
             notes.push(
-                "The plant cannot save its state: each step began with a simulation of its own, up to the same \
+                "The plant cannot save its state: each step began with a separate simulation, up to the same \
                  point."
                     .to_owned(),
             );
@@ -174,7 +174,7 @@ impl<'a> Bench<'a> {
         Ok(Sweep { column, holds })
     }
 
-    /// Steps the duty up and down from a duty at which the plant settled.
+    /// Steps the duty up and down from a settled plant.
     pub fn step_both_ways(&self, row: usize, column: usize, duty: f64) -> Result<Point> {
         let step = self.procedure.duty_step;
         let mut run = self.start(column, duty)?;
@@ -206,7 +206,7 @@ impl<'a> Bench<'a> {
         })
     }
 
-    /// An instance at the engine speed of a column, initialized.
+    /// An initialized instance at the engine speed of a column.
     fn start(&self, column: usize, duty: f64) -> Result<SteppedInstance> {
         let mut instance = self.plant.instantiate("plant")?;
         instance.set_up(0.0, None)?;
@@ -234,7 +234,7 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// An instance that steps.
+/// An instance with its time.
 struct SteppedInstance {
     instance: Instance,
     steps_done: u32,
@@ -275,7 +275,7 @@ impl SteppedInstance {
         Ok(Hold { duty, boost_pressure, drift: boost_pressure - before })
     }
 
-    /// Changes of boost pressure after each step.
+    /// The change of boost pressure at each sample.
     fn response(&mut self, duty: f64, from: Hold, duration: f64) -> Result<Vec<f64>> {
         self.instance.set(&mut self.duty, &[duty])?;
         (0..steps(duration, self.sample_time))
@@ -287,7 +287,7 @@ impl SteppedInstance {
     }
 
     fn save(&mut self) -> Result<(SavedState, u32)> {
-        Ok((self.instance.save().context("the state that all steps begin from")?, self.steps_done))
+        Ok((self.instance.save().context("the state before the steps")?, self.steps_done))
     }
 
     fn restore(&mut self, (state, steps_done): &(SavedState, u32)) -> Result<()> {

@@ -1,23 +1,23 @@
 //! The model of paper eq. (10) from a step response: first order with a delay, by least squares.
 //!
-//! For a given delay gain and time constant are found by Levenberg and Marquardt's method. The delay itself is
-//! sought on a grid, and then on ever finer ones around the best: the sum of squares is continuous in it, but
-//! has a kink wherever the delay passes a sample, where methods that follow slopes get stuck.
+//! For a given delay, gain and time constant are found by the Levenberg-Marquardt method. The delay is searched on a
+//! grid, and on ever finer ones around the best: the sum of squares is continuous in it, but has a kink at each
+//! sample, where gradient methods fail.
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{Dyn, Matrix3, OMatrix, OVector, Owned, RowVector3, U2, Vector2};
 use serde::{Deserialize, Serialize};
 
-/// How much finer a grid of delays is than the one before.
+/// The refinement from one grid of delays to the next.
 const REFINEMENT: u32 = 10;
-/// Grids of delays; the last resolves 1e-5 of the response's duration over [`COARSEST`].
+/// The number of grids; the last resolves 1e-5 of the response's duration over [`COARSEST`].
 const GRIDS: u32 = 5;
-/// The delay is at most this part of the response.
+/// The largest delay, as a fraction of the response.
 const LONGEST_DELAY: f64 = 0.25;
-/// The first grid's number of delays.
+/// The number of delays in the first grid.
 const COARSEST: u32 = 30;
 
-/// A model of first order with delay, per unit of the step, and how well it fits.
+/// A model of first order with delay, per unit of the step, with the quality of the fit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FirstOrder {
     pub gain: Estimate,
@@ -25,9 +25,9 @@ pub struct FirstOrder {
     pub time_constant: Estimate,
     /// The delay (s).
     pub delay: Estimate,
-    /// The coefficient of determination R²: the part of the response's sum of squares that the model explains.
+    /// The coefficient of determination R²: the fraction of the response's sum of squares that the model explains.
     pub determination: f64,
-    /// The root of the mean square of what the model leaves.
+    /// The root mean square of the residuals.
     pub residual: f64,
 }
 
@@ -35,14 +35,14 @@ pub struct FirstOrder {
 pub struct Estimate {
     /// The estimate, in the unit of the parameter.
     pub value: f64,
-    /// Its standard error, by the residuals' scatter as if each were independent of the others.
+    /// Its standard error for independent residuals.
     pub standard_error: f64,
 }
 
 impl FirstOrder {
-    /// Fits a response that begins at the time 0 with the value 0 and is sampled after each interval (s).
+    /// Fits a response that begins at time 0 with the value 0 and is sampled after each interval (s).
     ///
-    /// None where no model fits: the response does not change, or nothing that converges describes it.
+    /// None if no model fits: the response does not change, or no fit converges.
     pub fn fit(response: &[f64], interval: f64) -> Option<Self> {
         let last = *response.last()?;
         if response.len() < 10 || last == 0.0 || response.iter().any(|value| !value.is_finite()) {

@@ -1,4 +1,4 @@
-//! The sweeps and points that a tuning has finished: an interrupted tuning goes on from them.
+//! The finished sweeps and points of a tuning: an interrupted tuning resumes from them.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ enum Finished {
     Point(Point),
 }
 
-/// A journal that is open, and what it held.
+/// An open journal with its entries.
 pub struct TuningJournal {
     journal: journal::Journal,
     finished: Vec<Finished>,
@@ -42,7 +42,7 @@ impl TuningJournal {
         })
     }
 
-    /// The sweep at the engine speed of a column, if it was finished when the journal was opened.
+    /// The sweep of a column, if it was finished when the journal was opened.
     pub fn sweep(&self, column: usize) -> Option<&Sweep> {
         self.sweeps().find(|sweep| sweep.column == column)
     }
@@ -52,7 +52,7 @@ impl TuningJournal {
         self.points().find(|point| (point.row, point.column) == (row, column))
     }
 
-    /// How many sweeps and points were finished when the journal was opened.
+    /// The numbers of sweeps and points that were finished when the journal was opened.
     pub fn finished(&self) -> (usize, usize) {
         (self.sweeps().count(), self.points().count())
     }

@@ -3,8 +3,8 @@
 //! lambda tuning (eq. (12)).
 //!
 //! A sweep of the duty at each engine speed gives the static map, whose inverse is the feedforward. At each
-//! point of the grid that can be reached, the plant settles at its feedforward, and steps up and down from there,
-//! from one saved state, give the model. What cannot be reached is filled, and says so.
+//! reachable point of the grid, the plant settles at its feedforward, and steps up and down from one saved state
+//! give the model. The other points are filled, and marked as such.
 
 mod bench;
 mod fit;
@@ -39,7 +39,7 @@ pub use self::schedule::{Schedule, ScheduleTable};
 
 pub struct Task {
     pub plant: Arc<Fmu>,
-    /// The map that the plant is seen by, if any.
+    /// The plant's name map, if any.
     pub plant_map: Option<mapping::NameMap>,
     /// The plant's parameters, set in their order.
     pub plant_parameters: Vec<ParameterSet>,
@@ -48,19 +48,19 @@ pub struct Task {
     pub procedure: Procedure,
 }
 
-/// Why a point has the values that it has.
+/// The origin of a point's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CellOrigin {
-    /// Its own responses.
+    /// Responses at the point.
     Identified,
-    /// The reference is above what can be reached.
+    /// The reference is above the reachable range.
     AboveReach,
-    /// The reference is below what can be reached.
+    /// The reference is below the reachable range.
     BelowReach,
-    /// It is reached by a duty at which no steps are taken.
+    /// Its feedforward is outside the stepped duties.
     OutsideFittedDuty,
-    /// No model fits the responses that the controller takes.
+    /// No model that the controller accepts fits the responses.
     NoModel,
 }
 
@@ -71,7 +71,7 @@ pub struct Cell {
     pub row: usize,
     /// The column, from 0.
     pub column: usize,
-    /// Why it has these values.
+    /// The origin of the values.
     pub basis: CellOrigin,
     /// The row and column of the identified point that gain, time constant and delay are taken from.
     pub taken_from: (usize, usize),
@@ -114,7 +114,7 @@ impl Feedback {
 pub struct Tuning<'a> {
     pub task: &'a Task,
     pub sweeps: Vec<Sweep>,
-    /// The points at which responses were taken.
+    /// The points with responses.
     pub points: Vec<Point>,
     /// The schedule, row by row.
     pub cells: Vec<Cell>,
@@ -124,7 +124,7 @@ pub struct Tuning<'a> {
 }
 
 impl Task {
-    /// The plant's parameters in words.
+    /// The plant's parameters as text.
     pub fn plant_parameters_written(&self) -> String {
         let written = |parameter: &Parameter| format!("{} = {}", parameter.name, parameter.value);
         let parameters: Vec<_> =
@@ -132,7 +132,7 @@ impl Task {
         if parameters.is_empty() { "its start values".to_owned() } else { parameters.join(", ") }
     }
 
-    /// All that the experiments depend on; `digest` is that of the plant's file.
+    /// All that the experiments depend on; `digest` is the plant file's.
     pub fn settings(&self, digest: String) -> Result<Settings> {
         let schedule = &self.schedule;
         let mut settings: Settings = [
@@ -153,15 +153,15 @@ impl Task {
         Ok(settings)
     }
 
-    /// How many seconds of the plant's time a tuning takes at most.
+    /// The longest simulated time of a tuning (s).
     pub fn duration(&self) -> f64 {
         let columns = self.schedule.engine_speeds.len() as f64;
         let points = columns * self.schedule.boost_references.len() as f64;
         columns * self.procedure.sweep_duration() + points * self.procedure.point_duration()
     }
 
-    /// Tunes. What the journal has is taken from there, what it has not is written there; `progress` is given
-    /// how many seconds of [`duration`](Self::duration) are done with each sweep and point, by several threads.
+    /// Tunes. Finished parts are taken from the journal, others are written there; several threads call `progress` with
+    /// the seconds of [`duration`](Self::duration) that each sweep or point took.
     pub fn run<'a>(
         &'a self,
         journal: &TuningJournal,
@@ -170,7 +170,7 @@ impl Task {
         let bench = Bench::new(&self.plant, &self.plant_parameters, &self.schedule, &self.procedure)
             .context("the plant cannot be tuned to")?;
         let is_single = self.plant.description().has_capability(ONLY_ONCE);
-        // 0: as many as there are cores, or as RAYON_NUM_THREADS says.
+        // 0: the number of cores, or RAYON_NUM_THREADS.
         let threads = ThreadPoolBuilder::new().num_threads(usize::from(is_single)).build()?;
 
         let columns = self.schedule.engine_speeds.len();
@@ -219,7 +219,7 @@ impl Task {
         Ok(Tuning { task: self, sweeps, points, cells, lift_offs, notes: bench.notes })
     }
 
-    /// The largest duty of a sweep (%) below which boost pressure hardly rises any more.
+    /// The largest duty of a sweep (%) below which boost pressure hardly rises.
     fn lift_off(&self, sweep: &Sweep) -> f64 {
         let pressures = || sweep.holds.iter().map(|hold| hold.boost_pressure);
         let least = pressures().fold(f64::INFINITY, f64::min);
@@ -229,7 +229,7 @@ impl Task {
         holds.map(|hold| hold.duty).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// The duty over boost pressure, from a sweep: only points that are above those before, in pressure.
+    /// The duty over boost pressure, from the points of a sweep with ascending pressure.
     fn static_map(&self, sweep: &Sweep) -> Result<Monotone> {
         let mut rising: Vec<(f64, f64)> = vec![];
         for hold in &sweep.holds {
@@ -246,7 +246,7 @@ impl Task {
         })
     }
 
-    /// How a reference can be reached, and its feedforward.
+    /// Whether a reference can be reached, and its feedforward.
     fn placed(&self, duty_over_boost: &Monotone, row: usize) -> (CellOrigin, f64) {
         let reference = self.schedule.boost_references[row];
         let (least, most) = self.procedure.fitted_duty;
@@ -274,7 +274,7 @@ impl Task {
         let cell = |index: usize| {
             let (row, column) = (index / columns, index % columns);
             let (basis, feedforward) = self.placed(&statics[column], row);
-            // The nearest row of the same speed; where this speed has none, of the nearest speed that has.
+            // The nearest row of the same speed, or else of the nearest speed.
             let distance = |&(known_row, known_column): &(usize, usize)| {
                 let apart = |values: &[f64], one: usize, other: usize| (values[one] - values[other]).abs();
                 (
@@ -311,7 +311,7 @@ impl Task {
         (0..points.len()).map(cell).collect()
     }
 
-    /// Whether a model is one that the controller takes: falling with the duty, and within the ranges.
+    /// Whether the controller accepts a model: falling with the duty, and within the ranges.
     fn is_usable(&self, model: &FirstOrder) -> bool {
         model.gain.value < 0.0
             && self.schedule.takes(ScheduleTable::Gain, model.gain.value)
@@ -330,7 +330,7 @@ impl Cell {
         }
     }
 
-    /// Whether a value of the cell was found there, and not filled in or raised.
+    /// Whether a value of the cell was identified, and not filled or raised.
     pub fn is_found(&self, map: ScheduleTable) -> bool {
         match map {
             ScheduleTable::Feedforward => {
@@ -349,16 +349,15 @@ impl Tuning<'_> {
         self.points.iter().find(|point| (point.row, point.column) == (row, column))
     }
 
-    /// The least duty that the controller has a use for (%): at no engine speed less of it raises boost pressure.
+    /// The least useful duty of the controller (%): a smaller one raises boost pressure at no engine speed.
     ///
-    /// The controller's reference model takes every duty that the controller may command to act. Where it may
-    /// command less than the lift-off, the model runs ahead of the plant near the highest pressure that can be
-    /// reached, and the feedback overshoots.
+    /// The controller's reference model assumes that every duty it may command has an effect. Below the lift-off, the
+    /// model would lead the plant near the highest pressure, and the feedback would overshoot.
     pub fn least_duty(&self) -> f64 {
         self.lift_offs.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
-    /// How a value came about, in words.
+    /// The origin of a value as text.
     pub fn provenance(&self, cell: &Cell, map: ScheduleTable) -> String {
         let procedure = &self.task.procedure;
         if map == ScheduleTable::Feedforward {

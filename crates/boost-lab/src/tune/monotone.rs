@@ -1,5 +1,5 @@
-//! Interpolation that is monotone where its points are: cubics between points, their slopes limited as Fritsch
-//! and Butland do (SIAM J. Sci. Stat. Comput. 5, 1984, pp. 300–304), and at the ends by three points.
+//! Monotone interpolation: cubics with slopes limited by Fritsch and Butland (SIAM J. Sci. Stat. Comput. 5, 1984,
+//! pp. 300–304), at the ends from three points.
 
 /// A function through points.
 #[derive(Clone, Debug)]
@@ -9,7 +9,7 @@ pub struct Monotone {
 }
 
 impl Monotone {
-    /// Through points with ascending abscissae; none where there are fewer than two, or they do not ascend.
+    /// Through points with ascending abscissae; none for fewer than two points, or if they do not ascend.
     pub fn through(points: Vec<(f64, f64)>) -> Option<Self> {
         if points.len() < 2 || !points.windows(2).all(|pair| pair[0].0 < pair[1].0) {
             return None;
@@ -78,7 +78,7 @@ fn end_slope(widths: [f64; 2], secants: [f64; 2]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Expected is what the `PchipInterpolator` of `SciPy` 1.17 gives.
+    /// The expected values are those of `PchipInterpolator` of `SciPy` 1.17.
     #[test]
     fn values_are_those_of_another_implementation() {
         let points = vec![(0.0, 100.0), (1.0, 80.0), (3.0, 75.0), (3.5, 40.0), (6.0, 39.0)];

@@ -1,4 +1,4 @@
-//! How the maps are identified: what is swept, stepped and fitted, and what cells get that cannot be.
+//! The identification of the maps: sweeps, steps, fits, and the values of other cells.
 //!
 //! The paper (section 6) steps the control signal at many boost pressures and engine speeds, and prints no
 //! numbers; these are the ones that the maps of this repository's controller were made with.
@@ -8,7 +8,7 @@ use serde::Serialize;
 /// The numbers of the procedure.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Procedure {
-    /// The duties (%) of a sweep in their order, and how long each is held (s).
+    /// The duties (%) of a sweep in their order, and their durations (s).
     pub sweep: Vec<(f64, f64)>,
     /// How long a duty is held before it is stepped (s).
     pub settling_duration: f64,
@@ -17,14 +17,13 @@ pub struct Procedure {
     /// The step of the duty (%).
     pub duty_step: f64,
     /// The least and the largest feedforward (%) at which responses are taken: between the wastegate's lift-off
-    /// and its full stroke, with room for the step.
+    /// and its full stroke, with a margin for the step.
     pub fitted_duty: (f64, f64),
-    /// The part of a sweep's range of boost pressure that is still to come when the wastegate counts as shut.
+    /// The wastegate counts as shut from this remaining fraction of a sweep's range of boost pressure on.
     pub shut_part: f64,
-    /// The feedforward (%) where the reference is above what can be reached: the wastegate is shut, just below
-    /// its lift-off.
+    /// The feedforward (%) above the reachable range: the wastegate is shut, just below its lift-off.
     pub duty_above_reach: f64,
-    /// The feedforward (%) where the reference is below what can be reached.
+    /// The feedforward (%) below the reachable range.
     pub duty_below_reach: f64,
     /// The least magnitude of the gain (Pa/%): the feedback divides by it.
     pub least_gain: f64,
@@ -57,12 +56,12 @@ impl Default for Procedure {
 }
 
 impl Procedure {
-    /// How long a sweep takes of the plant's time (s).
+    /// The simulated time of a sweep (s).
     pub fn sweep_duration(&self) -> f64 {
         self.sweep.iter().map(|(_, duration)| duration).sum()
     }
 
-    /// How long a point of the grid takes of the plant's time (s).
+    /// The simulated time of a point of the grid (s).
     pub fn point_duration(&self) -> f64 {
         self.settling_duration + 2.0 * self.response_duration
     }

@@ -21,7 +21,7 @@ table { width: auto; font: 11.5px/1.35 Helvetica, Arial, 'Liberation Sans', sans
 ";
 
 const DRAWN_POINTS: usize = 6;
-/// Responses are drawn up to this many time constants: what comes later is level.
+/// Responses are drawn up to this many time constants; later they are constant.
 const DRAWN_TIME_CONSTANTS: f64 = 5.0;
 
 #[derive(Serialize)]
@@ -139,7 +139,7 @@ fn introduction(tuning: &Tuning<'_>, title: &str) -> String {
          Gain <i>K<sub>p</sub></i>, time constant <i>T</i> and delay <i>L</i> are those of the model of first order \
          with delay that is nearest, by least squares, to the mean of both responses. The sum of squares has a kink \
          wherever the delay passes a sample, so the delay is sought on a grid, and on ever finer ones around the best; \
-         for each delay gain and time constant are found by Levenberg and Marquardt's method.</p>\n\
+         for each delay, gain and time constant are found by the Levenberg-Marquardt method.</p>\n\
          <table class=\"settings\">\n{}</table>\n{}",
         escaped(title),
         procedure.fitted_duty.0,
@@ -176,7 +176,7 @@ fn identified_maps(tuning: &Tuning<'_>) -> String {
          <td>filled: not identified at this point; gain, time constant and delay are those of the nearest \
          identified row of the same speed, the feedforward is {} % above and {} % below what can be reached</td>\
          </tr><tr><td class=\"filled raised\">1.23</td><td>raised to the least magnitude: {} kPa/% for the gain, {} ms \
-         for the delay</td></tr></table>\n<p class=\"caption\">The pointer over a number shows where it is from. \
+         for the delay</td></tr></table>\n<p class=\"caption\">Hover over a number to see its origin. \
          Columns are engine speeds, rows boost references.</p>\n",
         maps.concat(),
         procedure.duty_above_reach,
@@ -235,7 +235,7 @@ fn heat_map(tuning: &Tuning<'_>, title: &str, decimals: usize, shown: impl Fn(&C
     let scale = 10_f64.powf(decimals as f64);
     let shown = |cell: &Cell| {
         let exact = shown(cell);
-        // What reads as the same number has the same colour.
+        // Numbers that are shown equal have the same colour.
         Shown { value: (exact.value * scale).round() / scale, ..exact }
     };
     let found = tuning.cells.iter().map(&shown).filter(|shown| shown.is_found && shown.value.is_finite());
@@ -271,7 +271,7 @@ fn heat_map(tuning: &Tuning<'_>, title: &str, decimals: usize, shown: impl Fn(&C
     text + "</table>\n"
 }
 
-/// From almost white to the blue of the figures, and texts that can be read on it.
+/// From almost white to the blue of the figures, with a legible text colour.
 fn shade(strength: f64) -> String {
     const LIGHT: [f64; 3] = [237.0, 244.0, 250.0];
     const DARK: [f64; 3] = [0.0, 94.0, 156.0];

@@ -1,5 +1,5 @@
-//! The controller's gain schedule: its grid of engine speeds and boost references, and what else of the
-//! controller an identification must know.
+//! The controller's gain schedule: its grid of engine speeds and boost references, and its other parameters for an
+//! identification.
 
 use anyhow::{Context, Result, bail};
 use boost_interface::Role;
@@ -41,7 +41,7 @@ impl ScheduleTable {
         format!("schedule.{map}[{},{}]", row + 1, column + 1)
     }
 
-    /// The unit that values are identified in.
+    /// The unit of identified values.
     pub fn unit(self) -> &'static str {
         match self {
             Self::Feedforward => "%",
@@ -51,7 +51,7 @@ impl ScheduleTable {
     }
 }
 
-/// The grid of a controller, and its start values that matter for it.
+/// The grid of a controller, with the related start values.
 #[derive(Clone, Debug)]
 pub struct Schedule {
     pub controller: String,
@@ -59,15 +59,15 @@ pub struct Schedule {
     pub engine_speeds: Vec<f64>,
     /// The boost references of the rows (Pa), ascending.
     pub boost_references: Vec<f64>,
-    /// The supply voltage that the maps are for (V).
+    /// The supply voltage of the maps (V).
     pub nominal_voltage: f64,
     /// The controller's sample time (s).
     pub sample_time: f64,
     /// The desired time constant of the closed loop (s).
     pub lambda: f64,
-    /// The ranges that the controller takes of the maps, in the order of [`ScheduleTable::ALL`].
+    /// The ranges of the maps, in the order of [`ScheduleTable::ALL`].
     ranges: [(f64, f64); 4],
-    /// What the controller says of itself.
+    /// The controller's description.
     pub(super) description: FmuDescription,
 }
 
@@ -126,7 +126,7 @@ impl Schedule {
         Ok(self)
     }
 
-    /// What is given to the controller before anything is found: the time constant and the grid.
+    /// The given parameters of the controller: the time constant and the grid.
     pub(super) fn given(&self) -> Vec<(String, f64, &'static str)> {
         let axes =
             [(ENGINE_SPEED, &self.engine_speeds, "rpm"), (BOOST_REFERENCE, &self.boost_references, "Pa")];
@@ -139,7 +139,7 @@ impl Schedule {
         given
     }
 
-    /// Whether the controller takes a value in a map.
+    /// Whether a value is within a map's range.
     pub fn takes(&self, map: ScheduleTable, value: f64) -> bool {
         let (least, most) = self.ranges[map as usize];
         (least..=most).contains(&value)
@@ -167,7 +167,7 @@ impl Schedule {
 fn axis(controller: &FmuDescription, name: &str, unit: &str) -> Result<Vec<f64>> {
     let element = |index: usize| format!("{name}[{index}]");
     let mut values = vec![];
-    // Where there is none at all, the first is missing.
+    // Without any, the first is missing.
     while values.len() < 2 || controller.variable(&element(values.len() + 1)).is_some() {
         values.push(start(parameter(controller, &element(values.len() + 1), unit)?)?);
     }
@@ -183,7 +183,7 @@ fn parameter<'a>(controller: &'a FmuDescription, name: &str, unit: &str) -> Resu
     Ok(variable)
 }
 
-/// Refuses a variable that has a unit, and another one.
+/// Refuses a variable with another unit than expected.
 pub(super) fn check_unit(variable: &FmuVariable, unit: &str) -> Result<()> {
     if !variable.unit.is_empty() && variable.unit != unit {
         bail!("{} is in {}, expected is {unit}", variable.name, variable.unit);
@@ -236,7 +236,7 @@ mod tests {
         assert!(refusal(&[1.0, 2.0, 3.0, 4.0, 6.0, 5.0, 7.0]).contains("do not ascend"));
     }
 
-    /// Before hours are spent on what the controller does not take.
+    /// Before hours are spent on values that the controller rejects.
     #[test]
     fn given_values_are_within_the_controllers_ranges() {
         let with =

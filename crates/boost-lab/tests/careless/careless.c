@@ -1,5 +1,5 @@
-/* An FMU as others write them: it keeps the pointer to the callbacks, has its messages formatted by the
- * importer, and fails as it is told. It integrates its input. */
+/* A careless FMU: it keeps the pointer to the callbacks, lets the importer format its messages, and fails on
+* request. It integrates its input. */
 
 #include <stdlib.h>
 #include <string.h>
@@ -46,7 +46,7 @@ void *fmi2Instantiate(const char *name, int type, const char *guid, const char *
 void fmi2FreeInstance(void *component)
 {
     instance *self = component;
-    /* Whoever did not free its states, or called after a fatal error, meets this. */
+    /* Detects states that were not freed, and calls after a fatal error. */
     if (self->states != 0 || self->fail == FATAL)
         abort();
     self->functions->release(self);
@@ -136,7 +136,7 @@ fmi2Status fmi2SetBoolean(void *component, const unsigned *references, size_t co
     return 0;
 }
 
-/* The text as it is in UTF-8 is the only one that it takes. */
+/* Accepts this text in UTF-8 only. */
 fmi2Status fmi2SetString(void *component, const unsigned *references, size_t count, const char *const *values)
 {
     (void)component;

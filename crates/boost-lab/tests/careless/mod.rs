@@ -1,4 +1,4 @@
-//! An FMU that is written in C as others write them.
+//! A careless FMU, written in C.
 
 use std::fs::{self, File};
 use std::path::Path;
@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 
 use fmu_package::{Fmu, Platform};
 
-/// What the FMU says of itself.
+/// The FMU's modelDescription.xml.
 pub const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="Careless" guid="careless">
   <CoSimulation modelIdentifier="careless" canGetAndSetFMUstate="true"/>

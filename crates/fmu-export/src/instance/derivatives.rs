@@ -29,7 +29,7 @@ impl<M: Model> Instance<M> {
                 return Err(Error::new(format!("{} for the seed of {}", Shown(seed), variable.name)));
             }
             if knowns[..position].contains(&known) {
-                return Err(Error::new(format!("{} is twice among the knowns", variable.name)));
+                return Err(Error::new(format!("{} occurs twice among the knowns", variable.name)));
             }
             if variable.real_input.is_none_or(|input| self.memory.inputs.is_free(input)) {
                 direction.set_real(known, seed);
@@ -82,7 +82,7 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// What can be differentiated: what the model calculates.
+    /// Checks an unknown: a calculated variable.
     fn check_unknown(&self, variable: &VariableDescription) -> Result<(), Error> {
         let calculated = match variable.causality {
             Causality::Output => true,
@@ -103,8 +103,7 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// What can be differentiated with respect to: inputs; in initialization mode the parameters and exact
-    /// start values, later the states.
+    /// Checks a known: an input, in initialization mode also a parameter or exact start value, later a state.
     fn check_known(&self, variable: &VariableDescription) -> Result<(), Error> {
         let is_state = matches!(variable.causality, Causality::Local | Causality::Output)
             && matches!(variable.initial, Initial::Exact | Initial::Approx);
@@ -122,7 +121,7 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// The derivatives along a direction, once the values are up to date.
+    /// The derivatives along a direction, after a refresh of the values.
     fn differentiate(&mut self, direction: &M::Variables) -> Result<(Status, M::Variables), Error> {
         let status = self.compute_values()?;
         let memory = &self.memory;
@@ -134,8 +133,7 @@ impl<M: Model> Instance<M> {
         };
         Ok((status, derivatives?))
     }
-    /// Hands out the derivatives of variables, if they are numbers. In steps a state that is an output changes as
-    /// the direction says.
+    /// Returns the derivatives of variables, if they are finite. Between steps that of a state is its seed.
     fn copy_derivatives(
         &self,
         derivatives: &M::Variables,

@@ -12,7 +12,7 @@ use crate::logger::Shown;
 use crate::model::{Model, Variables};
 
 impl<M: Model> Instance<M> {
-    /// A variable, if a value reference is one's and of that type.
+    /// The variable of a value reference, if it has the type.
     pub(super) fn variable(
         reference: ValueReference,
         requested: DataType,
@@ -37,7 +37,7 @@ impl<M: Model> Instance<M> {
         M::Variables::description(reference).expect("the value reference was checked")
     }
 
-    /// Gets values; `read` writes the one at an index. First every value reference is checked.
+    /// Gets values; `read` writes the one at an index. All value references are checked first.
     fn get(
         &mut self,
         references: &[ValueReference],
@@ -61,7 +61,7 @@ impl<M: Model> Instance<M> {
             let variable = Self::checked(reference);
             let value =
                 if variable.causality == Causality::Independent { time } else { variables.real(reference) };
-            // The others are handed out all the same: what a failed step has left is of use for debugging.
+            // The other values are returned nevertheless: after a failed step they help debugging.
             if value.is_finite() {
                 values[index] = value;
             } else if no_number.is_ok() {
@@ -99,15 +99,15 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    /// Whether, in the present state, a variable may be set, and to this value (as a number).
+    /// Whether a variable may be set in the present state, and to this value (as a number).
     fn check_settable(&self, variable: &VariableDescription, value: f64) -> Result<(), Error> {
         let settable = variable.causality == Causality::Input || self.is_settable_now(variable);
-        // Real inputs are kept within their bounds later.
+        // Real inputs are limited to their bounds later.
         let within = variable.real_input.is_some() || (variable.min..=variable.max).contains(&value);
         if settable && value.is_finite() && within {
             Ok(())
         } else {
-            Err(self.why_not_set(variable, value, settable))
+            Err(self.set_error(variable, value, settable))
         }
     }
 
@@ -122,9 +122,9 @@ impl<M: Model> Instance<M> {
             }
     }
 
-    /// Why a variable is not set to a value.
+    /// Why a variable cannot be set to a value.
     #[cold]
-    fn why_not_set(&self, variable: &VariableDescription, value: f64, settable: bool) -> Error {
+    fn set_error(&self, variable: &VariableDescription, value: f64, settable: bool) -> Error {
         Error::new(if !settable {
             format!(
                 "{} (a {}, {}) cannot be set in the state {}",
@@ -154,7 +154,7 @@ impl<M: Model> Instance<M> {
         ))
     }
 
-    /// Sets values: checks all before it changes any. `as_number` is a value as ranges see it.
+    /// Sets values, after checking all of them. `as_number` is the value to compare with the range.
     fn set<T: Copy>(
         &mut self,
         references: &[ValueReference],
@@ -164,7 +164,7 @@ impl<M: Model> Instance<M> {
         write: impl Fn(&mut M::Variables, ValueReference, T),
     ) -> Answer {
         for (&reference, &value) in references.iter().zip(values) {
-            // What is set in each step may always be, to any number.
+            // A shortcut for Real inputs, which may always be set, to any finite value.
             if !(Self::is_real_input(reference)
                 && requested == DataType::Real
                 && as_number(value).is_finite())
@@ -230,7 +230,7 @@ impl<M: Model> Instance<M> {
                 self.memory.inputs.set_derivative(position, order, value);
             } else if value != 0.0 && self.memory.inputs.ignore_derivative(position) {
                 status = self.warn(format_args!(
-                    "fmi2SetRealInputDerivatives: the input {} is discrete and holds its value; its derivatives \
+                    "fmi2SetRealInputDerivatives: the input {} is discrete and constant; its derivatives \
                      are ignored",
                     variable.name
                 ));
@@ -239,7 +239,7 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    /// Which Real input, and which order, a derivative is for, if it may be set.
+    /// The Real input and order of a derivative, if it may be set.
     fn input_derivative(reference: ValueReference, order: i32, value: f64) -> Result<(usize, usize), Error> {
         let variable = Self::variable(reference, DataType::Real)?;
         let name = variable.name;
@@ -248,7 +248,7 @@ impl<M: Model> Instance<M> {
         };
         let Some(order) = usize::try_from(order).ok().filter(|order| (1..=MAX_ORDER).contains(order)) else {
             return Err(Error::new(format!(
-                "order {order} of the derivative of {name}; the orders 1 to {MAX_ORDER} are taken"
+                "order {order} of the derivative of {name}; the orders 1 to {MAX_ORDER} are supported"
             )));
         };
         if !value.is_finite() {

@@ -33,8 +33,8 @@ def library(fmu: Fmu) -> Library:
 
 @pytest.fixture
 def make(fmu: Fmu, library: Library, capfd: pytest.CaptureFixture[str]) -> Iterator[Callable[..., Instance]]:
-    """Makes instances and frees them in the end. Nothing is written to the host's streams: by default Rust
-    would write each panic to stderr."""
+    """Makes instances, and frees them after the test. Nothing may be written to the host's streams: by
+    default Rust writes each panic to stderr."""
     made: list[Instance] = []
 
     def make(kind: type[Instance] = Instance, **arguments) -> Instance:
@@ -49,19 +49,19 @@ def make(fmu: Fmu, library: Library, capfd: pytest.CaptureFixture[str]) -> Itera
 
 @pytest.fixture
 def live(make: Callable[..., Instance]) -> Callable[..., Life]:
-    """Brings an instance into a state."""
+    """Makes an instance in a state."""
     return lambda state="instantiated", **arguments: make(Life, **arguments).reach(state)
 
 
 @pytest.fixture(scope="session")
 def records() -> dict[tuple, Record]:
-    """How instances go on that got no call that was refused, by the state and the experiment."""
+    """Records of instances without refused calls, by state and experiment."""
     return {}
 
 
 @pytest.fixture
-def like_a_fresh_one(make: Callable[..., Instance], records: dict[tuple, Record]) -> Callable[[Life], None]:
-    """Checks that an instance lives, after fmi2Reset, as a fresh one: each value bit for bit, each status and
+def like_a_new_one(make: Callable[..., Instance], records: dict[tuple, Record]) -> Callable[[Life], None]:
+    """Checks that an instance behaves like a new one after fmi2Reset: each value bit for bit, each status and
     each message."""
 
     def check(life: Life) -> None:
@@ -75,10 +75,9 @@ def like_a_fresh_one(make: Callable[..., Instance], records: dict[tuple, Record]
 
 @pytest.fixture
 def unharmed(
-    live: Callable[..., Life], like_a_fresh_one: Callable[[Life], None], records: dict[tuple, Record]
+    live: Callable[..., Life], like_a_new_one: Callable[[Life], None], records: dict[tuple, Record]
 ) -> Callable[[Life], None]:
-    """Checks that an instance goes on as one that never got a refused call, bit for bit; and then that it
-    can be reset."""
+    """Checks that an instance continues like one without the refused call, bit for bit, and can be reset."""
 
     def check(life: Life) -> None:
         key = (life.state, life.is_set_up, life.start_time, life.stop_time)
@@ -88,11 +87,11 @@ def unharmed(
                 untouched.set_up()
             records[key] = untouched.go_on()
         assert differences(life.go_on(), records[key]) == []
-        like_a_fresh_one(life)
+        like_a_new_one(life)
 
     return check
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """What fails in a logger that is written in Python fails the test."""
+    """An exception in a logger written in Python fails the test."""
     config.addinivalue_line("filterwarnings", "error::pytest.PytestUnraisableExceptionWarning")

@@ -1,6 +1,6 @@
 """An exported library's functions as the standard declares them in C, called through ctypes.
 
-An importer such as FMPy protects its users from null pointers, calls out of order and values that are not
+Importers such as FMPy protect their users from null pointers, calls out of order and values that are not
 finite; here they reach the library.
 """
 
@@ -31,7 +31,7 @@ from fmpy import extract, platform, read_model_description, sharedLibraryExtensi
 from fmpy.model_description import ScalarVariable
 
 STEP = 0.125
-"""Its halves and multiples are exact: the model's level is computed without rounding."""
+"""Exact in binary, so that the model's level is computed without rounding."""
 
 CO_SIMULATION = 1
 """`fmi2Type`."""
@@ -49,7 +49,7 @@ class Status(IntEnum):
 
 
 class Message(NamedTuple):
-    """What an instance logged."""
+    """A logged message."""
 
     status: int
     category: str
@@ -210,7 +210,7 @@ def numbers_in(text: str) -> list[float]:
 
 
 class Instance:
-    """One instance, called function by function, and what it logged.
+    """An instance, called function by function, and its messages.
 
     `messages` grows as the logger is called; `component` is None when there is no instance.
     """
@@ -242,7 +242,7 @@ class Instance:
         self, environment: int | None, name: bytes, status: int, category: bytes, fmt: bytes, text: bytes
     ) -> None:
         self.names_and_environments.append((name, environment))
-        # A message in the place of the format would be read as one.
+        # A message must be an argument, not the format.
         assert fmt == b"%s"
         self.messages.append(Message(status, category.decode(), text.decode()))
 
@@ -258,8 +258,8 @@ class Instance:
     def refuses(
         self, function: str, *arguments: Any, names: Iterable[str] = (), numbers: Iterable[float] = ()
     ) -> str:
-        """A call is an Error with exactly one message, which names the function, what else is given, and
-        the numbers; what it says after the function."""
+        """A call is an Error with exactly one message, which has the function, the names and the numbers.
+        Returns the message without the function."""
         before = len(self.messages)
         status = self.call(function, *arguments)
         messages = self.messages[before:]
@@ -281,29 +281,29 @@ class Instance:
         self.ok("fmi2SetupExperiment", 0, 0.0, start_time, defined, stop_time or 0.0)
 
     def enter(self, start_time: float = 0.0, stop_time: float | None = None) -> None:
-        """Brings a fresh instance into Initialization Mode."""
+        """Brings a new instance into Initialization Mode."""
         self.set_up(start_time, stop_time)
         self.ok("fmi2EnterInitializationMode")
 
     def initialize(self, start_time: float = 0.0, stop_time: float | None = None) -> Instance:
-        """Brings a fresh instance to where it can be stepped."""
+        """Initializes a new instance."""
         self.enter(start_time, stop_time)
         self.ok("fmi2ExitInitializationMode")
         return self
 
     def settings(self, values: Mapping[str, Any]) -> tuple[str, Any, int, Any]:
-        """The function that sets variables, which are of one type, and its arguments."""
+        """The function that sets variables of one type, and its arguments."""
         (kind,) = {c_type_of(self.fmu.variables[name]) for name in values}
         return f"fmi2Set{kind}", self.fmu.references(*values), len(values), ARRAYS[kind](*values.values())
 
     def getting(self, *names: str) -> tuple[str, Any, int, Any]:
-        """The function that gets variables, which are of one type, and its arguments."""
+        """The function that gets variables of one type, and its arguments."""
         (kind,) = {c_type_of(self.fmu.variables[name]) for name in names}
         values = ARRAYS[kind](*[EMPTY[kind]] * len(names))
         return f"fmi2Get{kind}", self.fmu.references(*names), len(names), values
 
     def set(self, values: Mapping[str, Any]) -> Status:
-        """Sets variables; the worst status."""
+        """Sets variables; returns the worst status."""
         by_kind: dict[str, dict[str, Any]] = {}
         for name, value in values.items():
             by_kind.setdefault(c_type_of(self.fmu.variables[name]), {})[name] = value
@@ -365,7 +365,7 @@ class Instance:
         return data
 
     def restore(self, data: bytes) -> None:
-        """Goes on from a serialized state."""
+        """Continues from a serialized state."""
         state = c_void_p()
         self.ok("fmi2DeSerializeFMUstate", buffer(data), len(data), byref(state))
         self.ok("fmi2SetFMUstate", state)

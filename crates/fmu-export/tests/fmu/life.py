@@ -1,7 +1,7 @@
-"""The life of an instance by the states of FMI 2.0.5, section 4.2.4: how each state is reached, and how an
-instance goes on from there, recorded to the last bit.
+"""The life of an instance by the states of FMI 2.0.5, section 4.2.4: how to reach each state, and the rest of
+the life from there, recorded to the last bit.
 
-An instance that refused a call must go on as one that never got it.
+An instance that refused a call must continue like one without it.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from typing import Any
 from fmi2 import STEP, Fmu, Instance, Library, Status, c_type_of
 
 STATES = ["instantiated", "Initialization Mode", "stepComplete", "terminated", "error"]
-"""The states of an instance that computes its steps at once: section 4.2.4 without those of a step in the
-background or discarded."""
+"""The states of an instance with synchronous steps: section 4.2.4 without those of asynchronous or discarded
+steps."""
 
 Record = list[tuple[str, object]]
-"""Values, each with what it is of and when."""
+"""Values, each with its variable and time."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """What is set on the way, so that nothing an instance remembers is at its default."""
+    """Values to set, so that no part of an instance's memory has its default."""
 
     parameters: Mapping[str, Any]
     inputs: Mapping[str, Any]
@@ -56,7 +56,7 @@ COURSE = Course(
 
 
 class Life(Instance):
-    """An instance that is led from state to state."""
+    """An instance that goes from state to state."""
 
     def __init__(
         self,
@@ -75,7 +75,7 @@ class Life(Instance):
 
     @property
     def time(self) -> float:
-        """The communication point that was reached."""
+        """The current communication point."""
         return self.start_time + self.steps_done * STEP
 
     def set_up(self, *arguments) -> None:
@@ -83,13 +83,13 @@ class Life(Instance):
         self.is_set_up = True
 
     def step_on(self, length: int = 1) -> Status:
-        """`fmi2DoStep` from where the last one ended."""
+        """`fmi2DoStep` from the end of the last one."""
         status = self.step(self.time, length * STEP)
         self.steps_done += length * (status == Status.OK)
         return status
 
     def reach(self, state: str) -> Life:
-        """Brings a fresh instance into a state."""
+        """Brings a new instance into a state."""
         self.state = state
         assert self.set(self.course.parameters) == Status.OK
         if state == "instantiated":
@@ -129,7 +129,7 @@ class Life(Instance):
         return self.values(f"at {self.time}")
 
     def go_on(self) -> Record:
-        """Lives the rest of the life, to the state `terminated` where that can be reached."""
+        """The rest of the life, to the state `terminated` if that can be reached."""
         first = len(self.messages)
         record: Record = []
         reached = STATES.index(self.state)
@@ -162,7 +162,7 @@ class Life(Instance):
 
 
 def differences(record: Record, expected: Record) -> list[str]:
-    """What is not the same in two records."""
+    """The differences of two records."""
     if [what for what, _ in record] != [what for what, _ in expected]:
         return ["the records are of different lives"]
     return [

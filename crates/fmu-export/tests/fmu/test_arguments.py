@@ -1,7 +1,7 @@
-"""Arguments that nobody can compute with: an Error that names them and changes nothing.
+"""Invalid arguments: an Error that names them and changes nothing.
 
-After each refused call the instance goes on, bit for bit, as one that never got it, and after fmi2Reset as
-a fresh one: that is what `unharmed` checks.
+After each refused call the instance continues, bit for bit, like one without it, and after fmi2Reset like a
+new one: `unharmed` checks this.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ def settable(fmu: Fmu, kind: str, causality: str | None = None) -> list[ScalarVa
 )
 def test_the_size_of_a_step(live: Live, unharmed: Check, size: float) -> None:
     """Section 4.2.2: the size must be greater than 0, and the step must end at tc + h, which is still tc for
-    a size that is lost in rounding. A step that would take years is refused at once: the process ends with a
-    traceback if not."""
+    a size that is lost in rounding. A step that would take years is refused at once; otherwise the test times
+    out."""
     life = live("stepComplete")
     faulthandler.dump_traceback_later(1.0, exit=True, file=sys.__stderr__)
     life.refuses(DO_STEP, life.time, size, 1, names=["communicationStepSize"], numbers=[size])
@@ -72,8 +72,8 @@ def test_the_size_of_a_step(live: Live, unharmed: Check, size: float) -> None:
 
 
 @pytest.mark.parametrize("off", [*NOT_FINITE, STEP, -STEP, 1e-3 * STEP, -1e-3 * STEP, 1e9])
-def test_the_begin_of_a_step(live: Live, unharmed: Check, off: float) -> None:
-    """Section 4.2.2: the step begins where the last one ended."""
+def test_the_start_of_a_step(live: Live, unharmed: Check, off: float) -> None:
+    """Section 4.2.2: the step starts at the end of the last one."""
     life = live("stepComplete")
     begin = life.time + off
     life.refuses(DO_STEP, begin, STEP, 1, names=["currentCommunicationPoint"], numbers=[begin, life.time])
@@ -90,8 +90,8 @@ def test_the_first_step_begins_at_the_start_time(make: Make) -> None:
 @pytest.mark.parametrize("start_time", [0.0, -7.3, 1e5])
 @pytest.mark.parametrize("clock", ["products", "sums", "nanoseconds"])
 def test_the_rounding_of_communication_points(make: Make, start_time: float, clock: str) -> None:
-    """Masters compute communication points as i * h, by adding up, or from integer nanoseconds. None of
-    them is off by more than rounding after 25,000 steps; another exporter refuses its 23,042nd."""
+    """Masters compute communication points as i * h, as a sum, or from integer nanoseconds. The rounding
+    error is accepted after 25,000 steps; another exporter refuses its 23,042nd."""
     size = 0.0007
     instance = make().initialize(start_time)
     begin, sizes = start_time, round(size * 1e9)
@@ -124,7 +124,7 @@ def test_the_rounding_of_communication_points(make: Make, start_time: float, clo
 def test_an_experiment_that_is_refused(
     live: Live, unharmed: Check, is_set_up: bool, arguments: list[Any], named: str, numbers: list[float]
 ) -> None:
-    """Section 2.1.6. What was set up before holds; where nothing was, initialization still waits for it."""
+    """Section 2.1.6. An earlier setup stays valid; without one, initialization is still refused."""
     life = live()
     if is_set_up:
         life.set_up()
@@ -143,8 +143,8 @@ def test_an_experiment_that_is_refused(
     ids=str,
 )
 def test_an_experiment_that_is_accepted(make: Make, arguments: list[Any], first_step: Status) -> None:
-    """Section 2.1.6: what is not defined is meaningless, whatever it is. An experiment may be of no length,
-    and an infinite stop time is as good as none."""
+    """Section 2.1.6: undefined arguments are ignored. An experiment may have no length, and an infinite stop
+    time is the same as none."""
     instance = make()
     instance.ok(SET_UP, *arguments)
     instance.ok("fmi2EnterInitializationMode")
@@ -154,7 +154,7 @@ def test_an_experiment_that_is_accepted(make: Make, arguments: list[Any], first_
 
 @pytest.mark.parametrize("tolerance", [0.0, -0.0, -1e-4])
 def test_a_tolerance_that_is_not_above_zero(live: Live, tolerance: float) -> None:
-    """Masters whose users give none pass 0. With a warning, everything goes on as without."""
+    """Some masters pass 0 if their users give none. It is ignored, with a warning."""
     life, without = live(start_time=0.0), live(start_time=0.0)
     assert life.call(SET_UP, 1, tolerance, 0.0, 0, 0.0) == Status.WARNING
     (message,) = life.messages
@@ -168,7 +168,7 @@ def test_a_tolerance_that_is_not_above_zero(live: Live, tolerance: float) -> Non
 
 @pytest.mark.parametrize("start_time", [1e6, -1e6, 1e9])
 def test_a_late_start(live: Live, fmu: Fmu, start_time: float) -> None:
-    """The model does not depend on time, so that all but time is as from 0."""
+    """The model does not depend on time, so that all other values are as from 0."""
     early, late = live("stepComplete", start_time=0.0), live("stepComplete", start_time=start_time)
     for _ in range(20):
         assert early.step_on() == late.step_on() == Status.OK
@@ -179,8 +179,7 @@ def test_a_late_start(live: Live, fmu: Fmu, start_time: float) -> None:
 
 @pytest.mark.parametrize("start_time", [1e16, -1e16, 1e300, -1.7e308])
 def test_a_start_time_that_no_step_changes(make: Make, start_time: float) -> None:
-    """Such a time is finite, so that an experiment may begin there; but its last place is worth more than
-    the step."""
+    """A finite time, at which an experiment may start, but the step is lost in its rounding."""
     instance = make().initialize(start_time)
     for _ in range(2):
         instance.refuses(DO_STEP, start_time, STEP, 1, names=["communicationStepSize"], numbers=[STEP])
@@ -188,7 +187,7 @@ def test_a_start_time_that_no_step_changes(make: Make, start_time: float) -> Non
 
 
 def test_steps_to_the_stop_time(make: Make) -> None:
-    """Section 2.1.6: past stopTime is an Error; the last step may come to it with rounding."""
+    """Section 2.1.6: a step past stopTime is an Error, except for rounding."""
     stop_time = 0.3
     instance = make().initialize(0.0, stop_time)
     begin, size = 0.0, 0.1
@@ -204,7 +203,7 @@ def test_steps_to_the_stop_time(make: Make) -> None:
 
 
 def test_a_step_past_the_stop_time(live: Live, unharmed: Check) -> None:
-    """Refused, it leaves the way to the stop time open."""
+    """Afterwards a step to the stop time succeeds."""
     stop_time = 2.0 + 20 * STEP
     life = live("stepComplete", stop_time=stop_time)
     life.refuses(DO_STEP, life.time, 18 * STEP, 1, names=["stopTime"], numbers=[stop_time])
@@ -216,8 +215,8 @@ def test_a_step_past_the_stop_time(live: Live, unharmed: Check) -> None:
 
 @SETTABLE
 def test_a_value_that_is_not_finite(live: Live, unharmed: Check, fmu: Fmu, state: str) -> None:
-    """In every Real variable that can be set in the state; and nothing of the other elements of the call is
-    set, whether they come before or after."""
+    """In every Real variable that can be set in the state; other elements of the call, before or after it,
+    are not set."""
     life = live(state)
     in_state = {
         "instantiated": lambda v: True,
@@ -235,8 +234,8 @@ def test_a_value_that_is_not_finite(live: Live, unharmed: Check, fmu: Fmu, state
 
 @pytest.mark.parametrize("kind", ["Real", "Integer", "Enumeration"])
 def test_the_range_of_a_parameter(live: Live, unharmed: Check, fmu: Fmu, kind: str) -> None:
-    """Every parameter, start value and input that is not Real: as far as min and max, and not by a unit in
-    the last place beyond. What has no bound takes the largest numbers; items have the values from 1 on."""
+    """Every parameter, start value and input that is not Real: min and max are accepted, the next number
+    beyond is refused. Without bounds the largest numbers are accepted; items have the values from 1 on."""
     life = live()
     tried = 0
     for variable in settable(fmu, kind):
@@ -273,7 +272,7 @@ def test_the_range_of_a_parameter(live: Live, unharmed: Check, fmu: Fmu, kind: s
 @SETTABLE
 def test_an_input_outside_its_range(live: Live, fmu: Fmu, state: str) -> None:
     """Sensors and solvers overshoot: the nearest bound is used, with one warning until the input has
-    returned. Every Real input, on both sides."""
+    returned. Every Real input, at both bounds."""
     for variable in settable(fmu, "Real", "input"):
         name, least, most = variable.name, float(variable.min), float(variable.max)
         outside = [(v, least) for v in (math.nextafter(least, -math.inf), least - 1.0, -1e308)]
@@ -297,7 +296,7 @@ def test_an_input_outside_its_range(live: Live, fmu: Fmu, state: str) -> None:
             assert warning.status == Status.WARNING
             assert name in warning.text
             assert at.messages == []
-            # It has returned, and leaves again; a fresh instance has not heard of it either.
+            # It returns, and leaves its range again; a new instance warns as well.
             assert beyond.set({name: bound}) == Status.OK
             assert beyond.set({name: value}) == Status.WARNING
             assert beyond.call("fmi2Reset") == Status.OK
@@ -308,8 +307,8 @@ def test_an_input_outside_its_range(live: Live, fmu: Fmu, state: str) -> None:
 
 
 def test_parameters_that_contradict_each_other(live: Live, unharmed: Check) -> None:
-    """Masters set parameters one by one, so that the contradiction is told at the end of initialization, and
-    between steps by the next one. Put right, the instance goes on."""
+    """Masters set parameters one by one, so that the contradiction is reported at the end of initialization,
+    and between steps by the next step. After a correction the instance continues."""
     for state, function in [("Initialization Mode", "fmi2ExitInitializationMode"), ("stepComplete", DO_STEP)]:
         life = live(state)
         arguments = [life.time, STEP, 1] if function == DO_STEP else []
@@ -321,9 +320,9 @@ def test_parameters_that_contradict_each_other(live: Live, unharmed: Check) -> N
         unharmed(life)
 
 
-def test_start_values_without_a_derivative(live: Live, like_a_fresh_one: Check) -> None:
-    """Finite start values from which the model computes an infinite derivative: told when initialization
-    ends, and again when it is tried again. With other values it succeeds."""
+def test_start_values_without_a_derivative(live: Live, like_a_new_one: Check) -> None:
+    """Finite start values with an infinite derivative: reported at the end of initialization, and again when
+    it is repeated. With other values it succeeds."""
     life = live()
     assert life.set({"motion.position": 1e200}) == Status.OK
     life.enter(life.start_time)
@@ -331,7 +330,7 @@ def test_start_values_without_a_derivative(live: Live, like_a_fresh_one: Check) 
         names, numbers = ["der(motion.position)"], [-math.inf, life.start_time]
         life.refuses("fmi2ExitInitializationMode", names=names, numbers=numbers)
     life.ok("fmi2Reset")
-    like_a_fresh_one(life)
+    like_a_new_one(life)
 
 
 # Value references
@@ -340,8 +339,8 @@ def test_start_values_without_a_derivative(live: Live, like_a_fresh_one: Check) 
 @pytest.mark.parametrize("direction", ["Get", "Set"])
 @pytest.mark.parametrize("kind", ARRAYS)
 def test_a_wrong_value_reference(live: Live, unharmed: Check, fmu: Fmu, direction: str, kind: str) -> None:
-    """Section 2.1.2: a wrong value reference is an Error. There are value references of no variable, and of
-    variables of another type; nothing of the other elements is got or set."""
+    """Section 2.1.2: a wrong value reference is an Error. Either it belongs to no variable, or to one of
+    another type; the other elements are not read or set."""
     life = live("Initialization Mode")
     variables = fmu.variables.values()
     good = next(v.valueReference for v in variables if c_type_of(v) == kind and v.initial == "exact")
@@ -359,7 +358,7 @@ def test_a_wrong_value_reference(live: Live, unharmed: Check, fmu: Fmu, directio
 
 
 def test_arrays_that_are_null(live: Live, unharmed: Check, fmu: Fmu) -> None:
-    """Fine where they have no elements, and an Error where they have one."""
+    """Accepted with no elements, and an Error with one."""
     life = live("stepComplete")
     rate, output = fmu.references("rate"), fmu.references("output")
     one_of = {"Real": "rate", "Integer": "lift", "Boolean": "enabled", "String": "note"}
@@ -409,7 +408,7 @@ def test_freeing_a_null_state_is_ignored(live: Live, unharmed: Check) -> None:
 
 
 def test_a_string_that_is_null(live: Live, unharmed: Check, fmu: Fmu) -> None:
-    """A category of the log and a value; nothing of the other elements is done."""
+    """A log category or a value; the other elements have no effect."""
     life = live("Initialization Mode")
     life.refuses("fmi2SetDebugLogging", 1, 2, strings(b"logEvents", None), names=["NULL"])
     vr = fmu.references("settings.label", "note")
@@ -418,14 +417,14 @@ def test_a_string_that_is_null(live: Live, unharmed: Check, fmu: Fmu) -> None:
 
 
 def test_text_that_is_not_utf_8(live: Live, unharmed: Check) -> None:
-    """Section 2.1.7 has strings in UTF-8."""
+    """Section 2.1.7 requires UTF-8."""
     life = live("Initialization Mode")
     life.refuses(*life.settings({"note": b"\xff\xfe"}), names=["UTF-8"])
     unharmed(life)
 
 
 def test_texts(make: Make) -> None:
-    """The importer's memory is its own, and what is got stays until the next call (section 2.1.7)."""
+    """Strings are copied, and results stay valid until the next call (section 2.1.7)."""
     instance = make().initialize()
     text = "Prüfstand 増圧機 %s#1#".encode() * 1000
     values = strings(bytes(text))
@@ -440,13 +439,13 @@ def test_texts(make: Make) -> None:
 
 @SETTABLE
 def test_an_input_derivative_that_is_refused(live: Live, unharmed: Check, fmu: Fmu, state: str) -> None:
-    """Section 4.2.1: orders from 1 on, of Real inputs. Orders above 8 are not taken."""
+    """Section 4.2.1: orders from 1 on, of Real inputs. Orders above 8 are not supported."""
     life = live(state)
     cases = [("rate", order, 1.0) for order in (0, -1, 9, 2**31 - 1, -(2**31))]
     cases += [("rate", 1, value) for value in NOT_FINITE]
     cases += [(v.name, 1, 0.5) for v in fmu.variables.values() if (v.causality, v.type) != ("input", "Real")]
     for name, order, value in cases:
-        # With one before that is right: it is not taken either.
+        # A valid one before it is not set either.
         arguments = [fmu.references("rate", name), 2, integers(2, order), reals(3.0, value)]
         numbers = [] if math.isfinite(value) else [value]
         life.refuses(DERIVATIVES, *arguments, names=[name], numbers=numbers)
@@ -457,7 +456,7 @@ def test_an_input_derivative_that_is_refused(live: Live, unharmed: Check, fmu: F
 
 @SETTABLE
 def test_the_derivative_of_a_discrete_input(live: Live, unharmed: Check, fmu: Fmu, state: str) -> None:
-    """Masters that extrapolate set them for all inputs: one that is discrete holds its value, with one
+    """Masters that extrapolate set them for all inputs: those of discrete inputs are ignored, with one
     warning."""
     life, without = live(state), live(state)
     assert life.set_derivative("pulse", 1, 0.0) == Status.OK
@@ -476,14 +475,14 @@ def test_input_derivatives_of_every_order(make: Make) -> None:
         instance = make().initialize()
         assert instance.set_derivative("rate", order, float(math.factorial(order))) == Status.OK
         assert instance.step(0.0, 1.0) == Status.OK
-        # 1 + t^order in the middles of the halves.
+        # 1 + t^order at the midpoints of both halves.
         assert instance.get("tank.level") == 1.0 + (0.25**order + 0.75**order) / 2
         assert instance.step(1.0, 1.0) == Status.OK
         assert instance.get("tank.level") == 2.0 + (0.25**order + 0.75**order) / 2
 
 
 def test_setting_an_input_clears_its_derivatives(make: Make) -> None:
-    """Section 4.2.1 has derivatives set after the value."""
+    """In section 4.2.1 derivatives are set after the value."""
     instance = make().initialize()
     assert instance.set_derivative("rate", 1, 100.0) == Status.OK
     assert instance.set({"rate": 1.0}) == Status.OK

@@ -20,22 +20,22 @@ from life import COURSE, STATES, Life, differences
 
 with open(Path(__file__).parents[1] / "calling_sequence.csv", newline="") as file:
     TABLE: dict[str, dict[str, str]] = {row.pop("function"): row for row in csv.DictReader(file)}
-"""By function and state: blank where the call is not allowed."""
+"""By function and state: blank if the call is not allowed."""
 
 NO_INSTANCE = "start/end"
 NEVER = ["stepInProgress", "stepFailed", "stepCanceled", "fatal"]
-"""States that belong to steps in the background or discarded, and to errors that harm every instance."""
+"""States of asynchronous or discarded steps, and of errors that affect every instance."""
 
 RETURNS = {
     "fmi2GetStatus": Status.DISCARD,
     "fmi2GetIntegerStatus": Status.DISCARD,
     "fmi2GetStringStatus": Status.DISCARD,
 }
-"""Section 4.2.3: fmi2Discard for what only a step in the background has, and for the type of which there is
-no status; the time of the last step and whether the slave ends the simulation are known."""
+"""Section 4.2.3: fmi2Discard for status information of asynchronous steps, and for the type without a status;
+the time of the last step and whether the slave ends the simulation are available."""
 
 INQUIRED = {"fmi2GetTypesPlatform": b"default", "fmi2GetVersion": b"2.0"}
-"""Section 2.1.4: what is known without an instance."""
+"""Section 2.1.4: functions without an instance."""
 
 CHANGING = [
     "fmi2SetupExperiment",
@@ -51,14 +51,14 @@ CHANGING = [
     "fmi2SetRealInputDerivatives",
     "fmi2DoStep",
 ]
-"""What an instance does not go on from as if nothing had been called."""
+"""Functions after which an instance does not continue as before."""
 
 DO_STEP_STATUS, PENDING_STATUS, LAST_SUCCESSFUL_TIME, TERMINATED = range(4)
 """`fmi2StatusKind`."""
 
 
 def is_input(variable: ScalarVariable) -> bool:
-    """Whether a variable is an input; those have no `initial`, whatever a reader of the XML fills in."""
+    """Whether a variable is an input; inputs have no `initial`, even if a reader of the XML sets it."""
     return variable.causality == "input"
 
 
@@ -71,8 +71,8 @@ CONDITIONS: dict[str, Callable[[ScalarVariable], bool]] = {
 
 
 def settable(variable: ScalarVariable, state: str) -> bool:
-    """Whether the table lets a variable be set in a state, and beyond it what masters need: they set inputs
-    before initialization too (libcosim, PyFMI and cofmupy do), which note 1 does not list."""
+    """Whether the table allows a variable to be set in a state. Beyond note 1, inputs can be set before
+    initialization, as libcosim, PyFMI and cofmupy do."""
     condition = TABLE[f"fmi2Set{c_type_of(variable)}"][state]
     if condition == "1" and is_input(variable):
         return True
@@ -80,7 +80,7 @@ def settable(variable: ScalarVariable, state: str) -> bool:
 
 
 def another_value(variable: ScalarVariable) -> Any:
-    """A value within the range of a variable, which is not its start value."""
+    """A value within the range of a variable, other than its start value."""
     if variable.type == "Real":
         return float(variable.start or 0.0) + 0.125
     if variable.type == "Boolean":
@@ -93,15 +93,15 @@ def another_value(variable: ScalarVariable) -> Any:
 
 
 def arguments_of(life: Life, function: str) -> list[Any]:
-    """Good arguments for a function, other than what the instance was given before. What a function needs
-    to be called before is called."""
+    """Valid arguments for a function, other than the instance's present ones. Required earlier calls are
+    made."""
     fmu = life.fmu
     kind = function.removeprefix("fmi2Get").removeprefix("fmi2Set")
     if kind in ARRAYS:
         variables = [v for v in fmu.variables.values() if c_type_of(v) == kind]
         if function.startswith("fmi2Get"):
             return list(life.getting(*(v.name for v in variables))[1:])
-        # Where none may be set, the forbidden call has what may be set elsewhere.
+        # If none may be set, the forbidden call sets one that may be set in other states.
         state = life.state if TABLE[function][life.state] else "instantiated"
         values = {v.name: another_value(v) for v in variables if settable(v, state)}
         return list(life.settings(values)[1:])
@@ -138,12 +138,12 @@ def test_the_table_is_of_all_functions_and_states(fmu: Fmu) -> None:
         assert list(cells) == [NO_INSTANCE, *STATES[:3], *NEVER[:3], *STATES[3:], "fatal"], function
     used = {cell for cells in TABLE.values() for cell in cells.values()}
     assert used == {"", "x", "2", "7", "8", *CONDITIONS}
-    # Steps in the background would bring the states of NEVER with them.
+    # Asynchronous steps would add the states of NEVER.
     assert not fmu.description.coSimulation.canRunAsynchronuously
 
 
 def test_the_model_has_one_of_everything(fmu: Fmu) -> None:
-    """So that what is tested of all variables is tested of each kind."""
+    """So that tests of all variables test each kind."""
     types = {"Real", "Integer", "Boolean", "String", "Enumeration"}
     for causality in ("input", "output", "parameter"):
         names = fmu.named(lambda v, causality=causality: v.causality == causality)
@@ -167,8 +167,8 @@ def test_the_model_has_one_of_everything(fmu: Fmu) -> None:
     assert simulation.maxOutputDerivativeOrder == 1
 
 
-def test_a_life_shows_whatever_an_instance_remembers(live: Callable[..., Life]) -> None:
-    """What is compared below differs when anything of the course was not set, or was lost."""
+def test_a_life_shows_the_whole_memory(live: Callable[..., Life]) -> None:
+    """The records differ if any value of the course was not set, or was lost."""
     whole = live("stepComplete").go_on()
     assert differences(live("stepComplete").go_on(), whole) == []
     for part in ("parameters", "inputs", "pending", "slopes", "later"):
@@ -185,16 +185,16 @@ def test_a_life_shows_whatever_an_instance_remembers(live: Callable[..., Life]) 
 def test_a_function_in_a_state(
     live: Callable[..., Life], unharmed: Callable[[Life], None], state: str, function: str
 ) -> None:
-    """With good arguments: works where it is allowed, otherwise an Error that names function and state and
-    changes nothing."""
+    """With valid arguments it succeeds if it is allowed; otherwise it is an Error that names function and
+    state and changes nothing."""
     life = live(state)
     before = list(life.messages)
     if function in INQUIRED:
         assert TABLE[function][state] == "x"
         assert getattr(life.library, function)() == INQUIRED[function]
     elif function == "fmi2Instantiate":
-        # It takes no instance, so that what the table forbids cannot be called: it makes another one, which
-        # is in its own state (canBeInstantiatedOnlyOncePerProcess is false).
+        # It has no instance argument, and makes another one with its own state
+        # (canBeInstantiatedOnlyOncePerProcess is false).
         assert TABLE[function][state] == ""
         assert live().component not in (None, life.component)
     elif function == "fmi2FreeInstance":
@@ -214,13 +214,13 @@ def test_a_function_in_a_state(
 
 @pytest.mark.parametrize("function", TABLE)
 def test_a_function_without_an_instance(live: Callable[..., Life], function: str) -> None:
-    """Before fmi2Instantiate and after fmi2FreeInstance there is no instance: NULL in its place is an Error,
-    of which no logger can be told; freeing it is ignored (section 2.1.5). A pointer that was freed is not
-    tried: its memory may be used for anything."""
+    """Before fmi2Instantiate and after fmi2FreeInstance there is no instance: NULL is an Error that no logger
+    can receive; freeing it is ignored (section 2.1.5). A freed pointer is not tried: its memory may be
+    reused."""
     life = live()
     result, types = FUNCTIONS[function]
     if TABLE[function][NO_INSTANCE]:
-        # Either of an FMU or of an instance that does not exist yet: `live` has made one.
+        # Functions without an instance, or fmi2Instantiate, which `live` has called.
         assert function in INQUIRED or (function == "fmi2Instantiate" and life.component)
         assert types == [] or function == "fmi2Instantiate"
         return
@@ -237,7 +237,7 @@ def test_initialization_needs_an_experiment(live: Callable[..., Life], unharmed)
 
 
 def test_an_experiment_may_be_set_up_again(make: Callable[..., Instance]) -> None:
-    """Section 2.1.6: "at least once"; the last one holds."""
+    """Section 2.1.6: "at least once"; the last one is valid."""
     instance = make()
     instance.set_up(5.0, 6.0)
     instance.initialize(2.0)
@@ -259,8 +259,8 @@ def test_which_variables_can_be_set(live: Callable[..., Life], unharmed, fmu: Fm
         life.ok(*setting)
         if state == "instantiated":
             life.enter()
-        # Section 4.2.4 asks for a step between setting and getting in stepComplete. Otherwise masters cannot
-        # see what they set: it is tolerated.
+        # Section 4.2.4 requires a step between setting and getting in stepComplete. Getting without it is
+        # tolerated, so that masters can read the values they set.
         if variable.name != "fault.place":
             assert life.get(variable.name) == value, variable.name
         life.free()
@@ -269,8 +269,8 @@ def test_which_variables_can_be_set(live: Callable[..., Life], unharmed, fmu: Fm
 
 @pytest.mark.parametrize(("start", "expected"), [("given", 0.75), ("at_rest", 0.0)])
 def test_start_values_of_states(make: Callable[..., Instance], start: str, expected: float) -> None:
-    """Note 1, `initial="approx"`: the start value is a guess, which the initialization may use. Unused, a
-    warning says so, once."""
+    """Note 1, `initial="approx"`: the start value is a guess, which the initialization may use. If it does
+    not, there is one warning."""
     instance = make().choose(motion__start=start)
     assert instance.set({"motion.position": 0.75, "tank.level": 0.5}) == Status.OK
     instance.enter()
@@ -284,10 +284,10 @@ def test_start_values_of_states(make: Callable[..., Instance], start: str, expec
 
 
 @pytest.mark.parametrize("state", STATES[1:])
-def test_every_variable_can_be_got(live: Callable[..., Life], unharmed, fmu: Fmu, state: str) -> None:
-    """Note 2 allows outputs and InitialUnknowns in Initialization Mode; every variable can be got, because
+def test_every_variable_can_be_read(live: Callable[..., Life], unharmed, fmu: Fmu, state: str) -> None:
+    """Note 2 allows outputs and InitialUnknowns in Initialization Mode; every variable can be read, because
     masters such as libcosim read all of them there. In the state `error` (note 7) the values are for
-    debugging, but can be got."""
+    debugging, but can be read."""
     life = live(state)
     before = list(life.messages)
     for name in fmu.variables:
@@ -298,7 +298,7 @@ def test_every_variable_can_be_got(live: Callable[..., Life], unharmed, fmu: Fmu
 
 
 def test_the_status_of_the_last_step(live: Callable[..., Life]) -> None:
-    """Section 4.2.3: the time that was reached, and that the slave does not want to end the simulation."""
+    """Section 4.2.3: the current time, and that the slave does not end the simulation."""
     life = live("stepComplete")
     time, terminated = c_double(), c_int(7)
     for _ in range(2):
@@ -307,15 +307,15 @@ def test_the_status_of_the_last_step(live: Callable[..., Life]) -> None:
         life.ok("fmi2GetBooleanStatus", TERMINATED, byref(terminated))
         assert terminated.value == 0
         assert life.step_on() == Status.OK
-    # What stands where a status shall be written to may be any number: it is not read, nor written when discarded.
+    # The memory for a status may hold any number: it is not read, and not written when discarded.
     status = c_int(77)
     assert life.call("fmi2GetStatus", DO_STEP_STATUS, byref(status)) == Status.DISCARD
     assert status.value == 77
 
 
 def test_a_saved_state_leads_out_of_an_error(make: Callable[..., Instance]) -> None:
-    """Section 2.1.3: after an Error a state that was saved before it can be set, and the instance goes on
-    from there as one that never failed, bit for bit."""
+    """Section 2.1.3: after an Error a state saved before it can be set, and the instance continues from there
+    like one without the error, bit for bit."""
     untouched, failed = make().initialize(), make().initialize()
     for instance in (untouched, failed):
         assert instance.step(0.0, STEP) == Status.OK

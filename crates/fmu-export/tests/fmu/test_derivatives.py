@@ -1,5 +1,5 @@
-"""fmi2GetDirectionalDerivative and fmi2GetRealOutputDerivatives, against what the FMU itself does when inputs
-and parameters are changed a little, and when a little time passes (FMI 2.0.5, sections 2.1.9 and 4.2.1)."""
+"""fmi2GetDirectionalDerivative and fmi2GetRealOutputDerivatives, against differences of the FMU for small
+changes of inputs and parameters, and for small steps (FMI 2.0.5, sections 2.1.9 and 4.2.1)."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def in_motion(make: Make) -> Instance:
 
 
 def check_against_differences(instance: Instance, rows: list[str], columns: list[str]) -> None:
-    """The model is at most quadratic, so that central differences are off by rounding alone."""
+    """The model is at most quadratic, so that central differences are exact up to rounding."""
     for known in columns:
         value, change, ends = instance.get(known), 1e-3, []
         for there in (value + change, value - change):
@@ -82,12 +82,12 @@ def test_directions_add(make: Make) -> None:
     parts = [directional(instance, rows, {name: seed}) for name, seed in seeds.items()]
     assert directional(instance, rows, seeds) == pytest.approx([sum(part) for part in zip(*parts)])
     assert directional(instance, rows, {}) == [0.0] * len(rows)
-    # Nothing was changed by it.
+    # The call changes nothing.
     assert instance.snapshot() == other.snapshot()
 
 
 def test_an_input_at_its_bound_does_not_change(make: Make) -> None:
-    """The nearest bound is used for what lies beyond: there a change of the input changes nothing."""
+    """Values beyond a bound are limited to it, so that a change of the input has no effect."""
     instance = in_motion(make)
     assert instance.set({"rate": 11.0}) == Status.WARNING
     assert directional(instance, ["output", "der(tank.level)"], {"rate": 1.0}) == [0.0, 0.0]
@@ -95,7 +95,7 @@ def test_an_input_at_its_bound_does_not_change(make: Make) -> None:
 
 @pytest.mark.parametrize("slope", [0.0, 4.0])
 def test_outputs_over_time(make: Make, slope: float) -> None:
-    """With inputs that hold, and with one that rises: between the last and the next small step."""
+    """With constant inputs, and with a rising one: between the last and the next small step."""
     instance, width, values = in_motion(make), 1e-4, []
     outputs = ["output", "position"]
     found = reals(0.0, 0.0)
@@ -127,7 +127,7 @@ def test_what_is_refused(make: Make) -> None:
         instance.refuses(DIRECTIONAL, *arguments, names=[named])
     output, twice = refs("output"), refs("rate", "rate")
     arguments = [output, 1, twice, 2, reals(1.0, 1.0), reals(0.0)]
-    assert "rate is twice" in instance.refuses(DIRECTIONAL, *arguments)
+    assert "rate occurs twice" in instance.refuses(DIRECTIONAL, *arguments)
     arguments = [output, 1, twice, 1, reals(float("nan")), reals(0.0)]
     instance.refuses(DIRECTIONAL, *arguments, names=["rate"], numbers=[float("nan")])
     for order in (0, 2):

@@ -1,6 +1,6 @@
-"""What an importer passes to fmi2Instantiate, and does around the calls: however odd, it crashes nothing.
+"""Unusual arguments of fmi2Instantiate, and unusual importers: nothing crashes.
 
-What comes here was seen from some importer, or may be what its memory holds (FMI 2.0.5, section 2.1.5).
+Each case was seen in some importer, or is possible (FMI 2.0.5, section 2.1.5).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Make = Callable[..., Instance]
 
 
 def refused(instance: Instance) -> str:
-    """The message with which no instance was made."""
+    """The message when no instance was made."""
     assert instance.component is None
     assert [(m.status, m.category) for m in instance.messages] == [(Status.ERROR, "logStatusError")]
     return instance.messages[0].text
@@ -63,7 +63,7 @@ def instead(instance: Instance, *arguments: object) -> Instance:
 def test_an_instance_without_a_name_is_refused(make: Make, blank: bytes | None) -> None:
     instance = make(name=blank, environment=77)
     assert "instanceName" in refused(instance)
-    # There may be no name to hand back, but there is always a string.
+    # The logger always gets a string as the name.
     assert instance.names_and_environments == [(blank or b"", 77)]
 
 
@@ -86,7 +86,7 @@ def test_a_wrong_guid_is_refused(make: Make, fmu: Fmu, which: str) -> None:
     if which == "null":
         assert "fmuGUID is NULL" in text
     else:
-        # Both, so that the user sees which files do not belong together.
+        # Both, so that the user sees which files do not match.
         assert fmu.guid in text
         assert "TestModel" in text
     if which == "a format":
@@ -101,7 +101,7 @@ def test_another_type_than_co_simulation_is_refused(make: Make, fmu_type: int) -
 
 
 def test_no_instance_without_callbacks(fmu: Fmu, library: Library) -> None:
-    """The struct must be there (section 2.1.5). With no logger, NULL is the whole answer."""
+    """The struct is required (section 2.1.5). Without a logger, the only result is NULL."""
     guid = fmu.guid.encode()
     for name, this_guid in itertools.product([b"name", None], [guid, None, b"wrong"]):
         assert library.fmi2Instantiate(name, CO_SIMULATION, this_guid, None, None, 0, 1) is None
@@ -125,7 +125,7 @@ def test_refusals_without_a_logger(fmu: Fmu, library: Library) -> None:
 @pytest.mark.parametrize("memory_functions", [False, True])
 def test_without_a_logger(make: Make, visible: int, memory_functions: bool) -> None:
     """With `logger`, `stepFinished` and `componentEnvironment` NULL. `allocateMemory` and `freeMemory` may be
-    anything, for `canNotUseMemoryManagementFunctions` is true: here, addresses where there is nothing."""
+    anything, since `canNotUseMemoryManagementFunctions` is true: here, invalid addresses."""
     expected = make().initialize().run(4)
     callbacks = CallbackFunctions()
     if memory_functions:
@@ -158,8 +158,8 @@ NAMES = [
 
 
 @pytest.mark.parametrize("name", NAMES, ids=lambda text: ascii(text)[2:22])
-def test_the_name_is_handed_back_byte_for_byte(make: Make, name: bytes) -> None:
-    """And with it the environment; in no message is it taken for a format."""
+def test_the_name_is_passed_back_byte_for_byte(make: Make, name: bytes) -> None:
+    """With the environment; it is never used as a format."""
     for environment in [None, 1, 2**64 - 1]:
         instance = make(name=name, environment=environment).initialize()
         assert provoke(instance) == provoke(make().initialize())
@@ -192,7 +192,7 @@ LOCATIONS = [
 
 
 def test_resources_may_be_anywhere(make: Make) -> None:
-    """The model needs none, so no form of location keeps it from running."""
+    """The model needs none, so it runs with any location."""
     expected = make().initialize().run(4)
     for location in LOCATIONS:
         instance = make(resource_location=location)
@@ -201,7 +201,7 @@ def test_resources_may_be_anywhere(make: Make) -> None:
 
 
 class Page:
-    """Memory of its own that holds arguments, to be taken away."""
+    """Memory for arguments, which can be removed."""
 
     def __init__(self, size: int) -> None:
         self.library = CDLL(None)
@@ -214,7 +214,7 @@ class Page:
         self.used = 0
 
     def put(self, content: bytes) -> int:
-        """Copies bytes here; their address."""
+        """Copies bytes here; returns their address."""
         address = self.address + self.used
         self.used += (len(content) + 15) // 16 * 16
         assert self.used <= self.size
@@ -222,22 +222,22 @@ class Page:
         return address
 
     def string(self, text: bytes) -> c_char_p:
-        """A string here."""
+        """Copies a string here."""
         return c_char_p(self.put(text + b"\0"))
 
     def overwrite(self) -> None:
-        """Leaves nothing of what was here."""
+        """Overwrites everything."""
         memset(self.address, 0xA5, self.size)
 
     def remove(self) -> None:
-        """Whoever reads this memory now crashes."""
+        """From now on reading this memory crashes."""
         assert self.library.munmap(self.address, self.size) == 0
 
 
 @pytest.mark.parametrize("removed", [False, True], ids=["overwritten", "removed"])
 def test_arguments_are_copied(make: Make, removed: bool) -> None:
-    """All that fmi2Instantiate is passed is valid during the call only (section 2.1.5): the struct and the
-    strings. What the struct held stays: the logger is called with its environment and the name."""
+    """The arguments of fmi2Instantiate are valid during the call only (section 2.1.5): the struct and the
+    strings. The logger is still called with the struct's environment and the name."""
     instance = make()
     page = Page(2 * mmap.PAGESIZE)
     callbacks = CallbackFunctions(instance.callbacks.logger, None, None, None, 0xC0FFEE)
@@ -264,7 +264,7 @@ def test_arguments_are_copied(make: Make, removed: bool) -> None:
 
 
 def test_category_names_are_copied(make: Make) -> None:
-    """The strings of fmi2SetDebugLogging, too, are the importer's to reuse."""
+    """The importer may reuse the strings of fmi2SetDebugLogging as well."""
     instance = make()
     page = Page(mmap.PAGESIZE)
     instance.ok("fmi2SetDebugLogging", 1, 1, (c_char_p * 1)(page.string(b"logEvents")))
@@ -296,17 +296,17 @@ def categories_of_a_run(instance: Instance) -> list[str]:
 
 
 def test_errors_and_warnings_are_always_logged(make: Make, fmu: Fmu) -> None:
-    """Events only where debug logging is on for them."""
+    """Events only if debug logging is on for them."""
     assert sorted(category.name for category in fmu.description.logCategories) == EVERYTHING
     on, off = make(logging_on=True), make(logging_on=False)
     assert categories_of_a_run(on) == EVERYTHING
     assert categories_of_a_run(off) == ALWAYS
     for instance in (on, off):
         for arguments, logged in [
-            # As long as no category is named, all are meant.
+            # Without a named category, all are switched.
             ([False], ALWAYS),
             ([True], EVERYTHING),
-            # Those that are not named stay as they are.
+            # Others do not change.
             ([False, b"logStatusError", b"logStatusWarning"], EVERYTHING),
             ([False, b"logEvents"], ALWAYS),
             ([True, b"logEvents", b"logStatusError", b"logEvents"], EVERYTHING),
@@ -338,12 +338,12 @@ UNKNOWN = {
     b"\xff": "\\xff",
     b"two\nlines\n": "two\\nlines\\n",
 }
-"""Categories that are not declared, and how they are named in the message."""
+"""Undeclared categories, and their names in the message."""
 
 
 @pytest.mark.parametrize("category", UNKNOWN, ids=lambda text: ascii(text)[2:22])
 def test_an_unknown_category_is_named(make: Make, category: bytes) -> None:
-    """Section 2.1.5: the categories are those of the XML. The one before it is not switched on either."""
+    """Section 2.1.5: the categories are those of the XML. A valid one before it is not switched on either."""
     instance = make()
     text = instance.refuses("fmi2SetDebugLogging", 1, 2, strings(b"logEvents", category))
     assert UNKNOWN[category] in text
@@ -365,7 +365,7 @@ def test_categories_that_are_null(make: Make) -> None:
 
 
 def test_instances_of_equal_names(make: Make) -> None:
-    """In one process: each logs to its environment, and the end of one is not that of another."""
+    """In one process: each logs to its environment, and freeing one does not affect another."""
     instances = [make(name=b"the same", environment=number).initialize() for number in range(1, 5)]
     for instance in reversed(instances):
         provoke(instance)
@@ -388,11 +388,11 @@ class Curious(Instance):
 
 
 def test_a_logger_that_calls_back(make: Make) -> None:
-    """Section 2.1.5 foresees loggers that know their fmi2Component, and forbids them nothing. (In a step,
-    section 4.2.4 has no values to get: stepInProgress.) Whatever they get, all else stays as it is."""
+    """Section 2.1.5 allows loggers to use their fmi2Component without restriction. (In a step, in the state
+    stepInProgress of section 4.2.4, no values can be read.) Reading values changes nothing."""
 
     def run(instance: Instance) -> list[list]:
-        # Not used by the initialization, which warns of it.
+        # Not used by the initialization, which warns.
         assert instance.set({"motion.position": 0.5}) == Status.OK
         instance.enter()
         assert instance.call("fmi2ExitInitializationMode") == Status.WARNING
@@ -443,7 +443,7 @@ DEEDS: dict[str, Callable[[Instance], None]] = {
 
 @pytest.mark.parametrize("deed", DEEDS)
 def test_a_logger_that_meddles(make: Make, deed: str) -> None:
-    """The call that logs is over when the logger is called: what this does is a call after it."""
+    """The logger runs after the call that logs: its own calls come after it."""
     meddling, orderly = make(Meddling, deed=deed), make()
     for instance in (meddling, orderly):
         instance.initialize()

@@ -1,7 +1,6 @@
-"""What surrounds a model when the model fails: panics and values that are not finite, wherever they occur.
+"""Failing models: panics and values that are not finite, in every function.
 
-Everything is called in this process, so a panic that unwinds into C, and with that ends the process, ends the
-test run.
+Calls are made in this process, so that a panic which unwinds into C ends the test run.
 """
 
 from __future__ import annotations
@@ -38,13 +37,13 @@ def expected(fmu: Fmu, manner: str, place: str) -> str:
 
 
 def runs(instance: Instance, steps: int) -> None:
-    """A fresh or reset instance works: its rate is 1 per second, so its level is the time."""
+    """A new or reset instance works: its rate is 1 per second, so its level is the time."""
     instance.initialize().run(steps)
     assert instance.get("tank.level") == steps * STEP
 
 
 def refuses_until_reset(instance: Instance, time: float = 0.0) -> None:
-    """After a panic the instance is in the state `error` of section 4.2.4, and the way out is a reset."""
+    """After a panic the instance is in the state `error` of section 4.2.4, until a reset."""
     refused = "must not be called in the state error"
     assert instance.refuses("fmi2DoStep", time, STEP, 1) == refused
     for function in ["fmi2EnterInitializationMode", "fmi2ExitInitializationMode", "fmi2Terminate"]:
@@ -54,8 +53,8 @@ def refuses_until_reset(instance: Instance, time: float = 0.0) -> None:
 
 
 def survives(fmu: Fmu, folder: Path, *statements: str) -> None:
-    """Runs statements on an `instance` in another process, for what may end it: a panic is not caught that
-    another one causes while it unwinds."""
+    """Runs statements on an `instance` in another process, which may abort: a panic during unwinding is not
+    caught."""
     code = [
         "import sys, pathlib, test_panics as t",
         "path = pathlib.Path(sys.argv[1])",
@@ -70,7 +69,7 @@ def survives(fmu: Fmu, folder: Path, *statements: str) -> None:
 
 @pytest.fixture(autouse=True)
 def bystander(make: Make) -> Iterator[None]:
-    """Another instance of the same library, in the middle of its run, that notices nothing."""
+    """Another instance of the same library, in the middle of its run, which must not be affected."""
     instance = make(name=b"bystander")
     runs(instance, 3)
     yield
@@ -87,7 +86,7 @@ def bystander(make: Make) -> Iterator[None]:
         ("check_parameters", "fmi2ExitInitializationMode"),
         ("check_parameters", "fmi2DoStep"),
         ("initialize", "fmi2ExitInitializationMode"),
-        # In Initialization Mode a value that is got is computed then (section 4.2.4, note 2).
+        # In Initialization Mode, getting a value computes it (section 4.2.4, note 2).
         ("initialize", "fmi2GetReal"),
         ("step", "fmi2DoStep"),
         ("refresh", "fmi2GetReal"),
@@ -116,13 +115,13 @@ def test_a_panic(make: Make, fmu: Fmu, place: str, function: str, manner: str) -
     assert instance.refuses(function, *arguments) == expected(fmu, manner, place)
     assert made.value is None
     if place == "step":
-        # Values can be got for debugging (section 4.2.4, note 7): here half of the step.
+        # Values can be read for debugging (section 4.2.4, note 7): here after half of the step.
         assert instance.get("tank.level") == 2.5 * STEP
     refuses_until_reset(instance, 2 * STEP)
 
 
 def test_a_saved_state_leads_back_from_a_panic(make: Make) -> None:
-    """As section 2.1.3 says of `fmi2Error`: a state saved before it can be set."""
+    """Section 2.1.3: after `fmi2Error` a state saved before it can be set."""
     instance = make()
     runs(instance, 2)
     state = instance.save()
@@ -175,7 +174,7 @@ def test_a_panic_as_the_model_is_copied_or_dropped(make: Make, place: str, funct
 
 
 def test_a_panic_as_a_saved_state_is_overwritten(make: Make) -> None:
-    """What was saved before into the same handle (section 2.1.8) is still there."""
+    """The state saved before into the same handle (section 2.1.8) is kept."""
     instance = make()
     runs(instance, 2)
     state = instance.save()
@@ -191,7 +190,7 @@ def test_a_panic_as_a_saved_state_is_overwritten(make: Make) -> None:
 
 
 def test_a_panic_as_an_instance_is_freed(make: Make) -> None:
-    """fmi2FreeInstance has no status, and there is no instance left to log: it just returns."""
+    """fmi2FreeInstance has no status, and nothing can be logged any more: it just returns."""
     instance = make().choose(fault__place="drop").initialize()
     instance.free()
     assert instance.messages == []
@@ -199,7 +198,7 @@ def test_a_panic_as_an_instance_is_freed(make: Make) -> None:
 
 @pytest.mark.parametrize("states", [1, 2, 5])
 def test_panics_as_an_instance_is_freed_with_its_states(fmu: Fmu, tmp_path: Path, states: int) -> None:
-    """Each state that is left panics, and the instance too."""
+    """Each remaining state panics, and the instance, too."""
     survives(
         fmu,
         tmp_path,
@@ -222,7 +221,7 @@ def test_a_payload_that_panics(fmu: Fmu, tmp_path: Path) -> None:
 
 
 def test_a_panic_as_a_saved_state_is_freed(make: Make) -> None:
-    """The state is gone all the same; its handle is no longer valid, so that it is not freed twice."""
+    """The state is freed nevertheless; its handle is invalid, so that it is not freed twice."""
     instance = make().choose(fault__place="drop").initialize()
     state = instance.save()
     handle = c_void_p(state.value)
@@ -235,7 +234,7 @@ def test_a_panic_as_a_saved_state_is_freed(make: Make) -> None:
 @pytest.mark.parametrize("manner", NOT_FINITE)
 @pytest.mark.parametrize("getting", [False, True], ids=["exit", "get"])
 def test_an_initialization_that_is_not_finite(make: Make, manner: str, getting: bool) -> None:
-    """The message names the variable; it is no panic, so with other parameters it goes on."""
+    """The message names the variable; it is not a panic, so with other parameters initialization succeeds."""
     instance = make().choose(fault__place="initialize", fault__manner=manner)
     instance.enter(1.5)
     call = instance.getting("output") if getting else ("fmi2ExitInitializationMode",)
@@ -253,7 +252,7 @@ def test_a_step_to_what_is_not_finite(make: Make, manner: str) -> None:
     instance.choose(fault__place="step", fault__manner=manner)
     text = f"the variable tank.level became {NOT_FINITE[manner]} at the time 0.375 s"
     assert instance.refuses("fmi2DoStep", 2 * STEP, STEP, 1) == text
-    # What is not finite is never given as a value.
+    # Values that are not finite are not returned.
     value = (c_double * 1)(7.0)
     function, vr, count, _ = instance.getting("tank.level")
     assert instance.refuses(function, vr, count, value) == f"the variable tank.level is {NOT_FINITE[manner]}"
@@ -271,7 +270,7 @@ def test_a_refresh_to_what_is_not_finite(make: Make, manner: str) -> None:
 
 @pytest.mark.parametrize("place", ["check_parameters", "initialize", "step"])
 def test_an_error_is_no_panic(make: Make, place: str) -> None:
-    """A model's errors come through as they are."""
+    """A model's errors are passed on unchanged."""
     instance = make()
     text = "the model's own error"
     if place == "step":
@@ -287,7 +286,7 @@ def test_an_error_is_no_panic(make: Make, place: str) -> None:
 
 
 def test_a_thousand_panics(make: Make) -> None:
-    """Rust counts the panics under way in each thread; a count that leaked would end the process."""
+    """Rust counts active panics in each thread; a leaked count would end the process."""
     instance = make()
     runs(instance, 1)
     instance.choose(fault__place="refresh", fault__manner="number")
@@ -300,7 +299,7 @@ def test_a_thousand_panics(make: Make) -> None:
 
 
 def test_the_library_unloads_after_a_panic(fmu: Fmu, tmp_path: Path) -> None:
-    """What Rust keeps of a panic for the thread's end would hold the library in the process."""
+    """Thread-local data with a destructor would keep the library in the process."""
     copy = shutil.copy(fmu.library, tmp_path)
     library = Library(copy)
     instance = Instance(fmu, library).initialize().choose(fault__place="step", fault__manner="formatted")

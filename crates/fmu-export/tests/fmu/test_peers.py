@@ -1,7 +1,7 @@
-"""What an importer that breaks the rules gets, from this exporter and from another one.
+"""Calls that break the rules, with this exporter and another one.
 
-Each case runs in another process, since some end in a crash. The run's output shows the table. The other
-exporter is PythonFMU; its column is what was seen, not a demand.
+Each case runs in another process, since some crash. The output has the table. The other exporter is
+PythonFMU; its column is an observation, not a requirement.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Lag(Fmi2Slave):
 
 
 def instance_of(fmu: Fmu, library: Library, **arguments) -> Instance:
-    """An instance that knows its resources, unless the arguments say otherwise."""
+    """An instance with its resources, unless the arguments differ."""
     resources = (fmu.folder / "resources").as_uri().encode()
     return Instance(fmu, library, **{"resource_location": resources, **arguments})
 
@@ -54,7 +54,7 @@ def made(**arguments) -> Callable[[Fmu, Library], str]:
 
 
 def stepped(time: float, size: float, prepare: Callable[[Instance], object]) -> Callable[[Fmu, Library], str]:
-    """What fmi2DoStep returns after a preparation."""
+    """The status of fmi2DoStep after a preparation."""
 
     def case(fmu: Fmu, library: Library) -> str:
         instance = instance_of(fmu, library)
@@ -65,7 +65,7 @@ def stepped(time: float, size: float, prepare: Callable[[Instance], object]) -> 
 
 
 def logged(logger: bool, overwritten: bool) -> Callable[[Fmu, Library], str]:
-    """What comes of an error without a logger, or with callbacks that the importer has overwritten."""
+    """The result of an error without a logger, or with overwritten callbacks."""
 
     def case(fmu: Fmu, library: Library) -> str:
         messages: list[int] = []
@@ -83,13 +83,13 @@ def logged(logger: bool, overwritten: bool) -> Callable[[Fmu, Library], str]:
 
 
 def not_a_number(fmu: Fmu, library: Library) -> str:
-    """What setting a parameter to NaN returns."""
+    """The status of setting a parameter to NaN."""
     parameter = fmu.named(lambda v: v.causality == "parameter" and v.type == "Real")[0]
     return instance_of(fmu, library).set({parameter: math.nan}).name
 
 
 def symbols(_: Fmu, library: Library) -> str:
-    """How many symbols the library adds to those of the standard."""
+    """The number of exported symbols beyond the standard's."""
     command = ["nm", "-D", "--defined-only", str(library.path)]
     lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
     return str(len([line for line in lines if line.split()[-1] not in FUNCTIONS]))
@@ -134,11 +134,11 @@ CASES: dict[str, tuple[Callable[[Fmu, Library], str], str]] = {
     "foreign global symbols": (symbols, "0"),
     "declares dependencies / units / display units": (declared, "yes / yes / yes"),
 }
-"""What is tried, and what this exporter's FMUs answer."""
+"""The cases, with the results of this exporter."""
 
 
 def outcome(path: Path, case: str, folder: Path) -> str:
-    """What comes of a case, in another process."""
+    """The result of a case, in another process."""
     command = [sys.executable, __file__, str(path), case, str(folder)]
     try:
         result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)

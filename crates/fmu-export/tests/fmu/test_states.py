@@ -1,5 +1,5 @@
-"""Saved states, and states as bytes: another instance and another process go on where they were taken, and
-what is not a state of this FMU is refused (FMI 2.0.5, section 2.1.8)."""
+"""Saved and serialized states: another instance and another process continue from them, and anything else
+than a state of this FMU is refused (FMI 2.0.5, section 2.1.8)."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ Live = Callable[..., Life]
 
 
 def drive(instance: Instance, begin: int, end: int) -> list[list]:
-    """Steps of uneven length with changing inputs, some out of their bounds: which warnings were given is part
-    of the state. The outputs after each step."""
+    """Steps of uneven length with changing inputs, some out of their bounds, since past warnings are part of
+    the state. Returns the outputs after each step."""
     results = []
     for index in range(begin, end):
         values = {"rate": 11.0 * math.sin(0.3 * index), "drive": math.cos(index), "note": b"%d" % index}
@@ -33,7 +33,7 @@ def drive(instance: Instance, begin: int, end: int) -> list[list]:
 
 
 def prepare(instance: Instance) -> Instance:
-    """An instance with parameters that are not the defaults, in the middle of a run."""
+    """An instance with other parameters than the defaults, in the middle of a run."""
     parameters = {"tank.gain": 1.5, "settings.label": b"x", "settings.doubled": 1, "settings.first": 3}
     assert instance.set(parameters) == Status.OK
     instance.initialize(start_time=3.0, stop_time=100.0)
@@ -42,7 +42,7 @@ def prepare(instance: Instance) -> Instance:
 
 
 def refusal(instance: Instance, data: bytes) -> str:
-    """The message by which bytes are refused; there is no state then."""
+    """The message when bytes are refused, and no state is made."""
     state = c_void_p()
     text = instance.refuses("fmi2DeSerializeFMUstate", buffer(data), len(data), byref(state))
     assert state.value is None
@@ -50,8 +50,8 @@ def refusal(instance: Instance, data: bytes) -> str:
 
 
 def test_a_restored_state_goes_on_identically(make: Make) -> None:
-    """In the instance, in a fresh one, and in one that has been elsewhere; from a handle, any number of times,
-    and from bytes, which serializing does not change."""
+    """In the instance, in a new one, and in one with another history; from a handle, any number of times, and
+    from bytes, which serializing does not change."""
     first = prepare(make())
     state = first.save()
     data = first.serialize(state)
@@ -77,7 +77,7 @@ def test_every_state_of_the_calling_sequence_is_kept(live: Live, state: str) -> 
 
 
 def test_a_warning_is_not_repeated_after_a_restore(make: Make) -> None:
-    """Initialization is computed anew after each change; a warning of it is given once."""
+    """Initialization is repeated after each change, but logs each warning once."""
     first, second = make(), make()
     assert first.set({"motion.position": 0.5}) == Status.OK
     first.enter()
@@ -93,7 +93,8 @@ def test_a_warning_is_not_repeated_after_a_restore(make: Make) -> None:
 
 
 def test_warnings_of_initialization_do_not_accumulate(make: Make) -> None:
-    """An importer that tries thousands of values is warned of each; one that goes to and fro, once."""
+    """An importer that tries thousands of values gets a warning for each; one that alternates between two,
+    once."""
     instance = make()
     instance.enter()
 
@@ -135,7 +136,7 @@ def test_every_wrong_length_is_noticed(make: Make) -> None:
     assert "3 bytes follow" in refusal(instance, data + b"abc")
 
 
-def test_what_is_wrong_with_the_bytes_is_named(make: Make) -> None:
+def test_errors_in_the_bytes_are_named(make: Make) -> None:
     instance = prepare(make())
     data = instance.snapshot()
     # The format's version follows the 8 bytes of the signature.
@@ -175,7 +176,7 @@ def other(fmu: Fmu, tmp_path: Path) -> Instance:
 
 
 def test_a_handle_that_is_not_a_state(live: Live, unharmed: Callable[[Life], None], other: Instance) -> None:
-    """Freed, another library's, or anything else: refused by its name, and not followed."""
+    """Freed, another library's, or anything else: refused, and not dereferenced."""
     life = live("stepComplete")
     freed, of_other = life.save(), other.save()
     wrong = [freed.value, of_other.value, 4096, life.component]
@@ -197,7 +198,7 @@ def test_a_handle_that_is_not_a_state(live: Live, unharmed: Callable[[Life], Non
 
 
 def test_a_saved_state_can_be_saved_over(make: Make) -> None:
-    """As masters with error control do, through one handle, thousands of times."""
+    """As in masters with error control, thousands of times with one handle."""
     instance = prepare(make())
     state = instance.save()
     handle = state.value
@@ -212,7 +213,7 @@ def test_a_saved_state_can_be_saved_over(make: Make) -> None:
 
 def test_bytes_become_a_new_state(make: Make) -> None:
     """Section 2.1.8: a copy is constructed. An importer's variable that was never set may hold anything, such
-    as an earlier state that is alive; that stays as it is."""
+    as an earlier state, which must not change."""
     instance = prepare(make())
     older = instance.save()
     before = instance.serialize(older)
@@ -228,7 +229,7 @@ def test_bytes_become_a_new_state(make: Make) -> None:
 
 
 def test_instances_do_not_share(make: Make) -> None:
-    """Two instances of one library, stepped in turn, are two alone."""
+    """Two instances of one library, stepped in turn, are independent."""
     alone = drive(make().initialize(3.0), 0, 20)
     first, second = make().initialize(3.0), prepare(make())
     results = []

@@ -1,6 +1,6 @@
 """Instances in many threads at once: no call of one affects another (FMI 2.0.5, section 2.1.1).
 
-ctypes releases Python's lock during a call, so the calls do run at the same time.
+ctypes releases Python's lock during a call, so that calls run in parallel.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ STEPS = 120
 
 @pytest.fixture(autouse=True)
 def switch_often() -> Iterator[None]:
-    """Lets Python change threads far more often than it does by default (5 ms)."""
+    """Lets Python switch threads far more often than by default (5 ms)."""
     before = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
     yield
@@ -32,7 +32,7 @@ def switch_often() -> Iterator[None]:
 
 
 def at_once(work: Callable[[int], object]) -> list:
-    """What some work returns in each of the threads, which begin together."""
+    """The results of some work in parallel threads, which start together."""
     barrier = threading.Barrier(THREADS)
 
     def begin(index: int) -> object:
@@ -44,13 +44,13 @@ def at_once(work: Callable[[int], object]) -> list:
 
 
 class Run:
-    """Runs by a number, which tells the input."""
+    """Runs with a number, which selects the inputs."""
 
     def __init__(self, fmu: Fmu, library: Library) -> None:
         self.fmu, self.library = fmu, library
 
     def instance(self, index: int) -> Instance:
-        """An instance; its name and its environment tell the number."""
+        """An instance, with the number as name and environment."""
         instance = Instance(self.fmu, self.library, name=b"%d" % index, environment=index)
         assert instance.component is not None
         return instance
@@ -80,16 +80,16 @@ def run(fmu: Fmu, library: Library) -> Run:
 
 
 def test_threads_compute_what_one_computes(run: Run) -> None:
-    """Eight instances at once, as one after the other."""
+    """Eight instances in parallel, like one after the other."""
     alone = [run(index) for index in range(THREADS)]
-    # Otherwise an instance that took its neighbour's input would go unseen.
+    # So that an instance with another's input would be detected.
     assert len({str(results) for results in alone}) == THREADS
     for _ in range(5):
         assert at_once(run) == alone
 
 
 def test_instances_come_and_go_at_once(run: Run) -> None:
-    """A thousand per thread, while another one works."""
+    """A thousand per thread, while another one is stepping."""
     expected = run(0)
 
     def work(index: int) -> object:
@@ -105,7 +105,7 @@ def test_instances_come_and_go_at_once(run: Run) -> None:
 
 
 def test_states_are_saved_and_restored_at_once(run: Run) -> None:
-    """Each thread goes back again and again, by handles and by bytes, and leaves states behind."""
+    """Each thread restores states repeatedly, from handles and bytes, and does not free all of them."""
     alone = [run(index) for index in range(THREADS)]
 
     def work(index: int) -> list[list]:
@@ -118,7 +118,7 @@ def test_states_are_saved_and_restored_at_once(run: Run) -> None:
             data = instance.serialize(reused)
             read = c_void_p()
             instance.ok("fmi2DeSerializeFMUstate", buffer(data), len(data), byref(read))
-            # Somewhere else, and back; by the one state and by the other.
+            # A step elsewhere, then back, from either state.
             assert instance.step(step * STEP, 3 * STEP) == Status.OK
             instance.ok("fmi2SetFMUstate", read if step % 2 else reused)
             if step % 3:
@@ -154,7 +154,7 @@ def test_a_state_goes_to_other_threads(run: Run) -> None:
 
 
 def test_messages_reach_their_own_logger(run: Run) -> None:
-    """Each thread provokes errors that tell its number."""
+    """Each thread causes errors with its number."""
 
     def work(index: int) -> None:
         instance = run.instance(index).initialize()
@@ -173,7 +173,7 @@ def test_messages_reach_their_own_logger(run: Run) -> None:
 
 
 def test_the_library_unloads_after_threads(fmu: Fmu, tmp_path: Path) -> None:
-    """While threads that called it are alive: with something to do at a thread's end, it could not."""
+    """While threads that called it still run: with thread-local destructors, it could not."""
     copy = shutil.copy(fmu.library, tmp_path)
     library = Library(copy)
     run, barrier = Run(fmu, library), threading.Barrier(THREADS)

@@ -34,7 +34,7 @@ pub(super) fn unique<'d>(
     let mut seen = BTreeSet::new();
     for element in elements {
         if let Some(value) = element.attribute(key).filter(|value| !seen.insert(*value)) {
-            model.wrong(report, rule, element, format!("the {key} '{value}' stands twice"));
+            model.wrong(report, rule, element, format!("the {key} '{value}' occurs twice"));
         }
     }
 }

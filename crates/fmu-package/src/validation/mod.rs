@@ -25,6 +25,8 @@ use crate::fmu::MODEL_DESCRIPTION;
 
 /// How many findings are kept: after that many, more of them help nobody.
 const MOST_FINDINGS: usize = 1000;
+/// How long what is said may be in characters: it quotes the FMU.
+const LONGEST_MESSAGE: usize = 500;
 
 /// Where something is wrong.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -70,7 +72,9 @@ impl Report {
         if self.findings.len() == MOST_FINDINGS {
             self.omitted += 1;
         } else {
-            self.findings.push(Finding { rule, place, message: message.into() });
+            let message = message.into();
+            let end = message.char_indices().nth(LONGEST_MESSAGE).map_or(message.len(), |(end, _)| end);
+            self.findings.push(Finding { rule, place, message: message[..end].to_owned() });
         }
     }
 
@@ -80,6 +84,9 @@ impl Report {
         self.findings.iter().filter(|finding| finding.rule.severity == severity).count()
     }
 }
+
+/// Reports what is wrong at a place that is known already.
+type Wrong<'a> = &'a mut dyn FnMut(&'static Rule, String);
 
 /// The versions of the standard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

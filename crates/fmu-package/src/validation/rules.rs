@@ -7,7 +7,7 @@
 pub enum Severity {
     /// The FMU violates the standard, or cannot be used.
     Error,
-    /// The FMU is allowed, but importers are known to stumble over it.
+    /// The FMU is allowed, but some importers fail on it.
     Warning,
 }
 
@@ -74,7 +74,7 @@ rules! {
     ARCHIVE_STRAY: Warning "archive-stray" ("2.0.5: 2.3; 3.0.2: 2.5.1")
         "At the top of the archive lie only the files and folders of the standard." => "Move the file into `resources` or `extra`, or remove it.";
     LIMIT: Error "limit" ("safety")
-        "The FMU stays within the sizes that are read: 1 GiB unpacked; for a description 64 MiB, two million elements, 100 of them in each other, 100 attributes each, and 1000 namespaces." => "Split the FMU, or leave large data out of it.";
+        "The FMU stays within the sizes that are read: 1 GiB unpacked; for a description 64 MiB, two million elements, nested 100 deep, with 100 attributes each, of 10 kB unless they are lists or prose, and 1000 namespaces." => "Split the FMU, or leave large data out of it.";
     DESCRIPTION_MISSING: Error "description-missing" ("2.0.5: 2.3; 3.0.2: 2.5.1")
         "`modelDescription.xml` lies at the top of the archive." => "Pack the content of the folder, not the folder itself.";
 
@@ -133,8 +133,8 @@ rules! {
         "Names follow the `variableNamingConvention`: the grammar of `structured`, or no tabs and line breaks." => "Rename the variable, quote the part with `'…'`, or use `variableNamingConvention=\"flat\"`.";
     VALUE_REFERENCE: Error "value-reference" ("3.0.2: 2.4.7.4")
         "Value references are unique." => "Number the variables differently, or declare the second one as `Alias`.";
-    ALIAS: Error "alias" ("2.0.5: 2.2.7")
-        "Variables of one type with one value reference agree: one of them at most can be set or has a start value, all or none are constant, all have one unit, and constants have one value." => "Give the variable a value reference of its own.";
+    ALIAS: Error "alias" ("FMI 1; 2.0.5: 2.2.7")
+        "Of variables of one type with one value reference, one at most has a start value; all or none are constant, with one value; all have one unit. In FMI 1 all but one are declared as aliases." => "Give the variable a value reference of its own.";
     CAUSALITY: Error "causality" ("2.0.5: 2.2.7; 3.0.2: 2.4.7.4")
         "Causality and variability are a combination that the standard allows." => "See the table of combinations in the standard.";
     INITIAL: Error "initial" ("2.0.5: 2.2.7; 3.0.2: 2.4.7.5")
@@ -142,7 +142,7 @@ rules! {
     CONTINUOUS_TYPE: Error "continuous-type" ("FMI 1; 2.0.5: 2.2.7; 3.0.2: 2.4.7.4")
         "Only floating-point variables are continuous, and `continuous` is the default in FMI 1 and 2." => "Declare `variability=\"discrete\"`.";
     INDEPENDENT: Error "independent" ("2.0.5: 2.2.7; 3.0.2: 2.4.7.4")
-        "One variable is independent (FMI 2: at most one), of a floating-point type." => "Declare time, and nothing else, with `causality=\"independent\"`.";
+        "One variable is independent (FMI 2: at most one), of a floating-point type." => "Declare only time with `causality=\"independent\"`.";
     START_MISSING: Error "start-missing" ("FMI 1; 2.0.5: 2.2.7; 3.0.2: 2.4.7.5")
         "Inputs, parameters, constants and variables with `initial` `exact` or `approx` have a start value." => "Add the start value that the library uses.";
     START_FORBIDDEN: Error "start-forbidden" ("2.0.5: 2.2.7; 3.0.2: 2.4.7.5")
@@ -153,18 +153,18 @@ rules! {
         "An array has one start value, or as many as elements; a scalar has one." => "Give one value, or one for each element.";
     RANGE: Error "range" ("2.0.5: 2.2.3; 3.0.2: 2.4.4")
         "`min` is not greater than `max`." => "Exchange or correct them.";
-    NOMINAL: Error "nominal" ("2.0.5: 2.2.3; 3.0.2: 2.4.4")
+    NOMINAL: Warning "nominal" ("2.0.5: 2.2.3; 3.0.2: 2.4.4")
         "A nominal value is not 0: it scales tolerances." => "Give the order of magnitude, or leave it out.";
     FINITE: Error "finite" ("2.0.5: 2.2")
         "Values of variables are neither infinite nor NaN." => "Leave the attribute out, or give a number.";
     DERIVATIVE: Error "derivative" ("2.0.5: 2.2.7; 3.0.2: 2.4.7.5")
         "`derivative` refers to another variable, and both are continuous and floating-point." => "Refer to the variable whose derivative this is.";
     REINIT: Error "reinit" ("2.0.5: 2.2.7; 3.0.2: 2.4.7.5")
-        "`reinit` stands only at continuous states, and only where there is Model Exchange." => "Remove the attribute.";
+        "Only continuous states have `reinit`, and only in FMUs for Model Exchange." => "Remove the attribute.";
     FIXED: Error "fixed" ("FMI 1")
-        "`fixed` stands only beside a start value." => "Add the start value, or remove `fixed`.";
+        "`fixed` requires a start value." => "Add the start value, or remove `fixed`.";
     DIRECT_DEPENDENCY: Error "direct-dependency" ("FMI 1")
-        "`DirectDependency` stands at outputs, and names inputs." => "Name inputs only.";
+        "Only outputs have `DirectDependency`, which names inputs." => "Name inputs only.";
     DIMENSION: Error "dimension" ("3.0.2: 2.4.7.2")
         "A dimension has either a positive `start`, or the value reference of a constant or structural parameter of type `UInt64` with a positive start; structural parameters have none." => "Correct the dimension.";
     CLOCK: Error "clock" ("3.0.2: 2.4.4, 2.4.7.4")
@@ -172,7 +172,7 @@ rules! {
     CLOCKED: Error "clocked" ("3.0.2: 2.4.7.4")
         "`clocks` refers to Clocks, and a clocked variable is discrete or tunable." => "Refer to variables of type Clock, and declare `variability=\"discrete\"`.";
     PREVIOUS: Error "previous" ("3.0.2: 2.4.7.4")
-        "`previous` stands at clocked discrete variables, and refers to another discrete variable of the same type, no input, that no other refers to." => "Refer to the variable with the previous value.";
+        "Only clocked discrete variables have `previous`; it refers to another discrete variable of the same type, which is not an input and not the previous value of a third one." => "Refer to the variable with the previous value.";
     INTERMEDIATE_UPDATE: Error "intermediate-update" ("3.0.2: 2.4.7.4")
         "Only continuous variables have `intermediateUpdate`." => "Remove the attribute.";
 
@@ -180,13 +180,13 @@ rules! {
     STRUCTURE_REFERENCE: Error "structure-reference" ("2.0.5: 2.2.8; 3.0.2: 2.4.8")
         "Entries and dependencies of the model structure refer to variables." => "Correct the index (FMI 2) or value reference (FMI 3).";
     STRUCTURE_DUPLICATE: Error "structure-duplicate" ("2.0.5: 2.2.8; 3.0.2: 2.4.8")
-        "No variable stands twice in a list of the model structure, nor among the dependencies of an entry." => "Remove one of them.";
+        "No variable occurs twice in a list of the model structure, or among the dependencies of an entry." => "Remove one of them.";
     STRUCTURE_ORDER: Error "structure-order" ("2.0.5: 2.2.8")
         "Initial unknowns are in the order of the variables." => "Sort the entries.";
     DEPENDENCY_ORDER: Warning "dependency-order" ("2.0.5: 2.2.8")
         "Dependencies are in the order of the variables." => "Sort them.";
     DEPENDENCY_KIND: Error "dependency-kind" ("2.0.5: 2.2.8; 3.0.2: 2.4.8")
-        "`dependenciesKind` has as many items as `dependencies`, and stands only beside them." => "Give a kind for each dependency, or leave `dependenciesKind` out.";
+        "`dependenciesKind` requires `dependencies`, and has as many items." => "Give a kind for each dependency, or leave `dependenciesKind` out.";
     DEPENDENCY_KIND_USE: Warning "dependency-kind-use" ("2.0.5: 2.2.8; 3.0.2: 2.4.8")
         "Kinds other than `dependent` belong to floating-point unknowns, and initial unknowns have no `fixed`, `tunable` or `discrete`." => "Use `dependent`.";
     DEPENDENCY_KNOWN: Warning "dependency-known" ("2.0.5: 2.2.8; 3.0.2: 2.4.8")

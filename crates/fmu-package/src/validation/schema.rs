@@ -5,6 +5,7 @@
 //! going back finds it.
 
 use std::collections::HashMap;
+use std::rc::Rc;
 
 use regex_lite::Regex;
 use roxmltree::{Document, Node};
@@ -54,12 +55,12 @@ struct Schema<'s> {
     /// What is declared at the top of a file, by the kind of declaration and its name.
     top: HashMap<(&'s str, &'s str), Declaration<'s>>,
     /// What a type consists of, once it was needed.
-    types: HashMap<Declaration<'s>, Type<'s>>,
+    types: HashMap<Declaration<'s>, Rc<Type<'s>>>,
     patterns: HashMap<&'s str, Regex>,
 }
 
 /// A complex type with all that it inherits and refers to.
-#[derive(Clone, Default)]
+#[derive(Default)]
 struct Type<'s> {
     attributes: HashMap<&'s str, Declaration<'s>>,
     has_any_attribute: bool,
@@ -86,13 +87,14 @@ impl<'s> Schema<'s> {
         declaration.attribute("ref").map_or(declaration, |name| self.resolve("element", name))
     }
 
-    fn type_of(&mut self, complex_type: Declaration<'s>) -> Type<'s> {
+    fn type_of(&mut self, complex_type: Declaration<'s>) -> Rc<Type<'s>> {
         if let Some(known) = self.types.get(&complex_type) {
-            return known.clone();
+            return Rc::clone(known);
         }
         let mut found = Type { is_mixed: complex_type.attribute("mixed") == Some("true"), ..Type::default() };
         self.collect(complex_type, &mut found);
-        self.types.insert(complex_type, found.clone());
+        let found = Rc::new(found);
+        self.types.insert(complex_type, Rc::clone(&found));
         found
     }
 
@@ -135,13 +137,14 @@ impl<'s> Schema<'s> {
         report: &mut Report,
     ) {
         let declaration = self.referred(declaration);
-        let complex_type = match declaration.attribute("type") {
-            Some(name) if !name.starts_with("xs:") => Some(self.resolve("complexType", name)),
-            _ => child(declaration, "complexType"),
+        let expected = match (declaration.attribute("type"), child(declaration, "complexType")) {
+            // All simple types of elements are texts.
+            (Some(name), _) if name.starts_with("xs:") => Rc::new(Type { is_mixed: true, ..Type::default() }),
+            (Some(name), _) => self.type_of(self.resolve("complexType", name)),
+            (None, Some(complex_type)) => self.type_of(complex_type),
+            // Anything goes where there is no type.
+            (None, None) => return,
         };
-        // Anything goes where there is no type, and all simple types of elements are texts.
-        let Some(complex_type) = complex_type else { return };
-        let expected = self.type_of(complex_type);
         self.attributes(&expected, node, xml, report);
         self.content(&expected, node, xml, report);
     }
@@ -232,7 +235,7 @@ impl<'s> Schema<'s> {
             (Ok(()), Some(&next)) => format!("{} does not belong here in {}", name(next), name(node)),
             (Err(wanted), None) => format!("{} ends where {wanted} is expected", name(node)),
             (Err(wanted), Some(&next)) => {
-                format!("{} stands in {} where {wanted} is expected", name(next), name(node))
+                format!("{} has {} where {wanted} is expected", name(node), name(next))
             }
         };
         report.add(&SCHEMA_ELEMENT, xml.at(rest.first().copied().unwrap_or(node)), message);

@@ -8,7 +8,7 @@ use super::rules::{
     EVENT_INDICATORS, INITIAL_UNKNOWNS, OUTPUTS, Rule, STRUCTURE_DUPLICATE, STRUCTURE_ORDER,
     STRUCTURE_REFERENCE,
 };
-use super::{Report, Version};
+use super::{Report, Version, Wrong};
 
 pub(super) fn check(model: &Model<'_>, report: &mut Report) {
     if model.version == Version::One
@@ -35,8 +35,6 @@ pub(super) fn check(model: &Model<'_>, report: &mut Report) {
     }
 }
 
-type Wrong<'a> = &'a mut dyn FnMut(&'static Rule, String);
-
 fn references(model: &Model<'_>, entry: &Entry<'_>, wrong: Wrong<'_>) {
     let dependencies = entry.element.attribute("dependencies").unwrap_or_default().split_ascii_whitespace();
     for reference in std::iter::once(entry.reference).chain(dependencies) {
@@ -51,7 +49,7 @@ fn dependencies(model: &Model<'_>, entry: &Entry<'_>, wrong: Wrong<'_>) {
     let Some(dependencies) = &entry.dependencies else { return };
     let distinct: BTreeSet<_> = dependencies.iter().collect();
     if distinct.len() < dependencies.len() {
-        wrong(&STRUCTURE_DUPLICATE, "a dependency stands twice".to_owned());
+        wrong(&STRUCTURE_DUPLICATE, "a dependency occurs twice".to_owned());
     } else if model.version == Version::Two && !dependencies.is_sorted() {
         wrong(&DEPENDENCY_ORDER, "the dependencies are not sorted".to_owned());
     }
@@ -80,9 +78,9 @@ fn kinds(model: &Model<'_>, entry: &Entry<'_>, wrong: Wrong<'_>) {
 
 /// Section 2.2.8 of FMI 2.0.5 and 2.4.8 of FMI 3.0.2. Parameters are knowns in FMI 3 only.
 fn knowns(model: &Model<'_>, entry: &Entry<'_>, states: &BTreeSet<usize>, wrong: Wrong<'_>) {
-    for &index in entry.dependencies.iter().flatten() {
+    let is_known = |index: usize| {
         let known = &model.variables[index];
-        let is_known = match (entry.list, known.causality) {
+        match (entry.list, known.causality) {
             (_, "input" | "independent") => true,
             ("InitialUnknown", _) => known.initial == Some("exact"),
             (_, "parameter" | "structuralParameter") => model.version == Version::Three,
@@ -90,10 +88,16 @@ fn knowns(model: &Model<'_>, entry: &Entry<'_>, states: &BTreeSet<usize>, wrong:
             _ => {
                 states.contains(&index) || model.version == Version::Three && known.variability == "discrete"
             }
-        };
-        if !is_known {
-            wrong(&DEPENDENCY_KNOWN, format!("it depends on {}, which is not a known", known.name));
         }
+    };
+    let mut unknown = entry.dependencies.iter().flatten().filter(|&&index| !is_known(index));
+    if let Some(&first) = unknown.next() {
+        let name = model.variables[first].name;
+        let more = match unknown.count() {
+            0 => "which is not a known".to_owned(),
+            more => format!("and {more} more, which are not knowns"),
+        };
+        wrong(&DEPENDENCY_KNOWN, format!("it depends on {name}, {more}"));
     }
 }
 
@@ -101,7 +105,7 @@ fn duplicates(model: &Model<'_>, report: &mut Report) {
     let mut seen = BTreeSet::new();
     for entry in &model.entries {
         if let Some(index) = entry.variable.filter(|index| !seen.insert((entry.list, *index))) {
-            let message = format!("{} stands twice in this list", model.variables[index].name);
+            let message = format!("{} occurs twice in this list", model.variables[index].name);
             model.wrong(report, &STRUCTURE_DUPLICATE, entry.element, message);
         }
     }

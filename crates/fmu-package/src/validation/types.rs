@@ -78,7 +78,7 @@ fn items(model: &Model<'_>, enumeration: Element<'_>, report: &mut Report) {
         let mut seen = BTreeSet::new();
         for item in named(enumeration, "Item") {
             if let Some(value) = item.attribute(key).filter(|value| !seen.insert(value.to_owned())) {
-                report.add(&ENUMERATION_ITEM, model.xml.at(item), format!("the {key} {value} stands twice"));
+                report.add(&ENUMERATION_ITEM, model.xml.at(item), format!("the {key} {value} occurs twice"));
             }
         }
     }

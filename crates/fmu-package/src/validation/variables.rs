@@ -7,12 +7,12 @@ use regex_lite::Regex;
 use super::model::{Model, Variable, flag, initials, named};
 use super::rules::{
     ALIAS, CAUSALITY, CLOCK, CLOCKED, CONTINUOUS_TYPE, DERIVATIVE, DIMENSION, DIRECT_DEPENDENCY, FINITE,
-    FIXED, INDEPENDENT, INITIAL, INTERMEDIATE_UPDATE, NAME_SYNTAX, NOMINAL, PREVIOUS, REINIT, Rule,
-    START_COUNT, START_FORBIDDEN, START_MISSING, START_RANGE, VALUE_REFERENCE, VARIABLE_NAME,
+    FIXED, INDEPENDENT, INITIAL, INTERMEDIATE_UPDATE, NAME_SYNTAX, NOMINAL, PREVIOUS, REINIT, START_COUNT,
+    START_FORBIDDEN, START_MISSING, START_RANGE, VALUE_REFERENCE, VARIABLE_NAME,
 };
 use super::schema::number;
 use super::types::range;
-use super::{Report, Version};
+use super::{Report, Version, Wrong};
 
 /// Structured names (FMI 2.0.5, section 2.2.9; FMI 3.0.2, section 2.4.7.5.1).
 const STRUCTURED: &str = r"^(?:IDENTIFIER|der\(IDENTIFIER(?:,[0-9]+)?\))$";
@@ -47,9 +47,6 @@ pub(super) fn check(model: &Model<'_>, report: &mut Report) {
     }
 }
 
-/// Reports what is wrong with a variable.
-type Wrong<'a> = &'a mut dyn FnMut(&'static Rule, String);
-
 fn since_fmi2(model: &Model<'_>, report: &mut Report) {
     let states: BTreeSet<_> = model.states().collect();
     for (index, variable) in model.variables.iter().enumerate() {
@@ -67,6 +64,16 @@ fn fmi1(model: &Model<'_>, report: &mut Report) {
         .filter(|variable| variable.causality == "input")
         .map(|variable| variable.name)
         .collect();
+    for set in alias_sets(model) {
+        let is_alias = |variable: &&&Variable<'_>| {
+            variable.element.attribute("alias").is_some_and(|kind| kind != "noAlias")
+        };
+        for variable in set.iter().filter(|variable| !is_alias(variable)).skip(1) {
+            let message =
+                format!("it has the value reference of {}, and is not declared as its alias", set[0].name);
+            report.add(&ALIAS, model.at(variable), message);
+        }
+    }
     for variable in &model.variables {
         let wrong = &mut |rule, message: String| report.add(rule, model.at(variable), message);
         if variable.variability == "constant" && variable.start().is_none() {
@@ -275,15 +282,20 @@ fn reinit(model: &Model<'_>, variable: &Variable<'_>, is_state: bool, wrong: Wro
     }
 }
 
-fn aliases(model: &Model<'_>, report: &mut Report) {
-    let mut sets: BTreeMap<_, Vec<&Variable<'_>>> = BTreeMap::new();
+/// The variables that have a value reference and a type in common.
+fn alias_sets<'m, 'd>(model: &'m Model<'d>) -> impl Iterator<Item = Vec<&'m Variable<'d>>> {
+    let mut sets: BTreeMap<_, Vec<_>> = BTreeMap::new();
     for variable in &model.variables {
         let kind = if variable.kind() == "Enumeration" { "Integer" } else { variable.kind() };
         if let Some(reference) = variable.element.attribute("valueReference") {
             sets.entry((kind, reference.trim())).or_default().push(variable);
         }
     }
-    for set in sets.values() {
+    sets.into_values()
+}
+
+fn aliases(model: &Model<'_>, report: &mut Report) {
+    for set in alias_sets(model) {
         let (first, rest) = (set[0], &set[1..]);
         let is_constant = |variable: &Variable<'_>| variable.variability == "constant";
         let has_value = |variable: &Variable<'_>| !is_constant(variable) && variable.start().is_some();

@@ -10,6 +10,10 @@ use super::rules::{LIMIT, XML_DOCTYPE, XML_ENCODING, XML_SYNTAX};
 use super::{Place, Report};
 use crate::model_description::{DEEPEST, MOST_ATTRIBUTES, MOST_ELEMENTS};
 
+/// How long the values of attributes may be in bytes, where they are neither lists nor prose: findings quote them.
+const LONGEST_VALUE: usize = 10_000;
+const LISTS_AND_PROSE: &[&str] =
+    &["clocks", "dependencies", "dependenciesKind", "description", "license", "start"];
 /// How many namespaces a document may declare: each element holds those of all around it.
 const MOST_NAMESPACES: usize = 1000;
 
@@ -59,35 +63,45 @@ impl<'d> Xml<'d> {
 fn is_within_limits(text: &str, file: &str, report: &mut Report) -> bool {
     let mut reader = Reader::from_str(text);
     let (mut depth, mut elements, mut namespaces) = (0, 0, 0);
-    // What is not well-formed is left to the parser, which says so better.
-    while let Ok(event) = reader.read_event() {
-        let refused = match &event {
+    let in_line_of = |place: u64| {
+        let before = &text.as_bytes()[..usize::try_from(place).unwrap_or(0).min(text.len())];
+        Place { line: Some(before.split(|&byte| byte == b'\n').count()), ..Place::file(file) }
+    };
+    loop {
+        let event = match reader.read_event() {
+            Ok(event) => event,
+            Err(error) => {
+                report.add(&XML_SYNTAX, in_line_of(reader.error_position()), error.to_string());
+                return false;
+            }
+        };
+        let is_refused = match &event {
             Event::Eof => return true,
             Event::Decl(declaration) => {
                 let encoding = declaration.encoding().and_then(Result::ok);
-                let other = encoding.filter(|encoding| !encoding.eq_ignore_ascii_case("utf-8"));
-                if let Some(encoding) = other {
-                    report.add(
-                        &XML_ENCODING,
-                        Place::file(file),
-                        format!("it declares the encoding {encoding}"),
-                    );
+                if let Some(encoding) = encoding.filter(|name| !name.eq_ignore_ascii_case("utf-8")) {
+                    let message = format!("it declares the encoding {encoding}");
+                    report.add(&XML_ENCODING, in_line_of(0), message);
                 }
-                continue;
+                false
             }
             Event::DocType(_) => {
-                report.add(&XML_DOCTYPE, Place::file(file), "it has a document type definition");
+                let place = in_line_of(reader.buffer_position());
+                report.add(&XML_DOCTYPE, place, "it has a document type definition");
                 return false;
             }
             Event::Start(element) | Event::Empty(element) => {
                 depth += usize::from(matches!(event, Event::Start(_)));
                 elements += 1;
-                let mut attributes = 0;
+                let (mut attributes, mut is_long) = (0, false);
                 for attribute in element.attributes().with_checks(false).take(MOST_ATTRIBUTES + 1).flatten() {
                     attributes += 1;
-                    namespaces += usize::from(attribute.key.as_ref().starts_with("xmlns"));
+                    let key = attribute.key.as_ref();
+                    namespaces += usize::from(key.starts_with("xmlns"));
+                    is_long |= attribute.value.len() > LONGEST_VALUE && !LISTS_AND_PROSE.contains(&key);
                 }
-                attributes > MOST_ATTRIBUTES
+                is_long
+                    || attributes > MOST_ATTRIBUTES
                     || depth > DEEPEST
                     || elements > MOST_ELEMENTS
                     || namespaces > MOST_NAMESPACES
@@ -98,14 +112,10 @@ fn is_within_limits(text: &str, file: &str, report: &mut Report) -> bool {
             }
             _ => false,
         };
-        if refused {
-            let line = 1 + text[..usize::try_from(reader.buffer_position()).unwrap_or(0).min(text.len())]
-                .matches('\n')
-                .count();
-            let message = "it has more elements, attributes or namespaces than any description";
-            report.add(&LIMIT, Place { line: Some(line), ..Place::file(file) }, message);
+        if is_refused {
+            let message = "it has more or longer elements, attributes or namespaces than any description";
+            report.add(&LIMIT, in_line_of(reader.buffer_position()), message);
             return false;
         }
     }
-    true
 }

@@ -1,4 +1,4 @@
-//! What is broken, and by which rule it is found.
+//! Broken FMUs with the rules that find them.
 
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
@@ -16,7 +16,7 @@ pub enum Edit {
 }
 use Edit::{Archive, Xml};
 
-/// What is broken, the rule, the good FMU and its edit.
+/// The name of the break, the rule, the good FMU and its edit.
 type Break = (&'static str, &'static str, Good, Edit);
 
 pub fn all() -> impl Iterator<Item = &'static Break> {
@@ -75,7 +75,7 @@ const ARCHIVES: &[Break] = &[
         }),
     ),
     (
-        "elements in 101 elements",
+        "elements nested 101 deep",
         "limit",
         Fmi2,
         Edit::Files(|files| {
@@ -105,6 +105,7 @@ const DESCRIPTIONS: &[Break] = &[
     ("elements in the wrong order", "schema-element", Fmi3, xml("<ClockedState valueReference=\"8\"/>\n    <InitialUnknown valueReference=\"2\"/>", "<InitialUnknown valueReference=\"2\"/>\n    <ClockedState valueReference=\"8\"/>")),
     ("terminals in no list", "schema-element", Fmi3, Xml(TERMINALS, "<Terminals>", "<Terminals/><Terminals>")),
     ("no model name", "schema-attribute", Fmi2, xml(r#"modelName="Tank""#, "")),
+    ("an attribute of a text", "schema-attribute", Fmi1, xml("<Name>", r#"<Name min="0">"#)),
     ("an unknown attribute", "schema-attribute", Fmi3, xml(r#"modelName="Tank""#, r#"modelName="Tank" guid="{a-guid}""#)),
     ("a causality that does not exist", "schema-value", Fmi2, xml(r#"causality="input""#, r#"causality="entry""#)),
     ("a start value that is no number", "schema-value", Fmi1, xml(r#"start="9.81""#, r#"start="9,81""#)),
@@ -139,6 +140,7 @@ const VARIABLES: &[Break] = &[
     ("a value reference twice", "value-reference", Fmi3, xml(r#"valueReference="11""#, r#"valueReference="12""#)),
     ("an alias with another start value", "alias", Fmi2, xml(r#"valueReference="1"><Real unit="m"/>"#, r#"valueReference="1" initial="approx"><Real unit="m" start="2"/>"#)),
     ("an alias of another unit", "alias", Fmi2, xml(r#"<Real unit="m"/>"#, r#"<Real unit="m/s"/>"#)),
+    ("an alias that is not declared", "alias", Fmi1, xml(r#"valueReference="2""#, r#"valueReference="1""#)),
     ("a continuous parameter", "causality", Fmi2, xml(r#"variability="fixed"><Real start="2""#, r#"variability="continuous"><Real start="2""#)),
     ("an input with initial", "initial", Fmi2, xml(r#"causality="input""#, r#"causality="input" initial="exact""#)),
     ("a continuous integer", "continuous-type", Fmi2, xml(r#"variability="discrete""#, "")),
@@ -267,7 +269,7 @@ fn move_library(files: &mut Files, text: &str, replacement: &str) {
     files.insert(library::PATH.replace(text, replacement), library);
 }
 
-/// A copy with all occurrences of some bytes replaced by as many.
+/// A copy with all occurrences of some bytes replaced by others of the same length.
 fn replaced(bytes: &[u8], text: &[u8], replacement: &[u8]) -> Vec<u8> {
     assert_eq!(text.len(), replacement.len());
     let mut changed = bytes.to_vec();
@@ -285,8 +287,8 @@ fn with_file(files: &Files, path: &str) -> Vec<u8> {
     zipped(&files)
 }
 
-/// The archive with a byte of the last file's headers changed: that of its own, which begins with `PK` 3 4, and two
-/// bytes later that in the central directory, which begins with `PK` 1 2.
+/// The archive with a byte of the last file's headers changed: in its local header, which begins with `PK` 3 4, and
+/// two bytes later in the central directory, which begins with `PK` 1 2.
 fn header(files: &Files, place: usize, value: u8) -> Vec<u8> {
     let mut archive = zipped(files);
     for (signature, place) in [(b"PK\x03\x04", place), (b"PK\x01\x02", place + 2)] {

@@ -1,10 +1,10 @@
-//! A library for FMI 2 of functions that do nothing, compiled for this machine's Linux.
+//! A library for FMI 2 whose functions do nothing, compiled for Linux on this machine.
 
 use std::path::Path;
 use std::process::Command;
 use std::{env, fs};
 
-/// Where it lies in the FMU.
+/// The path in the FMU.
 pub const PATH: &str =
     if cfg!(target_arch = "aarch64") { "binaries/aarch64-linux/tank.so" } else { "binaries/linux64/tank.so" };
 
@@ -20,7 +20,7 @@ const FUNCTIONS: &str = "GetTypesPlatform GetVersion SetDebugLogging Instantiate
 /// Compiles the library, with an import and a dependency that the tests rename.
 pub fn build() -> Vec<u8> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
-    // Tests run side by side.
+    // Tests run in parallel.
     let file = folder.join(format!("tank-{:?}.so", std::thread::current().id()));
     let source = file.with_extension("c");
     let define = |code, name| {

@@ -1,8 +1,8 @@
-//! Good FMUs of each version, in which nothing is found, and one with a small edit for each way to break a rule, in
-//! which exactly this rule is found.
+//! Good FMUs of each version, without findings, and broken ones with a small edit each, in which exactly the broken
+//! rule is found.
 //!
-//! The broken FMUs stay in the folder `broken-fmus` of cargo's for tests, where `tests/fmu/validators.py` shows them to
-//! other validators.
+//! The broken FMUs stay in the folder `broken-fmus` in cargo's folder for tests, for `tests/fmu/validators.py`, which
+//! tries other validators.
 
 // The library is compiled for Linux.
 #![cfg(target_os = "linux")]
@@ -79,7 +79,7 @@ fn report(path: &Path, archive: &[u8]) -> Report {
     validate(path).unwrap()
 }
 
-/// The rules that are broken, of a severity.
+/// The broken rules of a severity.
 fn broken(report: &Report, severity: Severity) -> BTreeSet<&'static str> {
     report
         .findings
@@ -101,7 +101,7 @@ fn nothing_is_found_in_good_fmus() {
 
 #[test]
 fn each_break_is_found_by_its_rule_and_no_other() {
-    // Those of an earlier version of this test would be shown, too.
+    // Remove those of an earlier version of this test.
     fs::remove_dir_all(folder("broken-fmus")).unwrap();
     let folder = folder("broken-fmus");
     let mut wrong = vec![];
@@ -137,7 +137,7 @@ fn each_break_is_found_by_its_rule_and_no_other() {
 #[test]
 fn each_rule_is_broken_once() {
     let broken: BTreeSet<_> = breaks::all().map(|(_, rule, ..)| *rule).collect();
-    // The name of a file is no part of it.
+    // The file's name is checked in another test.
     let all: BTreeSet<_> = rules::ALL.iter().map(|rule| rule.id).filter(|id| *id != "archive-name").collect();
     assert_eq!(broken, all);
 }
@@ -169,7 +169,7 @@ fn more_findings_than_anybody_reads_are_counted() {
         include_str!("fmi2.xml").replace("</ModelVariables>", &(variable.repeat(1500) + "</ModelVariables>"));
     files.insert(DESCRIPTION.to_owned(), text.into_bytes());
     let report = report(&folder("good-fmus").join("many.fmu"), &zipped(&files));
-    // The first one has the name for itself.
+    // The first one is no duplicate.
     assert_eq!((report.findings.len(), report.omitted), (1000, 499));
 }
 

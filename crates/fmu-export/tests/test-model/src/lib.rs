@@ -1,6 +1,5 @@
-//! A model with one of everything, which fails where and how its parameters tell it: the exporter is tested
-//! with it.
-#![allow(non_snake_case)] // the library bears the model identifier
+//! A model with one of everything, for tests of the exporter. Its parameters select where and how it fails.
+#![allow(non_snake_case)] // the library is named after the model identifier
 
 use std::panic::panic_any;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,10 +12,10 @@ mod variables {
 }
 use variables::{Gear, Inputs, Manner, Place, Start, Variables};
 
-/// Whether the next instance fails as it is made: nothing else reaches a model before it has parameters.
+/// Whether the next `default` panics, which has no parameters.
 static DEFAULT_FAILS: AtomicBool = AtomicBool::new(false);
 
-/// The model. Functions that get no parameters fail when these flags are set.
+/// The model. The flags are for functions without parameters.
 struct TestModel {
     steps: i32,
     clone_fails: bool,
@@ -53,7 +52,7 @@ impl Persistent for TestModel {
     }
 }
 
-/// The worst that a panic may carry.
+/// A panic's payload that panics when dropped.
 struct PanickingPayload;
 
 impl Drop for PanickingPayload {
@@ -62,7 +61,7 @@ impl Drop for PanickingPayload {
     }
 }
 
-/// Fails, if this is the place, in the manner that is asked for.
+/// Fails in the selected manner, if this is the selected place.
 fn fail(variables: &mut Variables, here: Place) -> Result<(), Error> {
     let fault = &variables.parameters.fault;
     if fault.place != here {
@@ -85,7 +84,7 @@ fn sign(gear: Gear) -> f64 {
     if gear == Gear::Forward { 1.0 } else { -1.0 }
 }
 
-/// By how much the level's rate changes with the rate.
+/// The derivative of the level's rate with respect to the rate.
 fn gain(variables: &Variables, inputs: &Inputs) -> f64 {
     let parameters = &variables.parameters;
     let doubled = if parameters.settings.doubled { 2.0 } else { 1.0 };
@@ -93,7 +92,7 @@ fn gain(variables: &Variables, inputs: &Inputs) -> f64 {
 }
 
 impl TestModel {
-    /// What follows from states, inputs and parameters.
+    /// Calculates outputs, locals and derivatives.
     fn evaluate(&self, variables: &mut Variables, inputs: &Inputs) {
         let gain = gain(variables, inputs);
         let (parameters, states) = (&variables.parameters, &variables.states);
@@ -181,7 +180,7 @@ impl Model for TestModel {
     }
 
     fn refresh(&mut self, variables: &mut Variables, inputs: &InputsOf<Self>) {
-        // There is no error to return: only a panic is left.
+        // It returns no error, so it panics.
         if let Err(error) = fail(variables, Place::Refresh) {
             panic!("{error}");
         }
@@ -213,7 +212,7 @@ impl Model for TestModel {
         inputs: &InputsOf<Self>,
         direction: &Variables,
     ) -> Result<Variables, Error> {
-        // The start value of the motion's position is a guess, so that the standard has no derivative by it.
+        // The start value of the motion's position is a guess, and therefore not a known in the standard.
         let mut result = self.differentiate(variables, inputs, direction)?;
         result.outputs.output += direction.parameters.tank.gain * inputs.rate;
         Ok(result)
