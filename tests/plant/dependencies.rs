@@ -166,7 +166,9 @@ pub fn declared_of_steps() -> Dependencies {
 /// The declared dependencies of the initialization on Real knowns: others cannot be changed slightly.
 pub fn declared_of_initialization(knowns: &[ValueReference]) -> Dependencies {
     let mut declared = declared()["InitialUnknowns"].clone();
-    declared.values_mut().for_each(|dependencies| dependencies.retain(|known| knowns.contains(known)));
+    for dependencies in declared.values_mut() {
+        dependencies.retain(|known| knowns.contains(known));
+    }
     declared
 }
 
