@@ -9,6 +9,8 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
+from zipfile import ZipFile
 
 import fmpy
 import pytest
@@ -158,6 +160,12 @@ def test_a_parameter_set_is_bound(lag):
     parameters = (lag / "lag.ssv").read_text()
     (lag / "lag.ssv").write_text(parameters.replace('value="0.5"', 'value="2"'))
     run(lag, "cargo", "fmu", "export", "--parameters", "lag.ssv")
+    with ZipFile(lag / "target/fmu/lag.ssp") as package:
+        (component,) = ElementTree.fromstring(package.read("SystemStructure.ssd")).findall(".//{*}Component")
+        (binding,) = component.findall(".//{*}ParameterBinding")
+        bound = ElementTree.fromstring(package.read(binding.attrib["source"]))
+    (parameter,) = bound.findall(".//{*}Parameter")
+    assert (parameter.attrib["name"], [float(value.attrib["value"]) for value in parameter]) == ("time_constant", [2.0])
     # FMPy leaves start values and bindings to its caller, and hands on an input after the first step, in which it is 0.
     parameter_set = read_ssv(lag / "lag.ssv")
     for parameter in parameter_set.parameters:
