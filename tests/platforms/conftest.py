@@ -16,9 +16,9 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).absolute()
-sys.path.append(str(ROOT / "tests" / "fmu"))
+# The tests of the exported FMUs, and of the exporter.
+sys.path += [str(ROOT / "tests" / "fmu"), str(ROOT / "crates" / "fmu-export" / "tests" / "fmu")]
 
-# In the folder of the tests of the exported FMUs.
 from c_loop import FLAGS, SOURCE  # noqa: E402
 from master import Fmu  # noqa: E402
 

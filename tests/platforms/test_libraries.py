@@ -10,8 +10,8 @@ from pathlib import Path
 
 import lief
 import pytest
-from c_interface import FUNCTIONS
 from conftest import NAMES, thin
+from fmi2 import FUNCTIONS
 
 LARGEST_LIBRARY = 500_000
 """Bytes, for each processor."""
