@@ -1,15 +1,25 @@
 //! A controller on the bench: parameters set, initialized, stepped by a master.
 
+use std::ops::{Deref, DerefMut};
+
 use boost_fmu::controller::BoostController;
 use boost_fmu::controller::variables::{Inputs, Outputs, Parameters, Variables};
-use fmu_export::{Context, Error, Experiment, InputSignal, Model, Step};
+use fmu_export::{Error, Experiment, Model, Simulation};
 
-pub struct Bench {
-    pub model: BoostController,
-    pub variables: Variables,
-    experiment: Experiment,
-    /// The log: category and message.
-    pub log: Vec<(&'static str, String)>,
+pub struct Bench(Simulation<BoostController>);
+
+impl Deref for Bench {
+    type Target = Simulation<BoostController>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.0
+    }
+}
+
+impl DerefMut for Bench {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut self.0
+    }
 }
 
 impl Bench {
@@ -19,33 +29,22 @@ impl Bench {
     }
 
     pub fn starting_at(start_time: f64, inputs: &Inputs, change: impl FnOnce(&mut Parameters)) -> Self {
-        let mut bench = Self {
-            model: BoostController::default(),
-            variables: Variables::default(),
-            experiment: Experiment { start_time, ..Experiment::default() },
-            log: Vec::new(),
-        };
+        let experiment = Experiment { start_time, ..Experiment::default() };
+        let mut bench = Self(Simulation { experiment, ..Simulation::default() });
         change(&mut bench.variables.parameters);
-        BoostController::check_parameters(&bench.variables).expect("the parameters are consistent");
         bench.initialize(inputs);
         bench
     }
 
     pub fn initialize(&mut self, inputs: &Inputs) {
-        let log = &mut self.log;
-        let mut log = |category, message: std::fmt::Arguments<'_>| log.push((category, message.to_string()));
-        let mut context = Context::new(self.experiment, &mut log);
-        self.model.initialize(&mut self.variables, inputs, &mut context).expect("initialization succeeds");
+        self.inputs = *inputs;
+        self.0.initialize().expect("initialization succeeds");
     }
 
     /// One communication step.
     pub fn step(&mut self, start: f64, size: f64, inputs: &Inputs) -> Outputs {
-        let signal = InputSignal::constant(*inputs);
-        let log = &mut self.log;
-        let mut log = |category, message: std::fmt::Arguments<'_>| log.push((category, message.to_string()));
-        let mut context = Context::new(self.experiment, &mut log);
-        let step = Step { start, size, inputs: &signal };
-        self.model.step(&mut self.variables, &step, &mut context).expect("the step succeeds");
+        (self.time, self.inputs) = (start, *inputs);
+        self.0.step(size).expect("the step succeeds");
         self.variables.outputs
     }
 

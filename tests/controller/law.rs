@@ -198,5 +198,5 @@ fn the_pump_is_a_relay() {
         inputs.tank_pressure = pressure;
         assert_eq!(bench.sample(number, &inputs).vacuum_pump, pump, "at {pressure} Pa");
     }
-    assert_eq!(bench.log.iter().filter(|(_, message)| message.contains("pump")).count(), 3);
+    assert_eq!(bench.messages.iter().filter(|(_, message)| message.contains("pump")).count(), 3);
 }

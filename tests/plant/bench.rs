@@ -1,34 +1,35 @@
 //! A plant on the bench: parameters set, initialized, stepped by a master; and the order of states, inputs and outputs
 //! in the independent reference implementation.
 
+use std::ops::{Deref, DerefMut};
+
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables::{InitializationMode, Inputs, Outputs, Parameters, States, Variables};
-use fmu_export::{Context, Error, Experiment, InputSignal, Model, Step};
+use fmu_export::Simulation;
 
 #[derive(Clone)]
-pub struct Bench {
-    pub model: BoostPlant,
-    pub variables: Variables,
-    pub inputs: Inputs,
-    pub experiment: Experiment,
-    pub time: f64,
-    /// Warnings so far.
-    pub warnings: Vec<String>,
+pub struct Bench(Simulation<BoostPlant>);
+
+impl Deref for Bench {
+    type Target = Simulation<BoostPlant>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.0
+    }
+}
+
+impl DerefMut for Bench {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut self.0
+    }
 }
 
 impl Bench {
     /// A plant with changed parameters and start values, initialized at time 0.
     pub fn new(inputs: Inputs, change: impl FnOnce(&mut Parameters, &mut States)) -> Self {
-        let mut bench = Self {
-            model: BoostPlant::default(),
-            variables: Variables::default(),
-            inputs,
-            experiment: Experiment::default(),
-            time: 0.0,
-            warnings: Vec::new(),
-        };
-        change(&mut bench.variables.parameters, &mut bench.variables.start);
-        BoostPlant::check_parameters(&bench.variables).expect("the parameters are consistent");
+        let mut bench = Self(Simulation { inputs, ..Simulation::default() });
+        let Variables { parameters, start, .. } = &mut bench.variables;
+        change(parameters, start);
         bench.initialize();
         bench
     }
@@ -50,28 +51,12 @@ impl Bench {
     }
 
     pub fn initialize(&mut self) {
-        let warnings = &mut self.warnings;
-        let mut log = |_, message: std::fmt::Arguments<'_>| warnings.push(message.to_string());
-        let mut context = Context::new(self.experiment, &mut log);
-        self.model
-            .initialize(&mut self.variables, &self.inputs, &mut context)
-            .expect("initialization succeeds");
+        self.0.initialize().expect("initialization succeeds");
     }
 
     /// One communication step with constant inputs.
     pub fn step(&mut self, size: f64) {
-        let signal = InputSignal::constant(self.inputs);
-        self.try_step(size, &signal).expect("the step succeeds");
-    }
-
-    pub fn try_step(&mut self, size: f64, inputs: &InputSignal<Inputs>) -> Result<(), Error> {
-        let warnings = &mut self.warnings;
-        let mut log = |_, message: std::fmt::Arguments<'_>| warnings.push(message.to_string());
-        let mut context = Context::new(self.experiment, &mut log);
-        let step = Step { start: self.time, size, inputs };
-        self.model.step(&mut self.variables, &step, &mut context)?;
-        self.time += size;
-        Ok(())
+        self.0.step(size).expect("the step succeeds");
     }
 
     /// Communication steps of 12.5 ms.

@@ -115,7 +115,7 @@ fn ramps_within_steps_are_integrated() {
                     signal.set_derivative(input(name), order, later(begin, time)[order]);
                 }
             }
-            bench.try_step(size, &signal).expect("the step succeeds");
+            bench.step_with(size, &signal).expect("the step succeeds");
         }
         assert_near(&bench.variables.states, &expected, &format!("{steps} steps"));
         // Outputs belong to the inputs at the end, not at the start.
@@ -139,7 +139,7 @@ fn one_step_of_an_hour_executes_as_many_samples_as_short_steps() {
         for step in 0..3600 / seconds {
             let mut signal = InputSignal::constant(ramp(f64::from(step * seconds)));
             signal.set_derivative(input("engine_speed"), 1, 0.5);
-            bench.try_step(f64::from(seconds), &signal).expect("the step succeeds");
+            bench.step_with(f64::from(seconds), &signal).expect("the step succeeds");
         }
         bench.variables.states
     };

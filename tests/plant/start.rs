@@ -38,8 +38,8 @@ fn every_start_is_finite_and_the_next_20_s_are() {
 fn a_missing_steady_state_is_reported() {
     let inputs = Inputs { engine_speed: 0.0, throttle: 0.0, ..Inputs::default() };
     let bench = Bench::new(inputs, |_, _| {});
-    assert_eq!(bench.warnings.len(), 1, "{:?}", bench.warnings);
-    let warning = &bench.warnings[0];
+    assert_eq!(bench.messages.len(), 1, "{:?}", bench.messages);
+    let warning = &bench.messages[0].1;
     assert!(warning.contains("engine_speed = 0 rpm") && warning.contains("throttle = 0 "), "{warning}");
 }
 
@@ -66,7 +66,7 @@ fn random_starts_are_steady() {
             start.tank.pressure = random.between(2e4, 5e4);
         });
         assert!(bench.is_finite(), "{inputs:?}");
-        assert_eq!(bench.warnings, Vec::<String>::new());
+        assert_eq!(bench.messages, []);
         // Rounding at the stop, as in the table of steady states.
         let restlessness = bench.restlessness();
         assert!(restlessness < 1e-10, "{inputs:?}: {restlessness:e} 1/s");
@@ -93,7 +93,7 @@ fn a_running_start_follows_ambient_and_the_tank() {
     near(states.exhaust_manifold.pressure, 1e5);
     near(states.supply_sensor.voltage, 12.6);
     near(states.hp_shaft.speed, 6000.0);
-    assert!(bench.warnings.is_empty(), "{:?}", bench.warnings);
+    assert!(bench.messages.is_empty(), "{:?}", bench.messages);
 }
 
 #[test]
@@ -119,11 +119,11 @@ fn start_values_hold_in_mode_given_and_are_reported_otherwise() {
         change(start);
     });
     assert!(given.variables.states == given.variables.start);
-    assert!(given.warnings.is_empty(), "{:?}", given.warnings);
+    assert!(given.messages.is_empty(), "{:?}", given.messages);
 
     let settled = Bench::new(Inputs::default(), |_, start| change(start));
-    assert_eq!(settled.warnings.len(), 1, "{:?}", settled.warnings);
-    let warning = &settled.warnings[0];
+    assert_eq!(settled.messages.len(), 1, "{:?}", settled.messages);
+    let warning = &settled.messages[0].1;
     assert!(warning.contains("hp_shaft.speed") && warning.contains("actuator.position"), "{warning}");
     assert!(!warning.contains("tank.pressure"), "{warning}");
     assert!((settled.variables.states.tank.pressure - 33_000.0).abs() < 1e-9);

@@ -75,7 +75,7 @@ fn a_settled_start_is_at_rest_and_stays_there() {
     for engine_speed in [1000.0, 1500.0, 3000.0, 4000.0] {
         for (inputs, expected) in rows(engine_speed) {
             let mut bench = Bench::new(inputs, |parameters, _| parameters.tank.frozen = true);
-            assert_eq!(bench.warnings, Vec::<String>::new());
+            assert_eq!(bench.messages, []);
             // Rounding: at the stop the spacing of numbers, 1.7e-18 m at 10 mm, times 2.3e5 N/m is
             // 4e-13 N; on 0.1 kg, and of a full scale of 0.1 m/s, that is 4e-11 1/s.
             let restlessness = bench.restlessness();
