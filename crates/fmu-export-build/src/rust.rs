@@ -109,6 +109,9 @@ pub(crate) fn generate(model: &Model<'_>, guid: &str) -> String {
 
 #[allow(unused_imports)]
 pub use generated::*;
+/// Defines the functions of FMI 2.0 for a model with these variables.
+#[allow(unused_imports)]
+pub use ::fmu_export::fmi2_co_simulation as export_fmi2;
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 mod generated {{

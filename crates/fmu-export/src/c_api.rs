@@ -1,4 +1,4 @@
-//! The C boundary: the functions of the standard, generic over the model. [`export_fmi2!`] defines their symbols in
+//! The C boundary: the functions of the standard, generic over the model. [`fmi2_co_simulation!`] defines their symbols in
 //! the exported library.
 //!
 //! All `unsafe` of the crate is here (and in the call of the logger). What these functions rely on is what
@@ -11,7 +11,7 @@
 //! bytes, Rust to 8, and bindings of other languages pass parts of buffers. Memory for results is not read, and no
 //! Rust enum is read from the importer's memory.
 //!
-//! [`export_fmi2!`]: crate::export_fmi2
+//! [`fmi2_co_simulation!`]: crate::export_fmi2
 
 #![allow(clippy::missing_safety_doc, clippy::too_many_arguments)]
 
@@ -668,10 +668,10 @@ pub unsafe fn get_string_status<M: Model>(
 /// Makes the 34 C functions of FMI 2.0 co-simulation for a model, in a library of the crate type `cdylib`.
 ///
 /// ```ignore
-/// fmu_export::export_fmi2!(MyModel);
+/// fmu_export::fmi2_co_simulation!(MyModel);
 /// ```
 #[macro_export]
-macro_rules! export_fmi2 {
+macro_rules! fmi2_co_simulation {
     ($model:ty) => {
         const _: () = {
             use ::std::ffi::{c_char, c_int};
@@ -714,7 +714,7 @@ macro_rules! export_fmi2 {
                 unsafe { $crate::c_api::free_instance::<$model>(component) }
             }
 
-            $crate::export_fmi2! { @functions $model;
+            $crate::fmi2_co_simulation! { @functions $model;
                 fmi2SetDebugLogging = set_debug_logging(
                     on: Boolean, count: usize, categories: *const *const c_char);
                 fmi2SetupExperiment = setup_experiment(

@@ -73,11 +73,11 @@ macro_rules! fmu {
     };
     (equations $model:ident) => {
         $crate::fmu!(@variables);
-        $crate::export_fmi2!($crate::CoSimulation<$model>);
+        variables::export_fmi2!($crate::CoSimulation<$model>);
     };
     ($model:ident) => {
         $crate::fmu!(@variables);
-        $crate::export_fmi2!($model);
+        variables::export_fmi2!($model);
     };
     (@struct $model:ident) => {
         /// The model.

@@ -26,6 +26,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     const STATE_NAMES: &'static [&'static str];
     /// Their nominal values; 1 where none is declared.
     const STATE_NOMINALS: &'static [f64];
+    /// The names of the event indicators.
+    const EVENT_INDICATORS: &'static [&'static str] = &[];
     /// The tables for this model.
     const DESCRIPTION: &'static ModelDescription;
     /// The value references of the described variables, ascending; nothing where they are 0, 1, 2, ….

@@ -268,13 +268,14 @@ impl ::fmu_export::Variables for Variables {{
             model.log_categories.iter().map(|category| format!("{:?}", category.name)).collect();
         let mut variables = String::new();
         let real_inputs: Vec<_> = self.real_inputs().collect();
+        let states: Vec<_> = model.in_place(Place::States).collect();
         for position in self.by_value_reference() {
             let scalar = &model.scalars[position];
             let (min, max) = self.bounds(scalar);
             let _ = writeln!(
                 variables,
                 "        fmi::VariableDescription {{ name: {:?}, data_type: fmi::DataType::{}, causality: fmi::Causality::{}, \
-                 variability: fmi::Variability::{:?}, initial: fmi::Initial::{}, min: {min}, max: {max}, real_input: {:?} }},",
+                 variability: fmi::Variability::{:?}, initial: fmi::Initial::{}, min: {min}, max: {max}, real_input: {:?}, state: {:?} }},",
                 scalar.name,
                 match scalar.data_type {
                     DataType::Real => "Real",
@@ -287,6 +288,7 @@ impl ::fmu_export::Variables for Variables {{
                 scalar.variability,
                 scalar.initial.map_or("None".to_owned(), |initial| format!("{initial:?}")),
                 real_inputs.iter().position(|&input| input == position),
+                states.iter().position(|&state| state == position),
             );
         }
         let capabilities = &model.declaration.capabilities;
@@ -298,6 +300,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
     variables: &[
 {variables}    ],
     log_categories: &[{categories}],
+    interfaces: fmi::Interfaces {{ co_simulation: true, model_exchange: false }},
     capabilities: fmi::Capabilities {{
         interpolate_inputs: {},
         get_and_set_state: {},

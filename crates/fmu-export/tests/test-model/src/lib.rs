@@ -226,4 +226,4 @@ impl Model for TestModel {
     }
 }
 
-fmu_export::export_fmi2!(TestModel);
+variables::export_fmi2!(TestModel);
