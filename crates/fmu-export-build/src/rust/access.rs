@@ -86,7 +86,7 @@ impl ::fmu_export::Variables for Variables {{
     const MODEL_DESCRIPTION_XML: &'static str = include_str!(\"modelDescription.xml\");
     const STATE_NAMES: &'static [&'static str] = &States::NAMES;
     const STATE_NOMINALS: &'static [f64] = &[{nominals}];
-{value_references}
+{event_indicators}{value_references}
     fn inputs(&self) -> &Inputs {{
         &self.inputs
     }}
@@ -134,6 +134,7 @@ impl ::fmu_export::Variables for Variables {{
 }}
 ",
             nominals = self.nominals(),
+            event_indicators = self.event_indicators(),
             value_references = self.value_references(),
             numbers = self.numbers(),
             accessors = accessors.concat(),
@@ -153,6 +154,15 @@ impl ::fmu_export::Variables for Variables {{
         let nominals =
             positions.map(|position| format!("{:?}", self.model.scalars[position].nominal.unwrap_or(1.0)));
         nominals.collect::<Vec<_>>().join(", ")
+    }
+
+    /// The names of the event indicators, where there are any.
+    fn event_indicators(&self) -> String {
+        let names = &self.model.declaration.event_indicators;
+        if names.is_empty() {
+            return String::new();
+        }
+        format!("    const EVENT_INDICATORS: &'static [&'static str] = &{names:?};\n")
     }
 
     /// The variables over other number types, and their states.
@@ -300,7 +310,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
     variables: &[
 {variables}    ],
     log_categories: &[{categories}],
-    interfaces: fmi::Interfaces {{ co_simulation: true, model_exchange: false }},
+    interfaces: fmi::Interfaces {{ co_simulation: {}, model_exchange: {} }},
     capabilities: fmi::Capabilities {{
         interpolate_inputs: {},
         get_and_set_state: {},
@@ -310,6 +320,8 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
 }};
 ",
             model.identifier,
+            model.interfaces.co_simulation(),
+            model.interfaces.model_exchange(),
             capabilities.interpolate_inputs,
             capabilities.get_and_set_state,
             capabilities.serialize_state,

@@ -472,6 +472,7 @@ impl ::fmu_export::Variables for Variables {
     const MODEL_DESCRIPTION_XML: &'static str = include_str!("modelDescription.xml");
     const STATE_NAMES: &'static [&'static str] = &States::NAMES;
     const STATE_NOMINALS: &'static [f64] = &[1.0, 1.0, 4.0];
+    const EVENT_INDICATORS: &'static [&'static str] = &["first_is_empty", "second.is_empty"];
 
     fn inputs(&self) -> &Inputs {
         &self.inputs
