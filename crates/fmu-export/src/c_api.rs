@@ -22,8 +22,8 @@ use std::slice;
 use std::sync::PoisonError;
 
 use crate::c_types::{
-    Boolean, Byte, CO_SIMULATION, CallbackFunctions, Component, ComponentEnvironment, EventInfo, FALSE, FmuState,
-    Integer, MODEL_EXCHANGE, Status, ValueReference, status_kind,
+    Boolean, Byte, CO_SIMULATION, CallbackFunctions, Component, ComponentEnvironment, EventInfo, FALSE,
+    FmuState, Integer, MODEL_EXCHANGE, Status, ValueReference, status_kind,
 };
 use crate::calling_sequence::{Function, Interface};
 use crate::error::Error;

@@ -73,7 +73,8 @@ impl Persistent for Phase {
 }
 
 use Phase::{
-    ContinuousTimeMode, Error, EventMode, InitializationMode, Instantiated, StepComplete, StepFailed, Terminated,
+    ContinuousTimeMode, Error, EventMode, InitializationMode, Instantiated, StepComplete, StepFailed,
+    Terminated,
 };
 
 /// Any state.

@@ -144,12 +144,7 @@ impl<E: Equations> ModelExchange for Integrated<E> {
         });
     }
 
-    fn next_event(
-        &self,
-        time: f64,
-        variables: &mut Self::Variables,
-        inputs: &InputsOf<Self>,
-    ) -> Option<f64> {
+    fn next_event(&self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) -> Option<f64> {
         with_inputs(variables, inputs, |variables| self.equations.next_event(time, variables))
     }
 

@@ -268,7 +268,9 @@ impl<'a> Context<'a> {
     pub fn resource(&self, name: &str) -> Result<Vec<u8>, Error> {
         match self.resources {
             Some(resources) => resources.read(name),
-            None => Err(Error::new(format!("the resource {name} is in the FMU, but the model is called without one"))),
+            None => Err(Error::new(format!(
+                "the resource {name} is in the FMU, but the model is called without one"
+            ))),
         }
     }
 

@@ -31,12 +31,7 @@ pub trait ModelExchange: Model {
     }
 
     /// When the next event after a time (s) is due, whatever the states are then. Asked for at each event.
-    fn next_event(
-        &self,
-        time: f64,
-        variables: &mut Self::Variables,
-        inputs: &InputsOf<Self>,
-    ) -> Option<f64> {
+    fn next_event(&self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) -> Option<f64> {
         let _ = (time, variables, inputs);
         None
     }

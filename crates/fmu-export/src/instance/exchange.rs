@@ -126,12 +126,8 @@ impl<M: ModelExchange> Instance<M> {
             // If an error or a panic interrupts the event, the instance remains in this state.
             memory.phase = Phase::Error;
             let time = due.unwrap_or(memory.time);
-            let event = Event {
-                time,
-                is_initial: false,
-                is_due: due.is_some(),
-                indicators: memory.events.changed(),
-            };
+            let event =
+                Event { time, is_initial: false, is_due: due.is_some(), indicators: memory.events.changed() };
             memory.model.event(&event, &mut memory.variables, memory.inputs.latest(), &mut context)?;
             memory.end = context.end.or(memory.end);
             memory.events.accept();
@@ -149,7 +145,9 @@ impl<M: ModelExchange> Instance<M> {
 
     pub(crate) fn set_time(&mut self, time: f64) -> Answer {
         if self.memory.phase == Phase::EventMode && !M::Variables::STATE_NAMES.is_empty() {
-            return Err(Error::new("must not be called in the state Event Mode of a model with continuous states"));
+            return Err(Error::new(
+                "must not be called in the state Event Mode of a model with continuous states",
+            ));
         }
         if !time.is_finite() {
             return Err(Error::new(format!("time is {}", Shown(time))));
