@@ -273,10 +273,10 @@ impl<M: Model> Instance<M> {
                 memory.end = context.end;
                 check_finite(&memory.variables, memory.time)?;
             }
-            Phase::StepComplete | Phase::EventMode | Phase::ContinuousTimeMode => {
+            Phase::StepComplete | Phase::EventMode | Phase::ContinuousTimeMode | Phase::Terminated => {
                 memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.latest());
             }
-            Phase::Instantiated | Phase::StepFailed | Phase::Terminated | Phase::Error => {}
+            Phase::Instantiated | Phase::StepFailed | Phase::Error => {}
         }
         memory.stale = false;
         Ok(status)
@@ -314,12 +314,17 @@ impl<M: Model> Instance<M> {
         memory.model.step(&mut memory.variables, &step, &mut context)?;
         memory.end = context.end;
         check_finite(&memory.variables, end)?;
-        memory.phase = Phase::StepComplete;
-        memory.stale = false;
-        if let Some(end) = memory.end {
-            memory.time = end;
+        if let Some(asked) = memory.end {
+            if !asked.is_finite() {
+                return Err(Error::new(format!("the model asks for the end at {} s", Shown(asked))));
+            }
+            // It may be off by rounding.
+            memory.time = asked.max(memory.time).min(end);
+            memory.stale = false;
             return Ok(self.discard_for_end());
         }
+        memory.phase = Phase::StepComplete;
+        memory.stale = false;
         memory.time = end;
         memory.inputs.end_step(size);
         Ok(status)

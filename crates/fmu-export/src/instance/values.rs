@@ -70,7 +70,15 @@ impl<M: Model> Instance<M> {
             }
             Ok(())
         })?;
-        no_number.map(|()| status)
+        match no_number {
+            Ok(()) => Ok(status),
+            // A solver has tried states of which there is no such value; it can try others.
+            Err(error) if self.memory.phase == Phase::ContinuousTimeMode => {
+                self.log_discarded(format_args!("fmi2GetReal: {error}"));
+                Ok(Status::Discard)
+            }
+            Err(error) => Err(error),
+        }
     }
 
     pub(crate) fn get_integer(&mut self, references: &[ValueReference], values: &mut [i32]) -> Answer {
@@ -106,7 +114,10 @@ impl<M: Model> Instance<M> {
             _ => self.is_settable_now(variable),
         };
         // Real inputs are limited to their bounds later.
-        let within = variable.real_input.is_some() || (variable.min..=variable.max).contains(&value);
+        let within = variable.real_input.is_some()
+            // A solver tries states beyond their bounds, which are the model's to bear, as in fmi2SetContinuousStates.
+            || self.memory.phase == Phase::ContinuousTimeMode
+            || (variable.min..=variable.max).contains(&value);
         if settable && value.is_finite() && within {
             Ok(())
         } else {
