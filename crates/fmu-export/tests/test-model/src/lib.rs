@@ -231,7 +231,7 @@ impl Model for TestModel {
         self.note_full(variables);
         self.evaluate(variables, &step.inputs.at(step.size));
         let end = variables.parameters.events.end;
-        if step.start < end && end <= step.end() {
+        if end > 0.0 && step.start < end && end <= step.end() {
             context.terminate(end);
         }
         Ok(())
