@@ -16,7 +16,7 @@ use variables::{Gear, Inputs, Manner, Place, Start, Variables};
 static DEFAULT_FAILS: AtomicBool = AtomicBool::new(false);
 
 /// The model. The flags are for functions without parameters.
-struct TestModel {
+pub struct TestModel {
     steps: i32,
     /// Whether the level was above its limit at the last step or event.
     full: bool,
