@@ -138,7 +138,7 @@ impl TestModel {
     }
 
     /// Calculates outputs, locals and derivatives.
-    fn evaluate(&self, variables: &mut Variables, inputs: &Inputs) {
+    fn evaluate(&self, time: f64, variables: &mut Variables, inputs: &Inputs) {
         let gain = gain(variables, inputs);
         let (parameters, states) = (&variables.parameters, &variables.states);
         let [[a, b], [c, d]] = parameters.settings.table;
@@ -148,6 +148,7 @@ impl TestModel {
         variables.derivatives.motion.position =
             (a * d - b * c) * sign(inputs.gear) * inputs.drive - position * position;
         variables.locals.tank.full = self.full;
+        variables.locals.events.clock = time;
         variables.locals.events.ticks = self.ticks;
         variables.locals.events.hits = self.hits;
         variables.locals.events.had = self.had;
@@ -201,7 +202,7 @@ impl Model for TestModel {
         (self.ticks, self.hits, self.had, self.last) = (0, 0, 0, 0.0);
         (self.echoes, self.echo) = (0, 1.0);
         self.note_full(variables);
-        self.evaluate(variables, inputs);
+        self.evaluate(self.start_time, variables, inputs);
         let place = variables.parameters.fault.place;
         DEFAULT_FAILS.store(place == Place::Default, Ordering::Relaxed);
         self.clone_fails = place == Place::Clone;
@@ -220,7 +221,7 @@ impl Model for TestModel {
         // Two midpoint steps: exact for a rate that is linear in time.
         let half = step.size / 2.0;
         for middle in [0.5 * half, 1.5 * half] {
-            self.evaluate(variables, &step.inputs.at(middle));
+            self.evaluate(step.start + middle, variables, &step.inputs.at(middle));
             variables.states.tank.level += variables.derivatives.tank.level * half;
             variables.states.motion.position += variables.derivatives.motion.position * half;
             if middle < half {
@@ -229,7 +230,7 @@ impl Model for TestModel {
         }
         self.steps += 1;
         self.note_full(variables);
-        self.evaluate(variables, &step.inputs.at(step.size));
+        self.evaluate(step.end(), variables, &step.inputs.at(step.size));
         let end = variables.parameters.events.end;
         if end > 0.0 && step.start < end && end <= step.end() {
             context.terminate(end);
@@ -237,12 +238,12 @@ impl Model for TestModel {
         Ok(())
     }
 
-    fn refresh(&mut self, _time: f64, variables: &mut Variables, inputs: &InputsOf<Self>) {
+    fn refresh(&mut self, time: f64, variables: &mut Variables, inputs: &InputsOf<Self>) {
         // It returns no error, so it panics.
         if let Err(error) = fail(variables, Place::Refresh) {
             panic!("{error}");
         }
-        self.evaluate(variables, inputs);
+        self.evaluate(time, variables, inputs);
     }
 
     fn differentiate(
@@ -328,16 +329,16 @@ impl ModelExchange for TestModel {
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         fail(variables, Place::Event)?;
+        let end = variables.parameters.events.end;
+        if self.last < end && end <= event.time {
+            context.terminate(end);
+        }
         self.had += 1;
         self.last = event.time;
         if event.is_due && self.next_tick(variables).is_some_and(|tick| tick <= event.time) {
             self.ticks += 1;
             self.echoes = variables.parameters.events.echoes;
             variables.states.tank.level += f64::from(inputs.lift);
-        }
-        let end = variables.parameters.events.end;
-        if end > 0.0 && end <= event.time {
-            context.terminate(end);
         }
         if event.indicators[0] {
             self.note_full(variables);
