@@ -4,6 +4,7 @@
 use std::fmt::Write as _;
 
 use super::{Generator, PLACES};
+use crate::declaration::{Initial, Variability};
 use crate::model::{DataType, Place, Scalar};
 use crate::xml;
 
@@ -116,15 +117,16 @@ impl ::fmu_export::Variables for Variables {{
         Self {{ start: self.derivatives, ..Self::zero() }}
     }}
 
-    fn first_non_finite(&self) -> Option<fmi::ValueReference> {{
+    fn first_non_finite(&self) -> ::core::option::Option<fmi::ValueReference> {{
         // Quickly, where their sum is finite; in four parts, which do not wait for each other.
         let sums: [f64; 4] = [
 {sums}        ];
         if ((sums[0] + sums[1]) + (sums[2] + sums[3])).is_finite() {{
-            return None;
+            return ::core::option::Option::None;
         }}
         #[cold]
-        fn find(variables: &Variables) -> Option<fmi::ValueReference> {{
+        fn find(variables: &Variables) -> ::core::option::Option<fmi::ValueReference> {{
+            let _ = variables;
             let reals: &[(_, f64)] = &[
 {reals}            ];
             reals.iter().find(|(_, value)| !value.is_finite()).map(|&(reference, _)| reference)
@@ -249,6 +251,8 @@ impl ::fmu_export::Variables for Variables {{
             let to = match scalar.place {
                 Place::States => Some(format!("start.{}", scalar.path)),
                 Place::Parameters | Place::Inputs => Some(from.clone()),
+                _ if scalar.variability == Variability::Constant => None,
+                _ if scalar.initial == Some(Initial::Exact) => Some(from.clone()),
                 _ => None,
             };
             let (get, set) = match scalar.data_type {
