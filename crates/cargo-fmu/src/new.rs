@@ -176,12 +176,35 @@ fn checkout() -> Option<&'static Path> {
     crates.join("fmu-export/Cargo.toml").is_file().then_some(crates)
 }
 
+/// Types that the templates use, after which no model can be named.
+const USED_TYPES: [&str; 18] = [
+    "Context",
+    "Equations",
+    "Error",
+    "Event",
+    "Inputs",
+    "Integrated",
+    "Locals",
+    "Number",
+    "Option",
+    "Outputs",
+    "Parameters",
+    "Persistent",
+    "Sample",
+    "Sampled",
+    "SampledModel",
+    "Simulation",
+    "States",
+    "Variables",
+];
+
 /// The name of the model's type: the package's in upper camel case.
 fn type_name(package: &str) -> String {
     let words = package.split(['-', '_']);
-    words
+    let name: String = words
         .map(|word| word.get(..1).unwrap_or_default().to_uppercase() + word.get(1..).unwrap_or_default())
-        .collect()
+        .collect();
+    if USED_TYPES.contains(&name.as_str()) { name + "Fmu" } else { name }
 }
 
 #[cfg(test)]
@@ -192,5 +215,6 @@ mod tests {
     fn types_are_named_after_packages() {
         assert_eq!(type_name("lag"), "Lag");
         assert_eq!(type_name("two_stage-lag"), "TwoStageLag");
+        assert_eq!(type_name("sampled"), "SampledFmu");
     }
 }

@@ -18,7 +18,8 @@ MODEL_EXCHANGE, CO_SIMULATION = 0, 1
 OK, WARNING, DISCARD = 0, 1, 2
 LAST_SUCCESSFUL_TIME, TERMINATED = 2, 3
 
-Logger = CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p)
+Logger = CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p, c_char_p)
+"""The exporter passes its messages as the argument of the format `%s`."""
 
 
 class Callbacks(ctypes.Structure):
@@ -79,7 +80,7 @@ class Instance:
         libc = ctypes.CDLL(None)
         libc.calloc.restype = c_void_p
         self.callbacks = Callbacks(
-            Logger(lambda *message: self.messages.append(message[4].decode())),
+            Logger(lambda *message: self.messages.append(message[5].decode())),
             ctypes.cast(libc.calloc, Callbacks._fields_[1][1]),
             ctypes.cast(libc.free, Callbacks._fields_[2][1]),
         )
