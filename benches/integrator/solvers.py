@@ -20,7 +20,7 @@ from reference import SYSTEMS, System  # noqa: E402
 TITLES = {
     "decay": "Exponential decay to 3 s",
     "van_der_pol_1": "Van der Pol, μ = 1, to 20 s",
-    "bouncing_ball": "Bouncing ball to 2 s, three bounces",
+    "bouncing_ball": "Bouncing ball to 2 s, four bounces",
     "robertson": "Robertson to 4·10⁵ s",
     "van_der_pol_1000": "Van der Pol, μ = 1000, to 2000 s",
     "hires": "HIRES to 321.8122 s",
@@ -50,8 +50,6 @@ class Ball:
     def height(_, x):
         return x[0]
 
-    height.terminal, height.direction = True, -1
-
     @staticmethod
     def bounced(x):
         return [0.0, -Ball.RESTITUTION * x[1]]
@@ -67,6 +65,10 @@ class Ball:
                 flight = end - time
                 return [speed * flight - Ball.GRAVITY * flight**2 / 2, speed - Ball.GRAVITY * flight]
             time += 2 * speed / Ball.GRAVITY
+
+
+# What `solve_ivp` takes an event by.
+Ball.height.terminal, Ball.height.direction = True, -1
 
 
 def by_scipy(method, system, end, tolerance, bounces):
