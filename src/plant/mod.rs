@@ -140,7 +140,7 @@ impl Model for BoostPlant {
             InitializationMode::Given => variables.start,
         };
         warn_of_ignored_starts(variables, context);
-        self.refresh(variables, inputs);
+        self.refresh(context.experiment.start_time, variables, inputs);
         Ok(())
     }
 
@@ -173,12 +173,12 @@ impl Model for BoostPlant {
         let inputs = self.as_held(variables, step.inputs.at(step.size));
         match evaluation {
             Some(evaluation) => self.show(variables, &inputs, &evaluation),
-            None => self.refresh(variables, &inputs),
+            None => self.refresh(step.end(), variables, &inputs),
         }
         Ok(())
     }
 
-    fn refresh(&mut self, variables: &mut Variables, inputs: &Inputs) {
+    fn refresh(&mut self, _time: f64, variables: &mut Variables, inputs: &Inputs) {
         self.system.freeze_tank(variables.parameters.tank.frozen);
         let inputs = self.as_held(variables, *inputs);
         let evaluation = self.system.evaluate(&inputs, &variables.states);
@@ -187,6 +187,7 @@ impl Model for BoostPlant {
 
     fn differentiate(
         &self,
+        _time: f64,
         variables: &Variables,
         inputs: &Inputs,
         direction: &Variables,
@@ -203,6 +204,7 @@ impl Model for BoostPlant {
 
     fn differentiate_initialization(
         &self,
+        _start_time: f64,
         variables: &Variables,
         inputs: &Inputs,
         direction: &Variables,

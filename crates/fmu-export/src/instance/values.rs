@@ -101,7 +101,10 @@ impl<M: Model> Instance<M> {
 
     /// Whether a variable may be set in the present state, and to this value (as a number).
     fn check_settable(&self, variable: &VariableDescription, value: f64) -> Result<(), Error> {
-        let settable = variable.causality == Causality::Input || self.is_settable_now(variable);
+        let settable = match variable.causality {
+            Causality::Input => self.takes_input(variable),
+            _ => self.is_settable_now(variable),
+        };
         // Real inputs are limited to their bounds later.
         let within = variable.real_input.is_some() || (variable.min..=variable.max).contains(&value);
         if settable && value.is_finite() && within {
@@ -111,14 +114,20 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// Whether a variable that is not an input may be set in the present state (section 4.2.4).
+    /// Whether an input may be set in the present state: between events of Model Exchange a continuous one alone.
+    fn takes_input(&self, variable: &VariableDescription) -> bool {
+        self.memory.phase != Phase::ContinuousTimeMode || variable.variability == Variability::Continuous
+    }
+
+    /// Whether a variable that is not an input may be set in the present state (sections 3.2.3 and 4.2.4).
     fn is_settable_now(&self, variable: &VariableDescription) -> bool {
         variable.variability != Variability::Constant
             && match self.memory.phase {
                 Phase::Instantiated => matches!(variable.initial, Initial::Exact | Initial::Approx),
                 Phase::InitializationMode => variable.initial == Initial::Exact,
-                Phase::StepComplete => variable.variability == Variability::Tunable,
-                Phase::Terminated | Phase::Error => false,
+                Phase::StepComplete | Phase::EventMode => variable.variability == Variability::Tunable,
+                Phase::ContinuousTimeMode => variable.state.is_some(),
+                Phase::StepFailed | Phase::Terminated | Phase::Error => false,
             }
     }
 
@@ -164,10 +173,11 @@ impl<M: Model> Instance<M> {
         write: impl Fn(&mut M::Variables, ValueReference, T),
     ) -> Answer {
         for (&reference, &value) in references.iter().zip(values) {
-            // A shortcut for Real inputs, which may always be set, to any finite value.
+            // A shortcut for Real inputs, which may be set to any finite value, and in most states.
             if !(Self::is_real_input(reference)
                 && requested == DataType::Real
-                && as_number(value).is_finite())
+                && as_number(value).is_finite()
+                && self.memory.phase != Phase::ContinuousTimeMode)
             {
                 self.check_settable(Self::variable(reference, requested)?, as_number(value))?;
             }
@@ -176,8 +186,12 @@ impl<M: Model> Instance<M> {
         for (&reference, &value) in references.iter().zip(values) {
             let variable = Self::checked(reference);
             let memory = &mut self.memory;
-            write(&mut memory.variables, reference, value);
             memory.stale = true;
+            if let Some(state) = variable.state.filter(|_| memory.phase == Phase::ContinuousTimeMode) {
+                memory.set_state(state, as_number(value));
+                continue;
+            }
+            write(&mut memory.variables, reference, value);
             if let Some(position) = variable.real_input {
                 if memory.inputs.set_value(position, as_number(value)) {
                     status = self.warn_of_bounds(variable, as_number(value));
