@@ -4,7 +4,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use fmu_export::{
-    CoSimulation, Equations, Error, Event, Number, Persistent, Simulation, Variables, VariablesOf,
+    Context, Equations, Error, Event, Integrated, Number, Persistent, Simulation, Variables, VariablesOf,
 };
 use fmu_export_equations::{BouncingBall, Decay, Hires, Robertson, VanDerPol};
 
@@ -19,8 +19,6 @@ struct Counted<E: Persistent>(E);
 impl<E: Equations> Equations for Counted<E> {
     type Variables = E::Variables;
 
-    const EVENT_INDICATORS: usize = E::EVENT_INDICATORS;
-
     fn evaluate<T: Number>(&self, time: T, variables: &mut VariablesOf<E, T>) {
         let count = if size_of::<T>() == size_of::<f64>() { &NUMBERS } else { &DUALS };
         count.fetch_add(1, Ordering::Relaxed);
@@ -31,15 +29,20 @@ impl<E: Equations> Equations for Counted<E> {
         self.0.event_indicators(time, variables, indicators);
     }
 
-    fn event(&mut self, event: &Event<'_>, variables: &mut E::Variables) -> Result<(), Error> {
-        self.0.event(event, variables)
+    fn event(
+        &mut self,
+        event: &Event<'_>,
+        variables: &mut E::Variables,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        self.0.event(event, variables, context)
     }
 }
 
 /// Runs a system to its end in one communication step, at each tolerance.
 fn run<E: Equations>(name: &str, end: f64, set: impl Fn(&mut E::Variables)) {
     for tolerance in [1e-4, 1e-6, 1e-8, 1e-10] {
-        let mut simulation = Simulation::<CoSimulation<Counted<E>>>::default();
+        let mut simulation = Simulation::<Integrated<Counted<E>>>::default();
         simulation.experiment.tolerance = Some(tolerance);
         set(&mut simulation.variables);
         simulation.initialize().expect("it can be initialized");

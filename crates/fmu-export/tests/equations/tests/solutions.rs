@@ -1,7 +1,7 @@
 //! The built-in integrator against closed forms and independent solutions.
 
 use fmu_export::{Equations, Error, InputSignal, Integrated, Model, Simulation, Variables as _};
-use fmu_export_equations::{BouncingBall, Decay, Robertson, Stairs, VanDerPol, bouncing_ball, decay};
+use fmu_export_equations::{BouncingBall, Decay, Hires, Robertson, Stairs, VanDerPol, bouncing_ball, decay};
 
 /// The solutions that `reference.py` printed: name, time and states.
 const REFERENCES: &str = include_str!("../solutions.csv");
@@ -84,6 +84,20 @@ fn robertson_agrees_with_radau_over_eleven_decades() {
             let what = format!("tolerance {tolerance:?}, to {time:e}");
             // The nominal value of the declaration.
             assert_near(&simulation.variables.states.y, &expected, tolerance, 1e-5, &what);
+        }
+    }
+}
+
+#[test]
+fn hires_agrees_with_radau_to_its_last_time() {
+    for tolerance in [1e-4, 1e-6, 1e-8, 1e-10] {
+        let mut simulation = simulation::<Hires>(tolerance);
+        simulation.initialize().unwrap();
+        for (time, expected) in reference("hires") {
+            go_to(&mut simulation, time, 1).unwrap();
+            let what = format!("tolerance {tolerance:?}, to {time}");
+            // The nominal value of the declaration.
+            assert_near(&simulation.variables.states.y, &expected, tolerance, 1e-3, &what);
         }
     }
 }
