@@ -245,8 +245,8 @@ impl Integrator {
             if error.largest <= 1.0 {
                 let most = if rejected { 1.0 } else { GROWTH };
                 let allowed = length * by_error.clamp(REDUCTION, most);
-                // A step that was cut short by the end says little about longer ones.
-                self.next = if length < self.next { allowed.max(self.next) } else { allowed };
+                // A step that was cut short by the end, with hardly an error, says little about longer ones.
+                self.next = if by_error >= most { allowed.max(self.next) } else { allowed };
                 self.length = length;
                 return Ok(if length >= left { end } else { time + length });
             }
@@ -415,6 +415,55 @@ mod tests {
                 assert!(found > power - 0.5, "the error falls with the power {found}, not {power}");
             }
         }
+    }
+
+    /// Takes a step from t = 1 with a length to begin with, and an end far away. How many trials it takes.
+    fn step_from(integrator: &mut Integrator, length: f64, tolerance: &Tolerance<'_>) -> u32 {
+        let mut trials = 0;
+        integrator.next = length;
+        integrator.step(&mut Nonlinear, (1.0, 1e4), &exact(1.0), tolerance, &mut trials).unwrap();
+        trials
+    }
+
+    #[test]
+    fn the_next_step_just_meets_the_tolerance() {
+        let tolerance = Tolerance { relative: 1e-6, nominals: &[1.0; 2] };
+        let mut integrator = Integrator::new(2);
+        assert_eq!(step_from(&mut integrator, 0.03, &tolerance), 1);
+        let proposed = integrator.next;
+        // Its error is the fifth power of the safety, but for terms of higher order.
+        let error = integrator.trial(&mut Nonlinear, proposed, &tolerance).largest;
+        assert!(error > 0.4 && error < 0.8, "{error}");
+        // That of half as long a step again is some 4 tolerances: it is rejected, and the next does not grow at once.
+        assert_eq!(step_from(&mut integrator, 1.5 * proposed, &tolerance), 2);
+        assert!(integrator.next <= integrator.length, "{} after {}", integrator.next, integrator.length);
+    }
+
+    #[test]
+    fn lengths_that_are_far_off_take_few_trials() {
+        let tolerance = Tolerance { relative: 1e-6, nominals: &[1.0; 2] };
+        let mut integrator = Integrator::new(2);
+        // From 1e3 to about 0.05, by a fifth each time and twice more.
+        let trials = step_from(&mut integrator, 1e3, &tolerance);
+        assert!(trials <= 9, "{trials} trials");
+        // From 1e-9 to 1e-2, sixfold each time.
+        let mut length = 1e-9;
+        let mut steps = 0;
+        while length < 1e-2 {
+            step_from(&mut integrator, length, &tolerance);
+            (length, steps) = (integrator.next, steps + 1);
+        }
+        assert_eq!(steps, 9);
+    }
+
+    #[test]
+    fn a_step_that_the_end_cuts_short_leaves_the_length_of_the_next() {
+        let tolerance = Tolerance { relative: 1e-3, nominals: &[1.0; 2] };
+        let mut integrator = Integrator::new(2);
+        integrator.next = 0.1;
+        let end =
+            integrator.step(&mut Nonlinear, (1.0, 1.001), &exact(1.0), &tolerance, &mut 0).unwrap();
+        assert_eq!([end, integrator.next].map(f64::to_bits), [1.001, 0.1].map(f64::to_bits));
     }
 
     #[test]
