@@ -461,9 +461,67 @@ mod tests {
         let tolerance = Tolerance { relative: 1e-3, nominals: &[1.0; 2] };
         let mut integrator = Integrator::new(2);
         integrator.next = 0.1;
-        let end =
-            integrator.step(&mut Nonlinear, (1.0, 1.001), &exact(1.0), &tolerance, &mut 0).unwrap();
+        let end = integrator.step(&mut Nonlinear, (1.0, 1.001), &exact(1.0), &tolerance, &mut 0).unwrap();
         assert_eq!([end, integrator.next].map(f64::to_bits), [1.001, 0.1].map(f64::to_bits));
+    }
+
+    #[test]
+    fn a_step_to_the_end_ends_there() {
+        let (begin, end): (f64, f64) = (0.3, 0.9);
+        assert!(begin + (end - begin) != end, "rounding would end it elsewhere");
+        let tolerance = Tolerance { relative: 1e6, nominals: &[1.0; 2] };
+        let mut integrator = Integrator::new(2);
+        integrator.next = 10.0;
+        let reached =
+            integrator.step(&mut Nonlinear, (begin, end), &exact(begin), &tolerance, &mut 0).unwrap();
+        assert_eq!(reached.to_bits(), end.to_bits());
+    }
+
+    /// x' = 1000, y' = cos t.
+    struct Rising;
+
+    impl System for Rising {
+        fn derivatives(&mut self, time: f64, _states: &[f64], derivatives: &mut [f64]) {
+            derivatives.copy_from_slice(&[1000.0, time.cos()]);
+        }
+
+        fn linearize(&mut self, time: f64, _states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]) {
+            jacobian.fill(0.0);
+            by_time.copy_from_slice(&[0.0, -time.sin()]);
+        }
+    }
+
+    #[test]
+    fn the_error_is_relative_to_the_larger_of_both_ends_and_the_nominal_value() {
+        let tolerance = Tolerance { relative: 1e-3, nominals: &[1.0, 0.25] };
+        let mut integrator = Integrator::new(2);
+        integrator.next = 0.5;
+        for (from, larger) in [(0.0, 0.5_f64.sin()), (2.0, 2.0 + 0.5_f64.sin()), (-2.0, 2.0)] {
+            integrator.step(&mut Rising, (0.0, 0.5), &[0.0, from], &tolerance, &mut 0).unwrap();
+            let error = integrator.trial(&mut Rising, 0.5, &tolerance);
+            let expected = integrator.stages[STAGES - 1][1].abs() / (1e-3 * (larger + 0.25));
+            assert_eq!(error.state, 1);
+            // The error of the step is far less than a thousandth.
+            assert!((error.largest / expected - 1.0).abs() < 1e-3, "{} instead of {expected}", error.largest);
+        }
+    }
+
+    #[test]
+    fn a_failure_names_the_state_without_a_linearization() {
+        struct Broken;
+        impl System for Broken {
+            fn derivatives(&mut self, _time: f64, _states: &[f64], derivatives: &mut [f64]) {
+                derivatives.fill(1.0);
+            }
+
+            fn linearize(&mut self, _time: f64, _states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]) {
+                jacobian.copy_from_slice(&[0.0, 0.0, 0.0, f64::NAN]);
+                by_time.fill(0.0);
+            }
+        }
+        let tolerance = Tolerance { relative: 1e-3, nominals: &[1.0; 2] };
+        let result = Integrator::new(2).step(&mut Broken, (0.0, 1.0), &[0.0; 2], &tolerance, &mut 0);
+        assert_eq!(result, Err(StepFailure { state: 1 }));
     }
 
     #[test]
