@@ -22,7 +22,6 @@
 //! Everything is computed at the samples; between them the outputs are held.
 
 pub mod actuator_inverse;
-mod clock;
 mod compensator;
 pub mod feedback;
 mod feedforward;
@@ -36,10 +35,9 @@ pub mod variables {
     fmu_export::include_variables!("BoostController");
 }
 
-use fmu_export::{Context, Error, InputsOf, Model, Persistent, Step};
+use fmu_export::{Context, Error, Persistent, Sample, Sampled, SampledModel};
 
 use crate::LONGEST_STEP;
-use clock::SampleClock;
 use compensator::{Compensator, Limits, SupplyVoltage};
 use feedback::{FeedbackSettings, Pid};
 use reference_model::ReferenceModel;
@@ -55,10 +53,12 @@ const LEAST_MEASUREMENT: f64 = 20e3;
 /// The limits of the duty (%) where none are set: modes position and `open_loop`.
 const FULL_RANGE: (f64, f64) = (0.0, 100.0);
 
-/// The boost pressure controller as a co-simulation model.
+/// The boost pressure controller.
+pub type BoostController = SampledModel<ControlLaw>;
+
+/// The control law, with its memory.
 #[derive(Clone, Debug, Default, Persistent)]
-pub struct BoostController {
-    clock: SampleClock,
+pub struct ControlLaw {
     relay: TankRelay,
     stage: StageStrategy,
     supply_voltage: SupplyVoltage,
@@ -110,9 +110,13 @@ struct Valves {
     hp_bypass: bool,
 }
 
-impl Model for BoostController {
+impl Sampled for ControlLaw {
     type Variables = Variables;
     const LONGEST_STEP: f64 = LONGEST_STEP;
+
+    fn period(variables: &Variables) -> f64 {
+        variables.parameters.sample_time
+    }
 
     fn check_parameters(variables: &Variables) -> Result<(), Error> {
         let parameters = &variables.parameters;
@@ -136,7 +140,6 @@ impl Model for BoostController {
         inputs: &Inputs,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        *self = Self::default();
         let Variables { parameters, locals, outputs, .. } = variables;
         let bypassed = StageStrategy::default().sample(parameters, inputs.engine_speed);
         let valves = Valves {
@@ -157,36 +160,19 @@ impl Model for BoostController {
         Ok(())
     }
 
-    fn step(
+    fn sample(
         &mut self,
+        sample: Sample,
         variables: &mut Variables,
-        step: &Step<'_, InputsOf<Self>>,
+        inputs: &Inputs,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let start_time = context.experiment.start_time;
-        let sample_time = variables.parameters.sample_time;
-        let until = self.clock.begin_step(step.start, step.end(), sample_time);
-        while let Some(time) = self.clock.next_before(until, start_time, sample_time) {
-            if step.inputs.is_constant() {
-                self.sample(variables, step.inputs.initial(), time, context);
-            } else {
-                // A sample that rounding places before the step takes the inputs of its begin.
-                let inputs = step.inputs.at((time - step.start).max(0.0));
-                self.sample(variables, &inputs, time, context);
-            }
-        }
-        variables.locals.sample_count = self.clock.executed();
-        Ok(())
-    }
-}
-
-impl BoostController {
-    /// Executes the sample at a time (s).
-    fn sample(&mut self, variables: &mut Variables, inputs: &Inputs, time: f64, context: &mut Context<'_>) {
+        let Sample { number, time } = sample;
+        variables.locals.sample_count = i32::try_from(number + 1).unwrap_or(i32::MAX);
         let Variables { parameters, locals, outputs, .. } = variables;
         if parameters.mode == ControlMode::Boost && self.boost.is_none() {
             if inputs.boost_pressure < LEAST_MEASUREMENT {
-                return;
+                return Ok(());
             }
             self.boost = Some(BoostLoop::at(inputs.boost_pressure));
             let pressure = inputs.boost_pressure;
@@ -221,6 +207,7 @@ impl BoostController {
         };
         let valves = Valves { vacuum_pump, lp_wastegate, hp_bypass: bypassed };
         publish(locals, outputs, &command, compensator, limits, valves);
+        Ok(())
     }
 }
 
