@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -27,11 +28,13 @@ def fmu() -> Callable[[str], Path]:
 
 @pytest.fixture
 def instance(fmu: Callable[[str], Path], tmp_path: Path) -> Iterator[Callable[..., Instance]]:
-    """Makes initialized instances in the second importer, and frees them after the test."""
+    """Makes initialized instances in the second importer, each of its own copy of the library, and frees them after the
+    test."""
     made: list[Instance] = []
+    folders = (tmp_path / str(number) for number in itertools.count())
 
     def instance(model: str, kind: int, **arguments: object) -> Instance:
-        made.append(Instance(fmu(model), tmp_path / f"{model}{len(made)}", kind, **arguments))
+        made.append(Instance(fmu(model), next(folders), kind, **arguments))
         return made[-1]
 
     yield instance

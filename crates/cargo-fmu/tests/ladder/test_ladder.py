@@ -332,7 +332,7 @@ def test_the_counter_starts_where_the_importer_says(instance):
     with pytest.raises(Failed, match="11 for the variable counter is outside its range"):
         instance("Stair", CO_SIMULATION, start_values={"counter": 11})
     stair = instance("Stair", CO_SIMULATION)
-    with pytest.raises(Failed, match="counter .* cannot be set in the state Step Complete"):
+    with pytest.raises(Failed, match="counter .* cannot be set in the state stepComplete"):
         stair.set("counter", 2)
 
 
@@ -395,7 +395,7 @@ def test_every_type_passes_through_another_importer(instance):
             assert feedthrough.get(f"{name}_output") == value
         feedthrough.set("Float64_tunable_parameter", 4.0)
         assert feedthrough.get("Float64_tunable_parameter") == 4.0
-        with pytest.raises(Failed, match="3.0 for the variable Enumeration_input is outside its range 1.0 to 2.0"):
+        with pytest.raises(Failed, match="3 for the variable Enumeration_input is outside its range 1 to 2"):
             feedthrough.set("Enumeration_input", 3)
         with pytest.raises(Failed, match="Float64_fixed_parameter .* cannot be set"):
             feedthrough.set("Float64_fixed_parameter", 1.0)
