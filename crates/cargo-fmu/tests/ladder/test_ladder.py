@@ -59,6 +59,14 @@ def test_validators_find_nothing(fmu, model):
     assert "0 errors, 0 warnings" in done.stdout
 
 
+@pytest.mark.parametrize("model", [*LADDER, "PiController"])
+def test_packages_are_short(model):
+    """Lines that are not blank, with the tests."""
+    texts = [(FMUS.parent / model / file).read_text() for file in ("Cargo.toml", "build.rs", "model.json", "src/lib.rs")]
+    lines = sum(bool(line.strip()) for text in texts for line in text.splitlines())
+    assert lines <= (40 if model == "VanDerPol" else 90)
+
+
 def interface_of(root):
     """The variables by their names: what importers know them by, and what they may do with them."""
     variables = {}
