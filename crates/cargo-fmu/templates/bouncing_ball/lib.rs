@@ -14,12 +14,13 @@ impl Equations for {Type} {
     type Variables = Variables;
 
     fn evaluate<T: Number>(&self, _time: T, variables: &mut Variables<T>) {
-        let Variables { parameters, states, derivatives, .. } = variables;
-        derivatives.h = states.v;
-        derivatives.v = if self.rests { T::from(0.0) } else { parameters.g };
+        let g = variables.parameters.g;
+        variables.derivatives.h = variables.states.v;
+        variables.derivatives.v = if self.rests { T::from(0.0) } else { g };
     }
 
-    /// The depth, not the height: it is not above 0 after a bounce either, so leaving the ground is no event.
+    /// The depth, not the height: after a bounce it is 0, then negative, so that leaving the ground
+    /// is no event.
     fn event_indicators(&self, _time: f64, variables: &Variables, indicators: &mut [f64]) {
         indicators[0] = -variables.states.h;
     }
@@ -30,11 +31,11 @@ impl Equations for {Type} {
         variables: &mut Variables,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let Variables { parameters, states, locals, .. } = variables;
+        let states = &mut variables.states;
         if states.h <= 0.0 && states.v < 0.0 {
             states.h = 0.0;
-            states.v *= -parameters.e;
-            self.rests = states.v < locals.v_min;
+            states.v *= -variables.parameters.e;
+            self.rests = states.v < variables.locals.v_min;
             if self.rests {
                 states.v = 0.0;
             }
@@ -52,7 +53,7 @@ mod tests {
     fn the_ball_comes_to_rest_after_eleven_bounces() -> Result<(), Error> {
         let mut simulation = Simulation::<Integrated<{Type}>>::default();
         simulation.initialize()?;
-        // The fall takes sqrt(2 h/g) = 0.4515 s, and bounce n twice as long times e^n: together 2.499 s.
+        // The fall takes sqrt(2 h/g) = 0.4515 s, flight n twice as long times e^n: together 2.499 s.
         simulation.step(2.49)?;
         assert!(simulation.variables.states.h > 0.0);
         simulation.step(0.01)?;

@@ -8,8 +8,7 @@ impl Equations for {Type} {
     type Variables = Variables;
 
     fn evaluate<T: Number>(&self, _time: T, variables: &mut Variables<T>) {
-        let Variables { parameters, states, derivatives, .. } = variables;
-        derivatives.x = -parameters.k * states.x;
+        variables.derivatives.x = -variables.parameters.k * variables.states.x;
     }
 }
 

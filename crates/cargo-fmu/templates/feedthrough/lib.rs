@@ -8,7 +8,7 @@ impl Equations for {Type} {
     type Variables = Variables;
 
     fn evaluate<T: Number>(&self, _time: T, variables: &mut Variables<T>) {
-        let Variables { inputs, outputs, .. } = variables;
+        let (inputs, outputs) = (&variables.inputs, &mut variables.outputs);
         outputs.float64_continuous_output = inputs.float64_continuous_input;
         outputs.float64_discrete_output = inputs.float64_discrete_input;
         outputs.int32_output = inputs.int32_input;
@@ -29,8 +29,9 @@ mod tests {
         simulation.inputs.string_input = "FMI".to_owned();
         simulation.inputs.enumeration_input = Option::Option2;
         simulation.initialize()?;
-        let Outputs { string_output, enumeration_output, .. } = &simulation.variables.outputs;
-        assert_eq!((string_output.as_str(), *enumeration_output), ("FMI", Option::Option2));
+        assert_eq!(simulation.variables.outputs.string_output, "FMI");
+        let option = simulation.variables.outputs.enumeration_output;
+        assert_eq!(option, Option::Option2);
         Ok(())
     }
 }

@@ -7,7 +7,11 @@ fmu_export::fmu!(equations struct {Type});
 impl Equations for {Type} {
     type Variables = Variables;
 
-    fn prepare(&mut self, variables: &mut Variables, context: &mut Context<'_>) -> Result<(), Error> {
+    fn prepare(
+        &mut self,
+        variables: &mut Variables,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
         variables.outputs.y = first_character(&context.resource("y.txt")?)?;
         Ok(())
     }
@@ -16,8 +20,10 @@ impl Equations for {Type} {
 }
 
 fn first_character(text: &[u8]) -> Result<i32, Error> {
-    let first = text.first().ok_or_else(|| Error::new("the resource y.txt is empty"))?;
-    Ok(i32::from(*first))
+    match text.first() {
+        Some(first) => Ok(i32::from(*first)),
+        None => Err(Error::new("the resource y.txt is empty")),
+    }
 }
 
 #[cfg(test)]

@@ -27,12 +27,13 @@ impl Sampled for {Type} {
         inputs: &Inputs,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let Variables { parameters, outputs, .. } = variables;
+        let parameters = &variables.parameters;
         let proportional = parameters.gain * (inputs.reference - inputs.measurement);
-        outputs.command = (self.integral + proportional).clamp(LIMITS[0], LIMITS[1]);
+        let command = self.integral + proportional;
+        variables.outputs.command = command.clamp(LIMITS[0], LIMITS[1]);
+        let rise = proportional * parameters.sample_time / parameters.integral_time;
         // At a limit the integral term stays there.
-        let integral = self.integral + proportional * parameters.sample_time / parameters.integral_time;
-        self.integral = integral.clamp(LIMITS[0], LIMITS[1]);
+        self.integral = (self.integral + rise).clamp(LIMITS[0], LIMITS[1]);
         Ok(())
     }
 }
@@ -47,10 +48,11 @@ mod tests {
         let mut simulation = Simulation::<SampledModel<{Type}>>::default();
         simulation.initialize()?;
         simulation.step(0.15)?;
-        let two_samples = simulation.variables.outputs.command;
-        assert!((two_samples - 0.55).abs() < 1e-12);
+        // Two samples: proportional 0.5 V, and 0.05 V of the integral term.
+        let two_samples = simulation.variables.outputs;
+        assert!((two_samples.command - 0.55).abs() < 1e-12);
         simulation.step(0.05)?;
-        assert_eq!(simulation.variables.outputs.command.to_bits(), two_samples.to_bits());
+        assert_eq!(simulation.variables.outputs, two_samples);
         simulation.inputs.reference = 100.0;
         simulation.step(0.1)?;
         assert!(simulation.variables.outputs.command >= LIMITS[1]);

@@ -8,8 +8,8 @@ impl Equations for {Type} {
     type Variables = Variables;
 
     fn evaluate<T: Number>(&self, _time: T, variables: &mut Variables<T>) {
-        let Variables { parameters, states, derivatives, .. } = variables;
-        derivatives.x0 = states.x1;
-        derivatives.x1 = parameters.mu * (-states.x0 * states.x0 + 1.0) * states.x1 - states.x0;
+        let (States { x0, x1 }, mu) = (variables.states, variables.parameters.mu);
+        variables.derivatives.x0 = x1;
+        variables.derivatives.x1 = mu * (-x0 * x0 + 1.0) * x1 - x0;
     }
 }
