@@ -141,12 +141,13 @@ impl Equations for Stairs {
 
     fn evaluate<T: Number>(&self, _time: T, variables: &mut stairs::Variables<T>) {
         variables.derivatives.level = T::from(f64::from(self.steps));
+        variables.outputs.seen = variables.inputs.signal;
         variables.outputs.steps = self.steps;
         variables.outputs.switches = self.switches;
     }
 
     fn event_indicators(&self, _time: f64, variables: &stairs::Variables, indicators: &mut [f64]) {
-        indicators[0] = variables.inputs.signal;
+        indicators[0] = variables.outputs.seen;
     }
 
     fn next_event(&self, time: f64, variables: &stairs::Variables) -> Option<f64> {
@@ -166,6 +167,7 @@ impl Equations for Stairs {
         }
         if event.indicators[0] {
             self.switches += 1;
+            variables.outputs.last_switch = event.time;
         }
         Ok(())
     }

@@ -1,7 +1,9 @@
 //! The built-in integrator against closed forms and independent solutions.
 
 use fmu_export::{Equations, Error, InputSignal, Integrated, Model, Simulation, Variables as _};
-use fmu_export_equations::{BouncingBall, Decay, Hires, Robertson, Stairs, VanDerPol, bouncing_ball, decay};
+use fmu_export_equations::{
+    BouncingBall, Decay, Hires, Robertson, Stairs, VanDerPol, bouncing_ball, decay, stairs,
+};
 
 /// The solutions that `reference.py` printed: name, time and states.
 const REFERENCES: &str = include_str!("../solutions.csv");
@@ -189,8 +191,14 @@ fn events_in_time_are_at_their_very_number() {
         let time = f64::from(expected) * 0.3;
         assert_eq!(simulation.variables.outputs.last_step.to_bits(), time.to_bits());
     }
+    let mut at_once = self::simulation::<Stairs>(1e-6);
+    at_once.initialize().unwrap();
+    at_once.step(4.0).unwrap();
+    assert_eq!(at_once.variables.outputs, simulation.variables.outputs);
     // The rates 1, 2, …, 12 for 0.3 s each, and 13 for 0.1 s.
-    assert_near(&[simulation.variables.states.level], &[0.3 * 78.0 + 13.0 * 0.1], 1e-6, 1.0, "level");
+    for simulation in [simulation, at_once] {
+        assert_near(&[simulation.variables.states.level], &[0.3 * 78.0 + 13.0 * 0.1], 1e-6, 1.0, "level");
+    }
 }
 
 #[test]
@@ -215,10 +223,23 @@ fn an_input_that_jumps_is_an_event_at_the_beginning_of_the_step() {
     simulation.step(0.1).unwrap();
     assert_eq!(simulation.variables.outputs.switches, 0);
     for (signal, switches) in [(1.0, 1), (2.0, 1), (-1.0, 2)] {
+        let (begin, before) = (simulation.time, simulation.variables.outputs);
         simulation.inputs.signal = signal;
         simulation.step(0.1).unwrap();
-        assert_eq!(simulation.variables.outputs.switches, switches);
+        let stairs::Outputs { switches: found, last_switch, .. } = simulation.variables.outputs;
+        assert_eq!(found, switches);
+        let expected = if switches > before.switches { begin } else { before.last_switch };
+        assert_eq!(last_switch.to_bits(), expected.to_bits());
     }
+}
+
+#[test]
+fn an_indicator_that_is_positive_at_the_start_is_no_event() {
+    let mut simulation = simulation::<Stairs>(1e-6);
+    simulation.inputs.signal = 1.0;
+    simulation.initialize().unwrap();
+    simulation.step(0.1).unwrap();
+    assert_eq!(simulation.variables.outputs.switches, 0);
 }
 
 #[test]
