@@ -13,7 +13,7 @@ macro_rules! variables {
 variables!(decay: "decay", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
     bouncing_ball: "bouncing_ball", stairs: "stairs");
 
-/// Exponential decay towards an input, from a start value and an offset together.
+/// Exponential decay towards an input and a ramp in time, from a start value and an offset together.
 #[derive(Clone, Debug, Default, Persistent)]
 pub struct Decay {}
 
@@ -26,7 +26,7 @@ impl Equations for Decay {
 
     fn evaluate<T: Number>(&self, time: T, variables: &mut decay::Variables<T>) {
         let decay::Variables { parameters, inputs, states, derivatives, outputs, .. } = variables;
-        derivatives.x = parameters.rate * (inputs.target - states.x);
+        derivatives.x = parameters.rate * (inputs.target + parameters.ramp * time - states.x);
         outputs.square = states.x * states.x;
         outputs.seconds = time;
     }

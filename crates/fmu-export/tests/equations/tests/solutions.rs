@@ -132,6 +132,30 @@ fn inputs_with_derivatives_are_followed() {
 }
 
 #[test]
+fn a_ramp_of_the_input_is_integrated_as_one_in_time() {
+    let mut in_time = simulation::<Decay>(1e-4);
+    in_time.variables.parameters.ramp = 2.0;
+    in_time.initialize().unwrap();
+    in_time.step(2.0).unwrap();
+    let mut of_input = simulation::<Decay>(1e-4);
+    of_input.initialize().unwrap();
+    let mut inputs = InputSignal::constant(of_input.inputs);
+    inputs.set_derivative(0, 1, 2.0);
+    of_input.step_with(2.0, &inputs).unwrap();
+    // The same steps; what is left is the rounding of some, on states of order 1.
+    let difference = (in_time.variables.states.x - of_input.variables.states.x).abs();
+    assert!(difference < 100.0 * f64::EPSILON, "{difference:e}");
+}
+
+#[test]
+fn the_start_time_is_that_of_the_experiment() {
+    let mut simulation = simulation::<Decay>(1e-6);
+    simulation.experiment.start_time = 5.0;
+    simulation.initialize().unwrap();
+    assert_eq!(simulation.variables.outputs.seconds.to_bits(), 5.0_f64.to_bits());
+}
+
+#[test]
 fn the_ball_bounces_when_it_should_until_it_rests() {
     let mut simulation = simulation::<BouncingBall>(1e-6);
     simulation.variables.parameters.restitution = 0.97;
@@ -248,7 +272,7 @@ fn an_indicator_that_changes_twice_within_a_step_of_the_integrator_is_two_events
     // (t − 0.1)·(0.15 − t), positive within. The rate is constant, so that one step goes to the end.
     simulation.inputs.signal = -0.015;
     simulation.initialize().unwrap();
-    let mut inputs = InputSignal::constant(simulation.inputs.clone());
+    let mut inputs = InputSignal::constant(simulation.inputs);
     inputs.set_derivative(0, 1, 0.25);
     inputs.set_derivative(0, 2, -2.0);
     simulation.step_with(0.25, &inputs).unwrap();
