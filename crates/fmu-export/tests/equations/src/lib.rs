@@ -11,7 +11,7 @@ macro_rules! variables {
     )*};
 }
 variables!(decay: "decay", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
-    bouncing_ball: "bouncing_ball", stairs: "stairs");
+    bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared");
 
 /// Exponential decay towards an input and a ramp in time, from a start value and an offset together.
 #[derive(Clone, Debug, Default, Persistent)]
@@ -29,6 +29,18 @@ impl Equations for Decay {
         derivatives.x = parameters.rate * (inputs.target + parameters.ramp * time - states.x);
         outputs.square = states.x * states.x;
         outputs.seconds = time;
+    }
+}
+
+/// The same decay, whose JSON leaves out that the derivative depends on the input.
+#[derive(Clone, Debug, Default, Persistent)]
+pub struct Undeclared {}
+
+impl Equations for Undeclared {
+    type Variables = undeclared::Variables;
+
+    fn evaluate<T: Number>(&self, _time: T, variables: &mut undeclared::Variables<T>) {
+        variables.derivatives.x = variables.inputs.target - variables.states.x;
     }
 }
 

@@ -1,8 +1,10 @@
 //! The built-in integrator against closed forms and independent solutions.
 
-use fmu_export::{Equations, Error, InputSignal, Integrated, Model, Simulation, Variables as _};
+use fmu_export::{
+    Equations, Error, InputSignal, Integrated, Model, Simulation, Variables as _, check_dependencies,
+};
 use fmu_export_equations::{
-    BouncingBall, Decay, Hires, Robertson, Stairs, VanDerPol, bouncing_ball, decay, stairs,
+    BouncingBall, Decay, Hires, Robertson, Stairs, Undeclared, VanDerPol, bouncing_ball, decay, stairs,
 };
 
 /// The solutions that `reference.py` printed: name, time and states.
@@ -338,4 +340,11 @@ fn directional_derivatives_are_exact() {
     let by = model.differentiate_initialization(0.0, variables, inputs, &direction).unwrap();
     // x changes by 2; 0.5·(4 − 2) and, by the rate, −x.
     assert_eq!(bits([by.states.x, by.derivatives.x, by.outputs.square]), bits([2.0, 1.0 - 5.0, 20.0]));
+}
+
+#[test]
+fn dependencies_that_are_not_declared_are_found() {
+    check_dependencies::<Integrated<Decay>>(&Default::default()).unwrap();
+    let error = check_dependencies::<Integrated<Undeclared>>(&Default::default()).unwrap_err().to_string();
+    assert_eq!(error, "der(x) depends on target, which its 'reads' leave out");
 }
