@@ -1,7 +1,11 @@
 //! The built-in integrator against closed forms and independent solutions.
 
-use fmu_export::{Equations, Error, InputSignal, Integrated, Model, Simulation, Variables as _};
-use fmu_export_equations::{BouncingBall, Decay, Robertson, Stairs, VanDerPol, bouncing_ball, decay};
+use fmu_export::{
+    Equations, Error, InputSignal, Integrated, Model, Simulation, Variables as _, check_dependencies,
+};
+use fmu_export_equations::{
+    BouncingBall, Decay, Hires, Robertson, Stairs, Undeclared, VanDerPol, bouncing_ball, decay,
+};
 
 /// The solutions that `reference.py` printed: name, time and states.
 const REFERENCES: &str = include_str!("../solutions.csv");
@@ -84,6 +88,20 @@ fn robertson_agrees_with_radau_over_eleven_decades() {
             let what = format!("tolerance {tolerance:?}, to {time:e}");
             // The nominal value of the declaration.
             assert_near(&simulation.variables.states.y, &expected, tolerance, 1e-5, &what);
+        }
+    }
+}
+
+#[test]
+fn hires_agrees_with_radau_to_its_last_time() {
+    for tolerance in [1e-4, 1e-6, 1e-8, 1e-10] {
+        let mut simulation = simulation::<Hires>(tolerance);
+        simulation.initialize().unwrap();
+        for (time, expected) in reference("hires") {
+            go_to(&mut simulation, time, 1).unwrap();
+            let what = format!("tolerance {tolerance:?}, to {time}");
+            // The nominal value of the declaration.
+            assert_near(&simulation.variables.states.y, &expected, tolerance, 1e-3, &what);
         }
     }
 }
@@ -180,6 +198,21 @@ fn events_in_time_are_at_their_very_number() {
 }
 
 #[test]
+fn an_event_that_only_rounding_puts_after_a_step_belongs_to_it() {
+    let mut simulation = simulation::<Stairs>(1e-6);
+    simulation.variables.parameters.interval = 0.8;
+    simulation.initialize().unwrap();
+    simulation.step(0.1).unwrap();
+    simulation.step(0.7).unwrap();
+    assert!(simulation.time < 0.8, "rounding");
+    assert_eq!(simulation.variables.outputs.steps, 1);
+    assert_eq!(simulation.variables.outputs.last_step.to_bits(), 0.8_f64.to_bits());
+    // The next is a millionth of the step after it.
+    simulation.step(1.6 - 0.8e-6 - simulation.time).unwrap();
+    assert_eq!(simulation.variables.outputs.steps, 1);
+}
+
+#[test]
 fn an_input_that_jumps_is_an_event_at_the_beginning_of_the_step() {
     let mut simulation = simulation::<Stairs>(1e-6);
     simulation.initialize().unwrap();
@@ -190,6 +223,19 @@ fn an_input_that_jumps_is_an_event_at_the_beginning_of_the_step() {
         simulation.step(0.1).unwrap();
         assert_eq!(simulation.variables.outputs.switches, switches);
     }
+}
+
+#[test]
+fn an_indicator_that_changes_twice_within_a_step_of_the_integrator_is_two_events() {
+    let mut simulation = simulation::<Stairs>(1e-6);
+    // (t − 0.1)·(0.15 − t), positive within. The rate is constant, so that one step goes to the end.
+    simulation.inputs.signal = -0.015;
+    simulation.initialize().unwrap();
+    let mut inputs = InputSignal::constant(simulation.inputs.clone());
+    inputs.set_derivative(0, 1, 0.25);
+    inputs.set_derivative(0, 2, -2.0);
+    simulation.step_with(0.25, &inputs).unwrap();
+    assert_eq!(simulation.variables.outputs.switches, 2);
 }
 
 #[test]
@@ -251,4 +297,11 @@ fn directional_derivatives_are_exact() {
     let by = model.differentiate_initialization(0.0, variables, inputs, &direction).unwrap();
     // x changes by 2; 0.5·(4 − 2) and, by the rate, −x.
     assert_eq!(bits([by.states.x, by.derivatives.x, by.outputs.square]), bits([2.0, 1.0 - 5.0, 20.0]));
+}
+
+#[test]
+fn dependencies_that_are_not_declared_are_found() {
+    check_dependencies::<Integrated<Decay>>(&Default::default()).unwrap();
+    let error = check_dependencies::<Integrated<Undeclared>>(&Default::default()).unwrap_err().to_string();
+    assert_eq!(error, "der(x) depends on target, which its 'reads' leave out");
 }
