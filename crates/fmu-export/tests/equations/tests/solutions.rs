@@ -5,6 +5,7 @@ use fmu_export::{
 };
 use fmu_export_equations::{
     BouncingBall, Decay, Hires, Robertson, Stairs, Undeclared, VanDerPol, bouncing_ball, decay, stairs,
+    undeclared,
 };
 
 /// The solutions that `reference.py` printed: name, time and states.
@@ -344,7 +345,9 @@ fn directional_derivatives_are_exact() {
 
 #[test]
 fn dependencies_that_are_not_declared_are_found() {
-    check_dependencies::<Integrated<Decay>>(&Default::default()).unwrap();
-    let error = check_dependencies::<Integrated<Undeclared>>(&Default::default()).unwrap_err().to_string();
+    check_dependencies::<Integrated<Decay>>(&decay::Variables::default()).unwrap();
+    let error = check_dependencies::<Integrated<Undeclared>>(&undeclared::Variables::default())
+        .unwrap_err()
+        .to_string();
     assert_eq!(error, "der(x) depends on target, which its 'reads' leave out");
 }
