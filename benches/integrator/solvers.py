@@ -1,5 +1,5 @@
-"""Solves the systems of the built-in integrator's rows, which are given, by SciPy and by CVode, and prints a table for
-each: work against error."""
+"""Solves the systems of the built-in integrator's rows, which are given, by SciPy and by CVode, and prints a
+table for each: work against error."""
 
 import csv
 import ctypes
@@ -111,7 +111,7 @@ MATRIX_DATA.argtypes, MATRIX_DATA.restype = [ctypes.c_void_p], ctypes.POINTER(ct
 
 
 def by_cvode(_, system, end, tolerance, bounces):
-    """As `by_scipy`, by CVode's BDF with Newton's iteration, as FMPy sets it up, but for the exact Jacobian."""
+    """As `by_scipy`, by CVode's BDF, set up as FMPy does, but with the exact Jacobian."""
     size = len(system.start)
 
     def array(vector):
@@ -124,8 +124,8 @@ def by_cvode(_, system, end, tolerance, bounces):
         return 0
 
     def set_jacobian(time, states, _rates, matrix, *_):
-        # By columns.
-        np.ctypeslib.as_array(MATRIX_DATA(matrix), (size, size))[:] = np.transpose(jacobian(time, array(states)))
+        columns = np.transpose(jacobian(time, array(states)))
+        np.ctypeslib.as_array(MATRIX_DATA(matrix), (size, size))[:] = columns
         return 0
 
     def set_height(time, states, result, _):
@@ -195,8 +195,8 @@ def cell(states, reference, nominal, work):
 
 
 def own_steps(name, rates, jacobians):
-    """The steps of the built-in integrator, as taken and rejected: it computes a Jacobian for each that is taken, the
-    rates 9 times for each and 7 times for each that is rejected, and once at the beginning."""
+    """The steps of the built-in integrator, taken and rejected: it computes a Jacobian for each that is
+    taken, the rates 9 times for each and 7 times for each that is rejected, and once at the beginning."""
     if name == "bouncing_ball":
         # Searching for the bounces takes further evaluations.
         return str(jacobians)
@@ -222,7 +222,7 @@ def main(path):
         print(f"\n| {title} |", *(f"{row[0].replace('0.0001', '1e-4')} |" for row in own[name]))
         print("|---" * (1 + len(own[name])) + "|")
         cells = []
-        for tolerance, rates, jacobians, *states in own[name]:
+        for _, rates, jacobians, *states in own[name]:
             work = rates, jacobians, own_steps(name, int(rates), int(jacobians))
             states = np.array([float(state) for state in states])
             cells.append(cell(states, reference, system.nominal, work))

@@ -41,7 +41,7 @@ pub struct Export {
     /// of Rust, which may end in the oldest glibc, as x86_64-unknown-linux-gnu.2.17 [default: this platform]
     #[arg(long = "target", value_name = "TARGET")]
     targets: Vec<Target>,
-    /// The interfaces of FMI that the FMUs offer [default: what the environment variable FMU_INTERFACES says, or cs]
+    /// The interfaces of FMI that the FMUs offer [default: those that the variable `FMU_INTERFACES` names, or cs]
     #[arg(long, value_name = "INTERFACES", value_parser = interfaces())]
     interfaces: Option<Interfaces>,
     /// A library that was built elsewhere from the same sources, and its platform

@@ -433,9 +433,31 @@ mod tests {
         // Its error is the fifth power of the safety, but for terms of higher order.
         let error = integrator.trial(&mut Nonlinear, proposed, &tolerance).largest;
         assert!(error > 0.4 && error < 0.8, "{error}");
-        // That of half as long a step again is some 4 tolerances: it is rejected, and the next does not grow at once.
+        // That of half as long a step again is some 4 tolerances: it is rejected.
         assert_eq!(step_from(&mut integrator, 1.5 * proposed, &tolerance), 2);
-        assert!(integrator.next <= integrator.length, "{} after {}", integrator.next, integrator.length);
+    }
+
+    #[test]
+    fn the_next_step_does_not_grow_at_once_after_a_rejection() {
+        /// x' = 1, until t = 1.
+        struct Wall;
+        impl System for Wall {
+            fn derivatives(&mut self, time: f64, _states: &[f64], derivatives: &mut [f64]) {
+                derivatives[0] = if time <= 1.0 { 1.0 } else { f64::NAN };
+            }
+
+            fn linearize(&mut self, _time: f64, _states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]) {
+                (jacobian[0], by_time[0]) = (0.0, 0.0);
+            }
+        }
+        let tolerance = Tolerance { relative: 1e-6, nominals: &[1.0] };
+        let mut integrator = Integrator::new(1);
+        let mut trials = 0;
+        integrator.next = 2.0;
+        integrator.step(&mut Wall, (0.0, 1e4), &[0.0], &tolerance, &mut trials).unwrap();
+        assert_eq!(trials, 2);
+        // A fifth of 2, but for the division of the time to the end into equal steps.
+        assert!((integrator.next - 0.4).abs() < 1e-3, "{}", integrator.next);
     }
 
     #[test]
@@ -467,7 +489,7 @@ mod tests {
     #[test]
     fn a_step_to_the_end_ends_there() {
         let (begin, end): (f64, f64) = (0.3, 0.9);
-        assert!(begin + (end - begin) != end, "rounding would end it elsewhere");
+        assert_ne!((begin + (end - begin)).to_bits(), end.to_bits(), "rounding would end it elsewhere");
         let tolerance = Tolerance { relative: 1e6, nominals: &[1.0; 2] };
         let mut integrator = Integrator::new(2);
         integrator.next = 10.0;
@@ -521,6 +543,28 @@ mod tests {
         let tolerance = Tolerance { relative: 1e-3, nominals: &[1.0; 2] };
         let result = Integrator::new(2).step(&mut Broken, (0.0, 1.0), &[0.0; 2], &tolerance, &mut 0);
         assert_eq!(result, Err(StepFailure { state: 1 }));
+    }
+
+    #[test]
+    fn within_a_step_the_error_is_less_than_at_its_end() {
+        let length = 0.1;
+        let mut integrator = Integrator::new(2);
+        integrator.next = length;
+        let tolerance = Tolerance { relative: 1.0, nominals: &[1.0; 2] };
+        integrator.step(&mut Nonlinear, (1.0, 1.0 + length), &exact(1.0), &tolerance, &mut 0).unwrap();
+        for eighth in 1..8 {
+            let time = 1.0 + f64::from(eighth) / 8.0 * length;
+            let mut states = [0.0; 2];
+            integrator.states_at(time, &mut states);
+            for (i, (state, exact)) in states.iter().zip(exact(time)).enumerate() {
+                // The largest is a third.
+                let error = ((state - exact) / integrator.stages[STAGES - 1][i]).abs();
+                assert!(
+                    error < 0.5,
+                    "after {eighth} eighths, {error} of the error that is estimated for the end"
+                );
+            }
+        }
     }
 
     #[test]

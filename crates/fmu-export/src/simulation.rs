@@ -77,16 +77,12 @@ impl<M: Model> Simulation<M> {
         let step = Step { start: *time, size, inputs };
         let mut context = Context::new(*experiment, &mut log);
         model.step(variables, &step, &mut context)?;
-        match context.end {
-            Some(end) => {
-                *time = end;
-                Err(Error::new(format!("the model asks for the end at {end:?} s")))
-            }
-            None => {
-                *time += size;
-                Ok(())
-            }
+        if let Some(end) = context.end {
+            *time = end;
+            return Err(Error::new(format!("the model asks for the end at {end:?} s")));
         }
+        *time += size;
+        Ok(())
     }
 }
 

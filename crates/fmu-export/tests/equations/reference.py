@@ -1,6 +1,6 @@
-"""The systems without events, and their solutions: prints solutions.csv, by SciPy's Radau at a relative tolerance of
-1e-12. Run with SciPy 1.17.1. That of HIRES agrees at its last time with the one that Hairer and Wanner publish, which a
-Taylor series in 30 digits gives as well."""
+"""The systems without events, and their solutions: prints solutions.csv, by SciPy's Radau at a relative
+tolerance of 1e-12. Run with SciPy 1.17.1. That of HIRES agrees at its last time with the one that Hairer and
+Wanner publish, which a Taylor series in 30 digits gives as well."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -153,7 +153,7 @@ const VARIABLES: &[Break] = &[
     ("three start values of two elements", "start-count", Fmi3, xml(r#"start="1 2""#, r#"start="1 2 3""#)),
     ("min above max", "range", Fmi2, xml(r#"variability="fixed"><Real/>"#, r#"variability="fixed"><Real min="2" max="1"/>"#)),
     ("a nominal value of 0", "nominal", Fmi2, xml(r#"<Real start="0"/>"#, r#"<Real start="0" nominal="0"/>"#)),
-    ("a state with a nominal value of 0", "state-nominal", Fmi2, xml(r#"nominal="2""#, r#"nominal="0""#)),
+    ("a state with a negative nominal value", "state-nominal", Fmi2, xml(r#"nominal="2""#, r#"nominal="-2""#)),
     ("an infinite max", "finite", Fmi2, xml(r#"max="3""#, r#"max="INF""#)),
     ("a derivative of nothing", "derivative", Fmi2, xml(r#"<Real start="0"/>"#, r#"<Real start="0" derivative="99"/>"#)),
     ("reinit without Model Exchange", "reinit", Fmi2, xml("<ModelExchange modelIdentifier=\"tank\" canGetAndSetFMUstate=\"true\" canSerializeFMUstate=\"true\">\n    <SourceFiles><File name=\"tank.c\"/></SourceFiles>\n  </ModelExchange>", "")),

@@ -13,7 +13,7 @@ macro_rules! variables {
 variables!(decay: "decay", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
     bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared");
 
-/// Exponential decay towards an input, from a start value and an offset together.
+/// Exponential decay towards an input and a ramp in time, from a start value and an offset together.
 #[derive(Clone, Debug, Default, Persistent)]
 pub struct Decay {}
 
@@ -26,7 +26,7 @@ impl Equations for Decay {
 
     fn evaluate<T: Number>(&self, time: T, variables: &mut decay::Variables<T>) {
         let decay::Variables { parameters, inputs, states, derivatives, outputs, .. } = variables;
-        derivatives.x = parameters.rate * (inputs.target - states.x);
+        derivatives.x = parameters.rate * (inputs.target + parameters.ramp * time - states.x);
         outputs.square = states.x * states.x;
         outputs.seconds = time;
     }
@@ -153,12 +153,13 @@ impl Equations for Stairs {
 
     fn evaluate<T: Number>(&self, _time: T, variables: &mut stairs::Variables<T>) {
         variables.derivatives.level = T::from(f64::from(self.steps));
+        variables.outputs.seen = variables.inputs.signal;
         variables.outputs.steps = self.steps;
         variables.outputs.switches = self.switches;
     }
 
     fn event_indicators(&self, _time: f64, variables: &stairs::Variables, indicators: &mut [f64]) {
-        indicators[0] = variables.inputs.signal;
+        indicators[0] = variables.outputs.seen;
     }
 
     fn next_event(&self, time: f64, variables: &stairs::Variables) -> Option<f64> {
@@ -178,6 +179,7 @@ impl Equations for Stairs {
         }
         if event.indicators[0] {
             self.switches += 1;
+            variables.outputs.last_switch = event.time;
         }
         Ok(())
     }

@@ -4,7 +4,8 @@ use fmu_export::{
     Equations, Error, InputSignal, Integrated, Model, Simulation, Variables as _, check_dependencies,
 };
 use fmu_export_equations::{
-    BouncingBall, Decay, Hires, Robertson, Stairs, Undeclared, VanDerPol, bouncing_ball, decay,
+    BouncingBall, Decay, Hires, Robertson, Stairs, Undeclared, VanDerPol, bouncing_ball, decay, stairs,
+    undeclared,
 };
 
 /// The solutions that `reference.py` printed: name, time and states.
@@ -134,6 +135,30 @@ fn inputs_with_derivatives_are_followed() {
 }
 
 #[test]
+fn a_ramp_of_the_input_is_integrated_as_one_in_time() {
+    let mut in_time = simulation::<Decay>(1e-4);
+    in_time.variables.parameters.ramp = 2.0;
+    in_time.initialize().unwrap();
+    in_time.step(2.0).unwrap();
+    let mut of_input = simulation::<Decay>(1e-4);
+    of_input.initialize().unwrap();
+    let mut inputs = InputSignal::constant(of_input.inputs);
+    inputs.set_derivative(0, 1, 2.0);
+    of_input.step_with(2.0, &inputs).unwrap();
+    // The same steps; what is left is the rounding of some, on states of order 1.
+    let difference = (in_time.variables.states.x - of_input.variables.states.x).abs();
+    assert!(difference < 100.0 * f64::EPSILON, "{difference:e}");
+}
+
+#[test]
+fn the_start_time_is_that_of_the_experiment() {
+    let mut simulation = simulation::<Decay>(1e-6);
+    simulation.experiment.start_time = 5.0;
+    simulation.initialize().unwrap();
+    assert_eq!(simulation.variables.outputs.seconds.to_bits(), 5.0_f64.to_bits());
+}
+
+#[test]
 fn the_ball_bounces_when_it_should_until_it_rests() {
     let mut simulation = simulation::<BouncingBall>(1e-6);
     simulation.variables.parameters.restitution = 0.97;
@@ -193,8 +218,14 @@ fn events_in_time_are_at_their_very_number() {
         let time = f64::from(expected) * 0.3;
         assert_eq!(simulation.variables.outputs.last_step.to_bits(), time.to_bits());
     }
+    let mut at_once = self::simulation::<Stairs>(1e-6);
+    at_once.initialize().unwrap();
+    at_once.step(4.0).unwrap();
+    assert_eq!(at_once.variables.outputs, simulation.variables.outputs);
     // The rates 1, 2, …, 12 for 0.3 s each, and 13 for 0.1 s.
-    assert_near(&[simulation.variables.states.level], &[0.3 * 78.0 + 13.0 * 0.1], 1e-6, 1.0, "level");
+    for simulation in [simulation, at_once] {
+        assert_near(&[simulation.variables.states.level], &[0.3 * 78.0 + 13.0 * 0.1], 1e-6, 1.0, "level");
+    }
 }
 
 #[test]
@@ -219,10 +250,23 @@ fn an_input_that_jumps_is_an_event_at_the_beginning_of_the_step() {
     simulation.step(0.1).unwrap();
     assert_eq!(simulation.variables.outputs.switches, 0);
     for (signal, switches) in [(1.0, 1), (2.0, 1), (-1.0, 2)] {
+        let (begin, before) = (simulation.time, simulation.variables.outputs);
         simulation.inputs.signal = signal;
         simulation.step(0.1).unwrap();
-        assert_eq!(simulation.variables.outputs.switches, switches);
+        let stairs::Outputs { switches: found, last_switch, .. } = simulation.variables.outputs;
+        assert_eq!(found, switches);
+        let expected = if switches > before.switches { begin } else { before.last_switch };
+        assert_eq!(last_switch.to_bits(), expected.to_bits());
     }
+}
+
+#[test]
+fn an_indicator_that_is_positive_at_the_start_is_no_event() {
+    let mut simulation = simulation::<Stairs>(1e-6);
+    simulation.inputs.signal = 1.0;
+    simulation.initialize().unwrap();
+    simulation.step(0.1).unwrap();
+    assert_eq!(simulation.variables.outputs.switches, 0);
 }
 
 #[test]
@@ -231,7 +275,7 @@ fn an_indicator_that_changes_twice_within_a_step_of_the_integrator_is_two_events
     // (t − 0.1)·(0.15 − t), positive within. The rate is constant, so that one step goes to the end.
     simulation.inputs.signal = -0.015;
     simulation.initialize().unwrap();
-    let mut inputs = InputSignal::constant(simulation.inputs.clone());
+    let mut inputs = InputSignal::constant(simulation.inputs);
     inputs.set_derivative(0, 1, 0.25);
     inputs.set_derivative(0, 2, -2.0);
     simulation.step_with(0.25, &inputs).unwrap();
@@ -301,7 +345,9 @@ fn directional_derivatives_are_exact() {
 
 #[test]
 fn dependencies_that_are_not_declared_are_found() {
-    check_dependencies::<Integrated<Decay>>(&Default::default()).unwrap();
-    let error = check_dependencies::<Integrated<Undeclared>>(&Default::default()).unwrap_err().to_string();
+    check_dependencies::<Integrated<Decay>>(&decay::Variables::default()).unwrap();
+    let error = check_dependencies::<Integrated<Undeclared>>(&undeclared::Variables::default())
+        .unwrap_err()
+        .to_string();
     assert_eq!(error, "der(x) depends on target, which its 'reads' leave out");
 }
