@@ -125,8 +125,8 @@ def test_a_parameter_set_is_bound(decay):
         step_size=0.1,
         parameter_set=parameter_set,
     )
-    # In a row of FMPy's there are the time before a step and the values after it; to the default tolerance in each of
-    # ten steps.
+    # In a row of FMPy's there are the time before a step and the values after it; to the default tolerance in
+    # each of ten steps.
     assert result["x"] == pytest.approx(np.exp(-2 * (result["time"] + 0.1)), abs=11e-6)
 
 
@@ -201,7 +201,8 @@ def test_the_other_templates_export_from_a_workspace(decay, folder):
         run(workspace, "cargo", "fmu", "new", name, "--template", template)
     built = {"CARGO_TARGET_DIR": decay / "target"}
     run(workspace, "cargo", "fmt", "--all", "--check")
-    run(workspace, "cargo", "clippy", "--all-targets", "--", "-D", "warnings", "-W", "clippy::pedantic", **built)
+    lints = ["-D", "warnings", "-W", "clippy::pedantic"]
+    run(workspace, "cargo", "clippy", "--all-targets", "--", *lints, **built)
     run(workspace, "cargo", "test", **built)
     run(workspace, "cargo", "fmu", "export", "--out", "all", **built)
     run(workspace / "ball", "cargo", "fmu", "export", "-p", "ball", "--out", "one", **built)

@@ -128,7 +128,7 @@ pub use generated::*;
 #[allow(unused_imports)]
 pub use ::fmu_export::{} as export_fmi2;
 
-#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+#[allow(dead_code, unused_variables, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 mod generated {{
 use ::fmu_export::description as fmi;
 ",

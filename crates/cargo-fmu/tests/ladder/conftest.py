@@ -1,4 +1,5 @@
-"""The FMUs of the ladder, each with both interfaces: `bash tests/run` makes them with `cargo fmu new` and exports them."""
+"""The FMUs of the ladder, with both interfaces: `bash tests/run` makes them with `cargo fmu new` and
+exports."""
 
 from __future__ import annotations
 
@@ -28,8 +29,8 @@ def fmu() -> Callable[[str], Path]:
 
 @pytest.fixture
 def instance(fmu: Callable[[str], Path], tmp_path: Path) -> Iterator[Callable[..., Instance]]:
-    """Makes initialized instances in the second importer, each of its own copy of the library, and frees them after the
-    test."""
+    """Makes initialized instances in the second importer, each of its own copy of the library, and frees them
+    after the test."""
     made: list[Instance] = []
     folders = (tmp_path / str(number) for number in itertools.count())
 

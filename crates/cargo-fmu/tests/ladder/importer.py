@@ -1,12 +1,12 @@
-"""An importer of FMI 2.0 that shares no code with FMPy: the C functions by ctypes, co-simulation by fmi2DoStep, and Model
-Exchange by the pseudocode of the standard (FMI 2.0.5, section 3.2.4) around SciPy's Radau or DOP853, with state events
-located in their dense output."""
+"""An importer of FMI 2.0 that shares no code with FMPy: the C functions by ctypes, co-simulation by
+fmi2DoStep, and Model Exchange by the pseudocode of the standard (FMI 2.0.5, section 3.2.4) around SciPy's
+Radau or DOP853, with state events located in their dense output."""
 
 from __future__ import annotations
 
 import ctypes
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from ctypes import CFUNCTYPE, POINTER, byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
 from pathlib import Path
 from xml.etree import ElementTree
@@ -89,16 +89,15 @@ class Instance:
         instantiate = self.library.fmi2Instantiate
         instantiate.restype = c_void_p
         instantiate.argtypes = [c_char_p, c_int, c_char_p, c_char_p, POINTER(Callbacks), c_int, c_int]
+        guid = root.get("guid").encode()
         self.component = c_void_p(
-            instantiate(name.encode(), kind, root.get("guid").encode(), resources, byref(self.callbacks), 0, 0)
+            instantiate(name.encode(), kind, guid, resources, byref(self.callbacks), 0, 0)
         )
         assert self.component.value, self.messages
         for variable, value in (start_values or {}).items():
             self.set(variable, value)
-        has_tolerance = tolerance is not None
-        self.call(
-            "SetupExperiment", c_int(has_tolerance), c_double(tolerance or 0.0), c_double(start_time), c_int(0), c_double(0)
-        )
+        times = c_double(start_time), c_int(0), c_double(0.0)
+        self.call("SetupExperiment", c_int(tolerance is not None), c_double(tolerance or 0.0), *times)
         self.call("EnterInitializationMode")
         self.call("ExitInitializationMode")
 
@@ -112,7 +111,7 @@ class Instance:
         kind = "Integer" if kind == "Enumeration" else kind
         value = {"Real": c_double, "String": c_char_p}.get(kind, c_int)()
         self.call(f"Get{kind}", byref(c_uint(reference)), c_size_t(1), byref(value))
-        return {"Boolean": bool, "String": lambda text: text.decode()}.get(kind, lambda same: same)(value.value)
+        return value.value.decode() if kind == "String" else value.value
 
     def set(self, variable: str, value: object) -> None:
         reference, kind = self.variables[variable]
@@ -143,7 +142,8 @@ class Instance:
     def go_to(self, time: float, states: np.ndarray) -> None:
         self.call("SetTime", c_double(time))
         if self.state_count:
-            self.call("SetContinuousStates", (c_double * self.state_count)(*states), c_size_t(self.state_count))
+            count = self.state_count
+            self.call("SetContinuousStates", (c_double * count)(*states), c_size_t(count))
 
     def derivatives(self, time: float, states: np.ndarray) -> np.ndarray:
         self.evaluations += 1
@@ -175,8 +175,8 @@ class Instance:
         rtol: float = 1e-10,
         at_event: Callable[[float], None] = lambda time: None,
     ) -> float:
-        """Simulates to the last of the times. `at` is called at each of them, where variables can be read, and
-        `at_event` after each event. Returns the time that was reached."""
+        """Simulates to the last of the times. `at` is called at each of them, where variables can be read,
+        and `at_event` after each event. Returns the time that was reached."""
         time, pending = times[0], list(times)
         goes_on = self.handle_event()
         at_event(time)
@@ -186,9 +186,7 @@ class Instance:
             if not goes_on or not pending:
                 self.call("Terminate")
                 return time
-            for time, states in self.integrate(time, times[-1], pending, at, method, rtol):
-                pass
-            self.go_to(time, states)
+            time = self.integrate(time, times[-1], pending, at, method, rtol)
             is_due = self.info.next_event_time_defined and time >= self.info.next_event_time
             if is_due or self.has_crossed:
                 self.call("EnterEventMode")
@@ -196,17 +194,23 @@ class Instance:
                 at_event(time)
 
     def integrate(
-        self, time: float, stop: float, pending: list[float], at: Callable[[float], None], method: type, rtol: float
-    ) -> Iterator[tuple[float, np.ndarray]]:
-        """Integrates up to the next event, or the end; yields what each completed step has reached."""
+        self,
+        time: float,
+        stop: float,
+        pending: list[float],
+        at: Callable[[float], None],
+        method: type,
+        rtol: float,
+    ) -> float:
+        """Integrates up to the next event, or the end. Returns the time that was reached."""
         self.has_crossed = False
         until = min(stop, self.info.next_event_time) if self.info.next_event_time_defined else stop
         states = self.reals("GetContinuousStates", self.state_count) if self.state_count else np.zeros(0)
         before = self.indicators(time, states)
         if not self.state_count:
             self.pass_on(pending, until, lambda _: states, at)
-            yield until, states
-            return
+            self.go_to(until, states)
+            return until
         atol = rtol * self.reals("GetNominalsOfContinuousStates", self.state_count)
         solver = method(self.derivatives, time, states, until, rtol=rtol, atol=atol)
         while solver.status == "running":
@@ -214,27 +218,44 @@ class Instance:
             solver.step()
             assert solver.status != "failed", f"SciPy's solver failed at {solver.t} s"
             self.steps += 1
-            end, dense = solver.t, solver.dense_output()
-            changed = lambda time: (self.indicators(time, dense(time)) != before).any()
-            # A step may cross twice: it is searched in eight places.
-            place = next((place for place in np.linspace(begin, end, 9)[1:] if changed(place)), None)
-            if place is not None:
-                left, end = place - (solver.t - begin) / 8, place
-                while left < (middle := left + 0.5 * (end - left)) < end:
-                    left, end = (left, middle) if changed(middle) else (middle, end)
-                self.has_crossed = True
+            dense = solver.dense_output()
+            end = self.first_change(begin, solver.t, dense, before)
             self.pass_on(pending, end, dense, at)
-            states = solver.y if end == solver.t else dense(end)
-            self.go_to(end, states)
+            self.go_to(end, solver.y if end == solver.t else dense(end))
             event, ends = c_int(), c_int()
             self.call("CompletedIntegratorStep", c_int(1), byref(event), byref(ends))
-            assert not (event.value or ends.value), "no model of the ladder has step events"
-            yield end, states
+            assert (event.value, ends.value) == (0, 0), "no model of the ladder has step events"
             if self.has_crossed:
-                return
+                return end
+        return solver.t
+
+    def first_change(
+        self, begin: float, end: float, dense: Callable[[float], np.ndarray], before: np.ndarray
+    ) -> float:
+        """The first time in a step at which an event indicator has changed, otherwise its end."""
+
+        def changed(time: float) -> bool:
+            return bool((self.indicators(time, dense(time)) != before).any())
+
+        # A step may cross twice: it is searched in eight places.
+        left = begin
+        for place in np.linspace(begin, end, 9)[1:]:
+            if changed(place):
+                break
+            left = place
+        else:
+            return end
+        self.has_crossed, right = True, place
+        while left < (middle := left + 0.5 * (right - left)) < right:
+            left, right = (left, middle) if changed(middle) else (middle, right)
+        return right
 
     def pass_on(
-        self, pending: list[float], end: float, dense: Callable[[float], np.ndarray], at: Callable[[float], None]
+        self,
+        pending: list[float],
+        end: float,
+        dense: Callable[[float], np.ndarray],
+        at: Callable[[float], None],
     ) -> None:
         """Calls `at` for the times before the end of a step."""
         while pending and pending[0] < end:
@@ -246,4 +267,4 @@ class Instance:
         self.library.fmi2FreeInstance(self.component)
 
 
-__all__ = ["CO_SIMULATION", "DISCARD", "DOP853", "Failed", "Instance", "MODEL_EXCHANGE", "Radau"]
+__all__ = ["CO_SIMULATION", "DISCARD", "DOP853", "MODEL_EXCHANGE", "Failed", "Instance", "Radau"]

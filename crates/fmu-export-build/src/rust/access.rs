@@ -126,7 +126,6 @@ impl ::fmu_export::Variables for Variables {{
         }}
         #[cold]
         fn find(variables: &Variables) -> ::core::option::Option<fmi::ValueReference> {{
-            let _ = variables;
             let reals: &[(_, f64)] = &[
 {reals}            ];
             reals.iter().find(|(_, value)| !value.is_finite()).map(|&(reference, _)| reference)

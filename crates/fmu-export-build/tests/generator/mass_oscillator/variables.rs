@@ -6,7 +6,7 @@ pub use generated::*;
 #[allow(unused_imports)]
 pub use ::fmu_export::fmi2_co_simulation as export_fmi2;
 
-#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+#[allow(dead_code, unused_variables, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 mod generated {
 use ::fmu_export::description as fmi;
 
@@ -332,7 +332,6 @@ impl ::fmu_export::Variables for Variables {
         }
         #[cold]
         fn find(variables: &Variables) -> ::core::option::Option<fmi::ValueReference> {
-            let _ = variables;
             let reals: &[(_, f64)] = &[
                 (3, variables.states.position),
                 (1, variables.states.velocity),
