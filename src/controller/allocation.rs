@@ -25,12 +25,17 @@ pub fn ramp(value: f64, from: f64, to: f64) -> f64 {
 
 impl AllocationParameters {
     /// How far the low-pressure wastegate takes part at an engine speed (rpm).
-    pub fn low_pressure_share(&self, engine_speed: f64) -> f64 {
+    pub(super) fn low_pressure_share(&self, engine_speed: f64) -> f64 {
         ramp(engine_speed, self.low_pressure_shut_below, self.low_pressure_free_above)
     }
 
     /// The limits of the virtual duty: where the low-pressure wastegate takes part, up to where it is fully open.
-    pub fn limits(&self, parameters: &Parameters, engine_speed: f64, compensator: Compensator) -> Limits {
+    pub(super) fn limits(
+        &self,
+        parameters: &Parameters,
+        engine_speed: f64,
+        compensator: Compensator,
+    ) -> Limits {
         let (least, most) = (parameters.pwm_min, parameters.pwm_max);
         if engine_speed > self.low_pressure_shut_below {
             Limits { least, most: self.low_pressure_open() }
@@ -48,7 +53,7 @@ impl AllocationParameters {
     ///
     /// The low-pressure wastegate follows a hyperbola, since its effect on boost falls with its opening: the gain
     /// from virtual duty to boost pressure hardly changes.
-    pub fn openings(&self, virtual_duty: f64, engine_speed: f64) -> Openings {
+    pub(super) fn openings(&self, virtual_duty: f64, engine_speed: f64) -> Openings {
         let (span, beyond) = (self.low_pressure_span, virtual_duty - self.low_pressure_start);
         let curve = if beyond <= 0.0 {
             0.0

@@ -161,6 +161,7 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
     }
 
     /// The value of a table over the schedule's grid.
+    #[must_use]
     #[inline]
     pub fn interpolate(self, table: &[[f64; COLUMNS]; ROWS]) -> f64 {
         let (below, next) = (&table[self.row.below], &table[self.row.below + 1]);

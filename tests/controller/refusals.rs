@@ -55,10 +55,12 @@ fn grids_that_do_not_increase() {
     );
 }
 
+type Change = fn(&mut Parameters);
+
 /// Each of the strategy `split_range`; the strategy by speed and the other modes do not read them.
 #[test]
 fn an_allocation_that_contradicts_itself() {
-    let cases: [(fn(&mut Parameters), [&str; 2]); 8] = [
+    let cases: [(Change, [&str; 2]); 8] = [
         (
             |parameters| parameters.allocation.low_pressure_shut_below = 2500.0,
             ["low_pressure_shut_below is 2500 rpm", "low_pressure_free_above is 2500 rpm"],
