@@ -143,7 +143,7 @@ impl Loop {
             self.plant.step(-20.0 + f64::from(step) * STEP, STEP, &inputs);
         }
         self.plant.variables.parameters.tank.frozen = false;
-        self.plant.model.refresh(&mut self.plant.variables, &inputs);
+        self.plant.model.refresh(0.0, &mut self.plant.variables, &inputs);
         self
     }
 

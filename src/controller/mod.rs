@@ -25,7 +25,6 @@
 pub mod actuator_inverse;
 mod allocation;
 mod by_speed;
-mod clock;
 mod compensator;
 pub mod feedback;
 mod feedforward;
@@ -41,12 +40,11 @@ pub mod variables {
     fmu_export::include_variables!("BoostController");
 }
 
-use fmu_export::{Context, Error, InputsOf, Model, Persistent, Step};
+use fmu_export::{Context, Error, Persistent, Sample, Sampled, SampledModel};
 
 use crate::LONGEST_STEP;
 use allocation::Openings;
 use by_speed::BySpeed;
-use clock::SampleClock;
 use compensator::{Compensator, Limits, SupplyVoltage};
 use law::{BoostLaw, DutyTerms};
 use split_range::SplitRange;
@@ -60,10 +58,12 @@ const LEAST_MEASUREMENT: f64 = 20e3;
 /// The limits of the duty (%) where none are set: modes position and `open_loop`.
 const FULL_RANGE: (f64, f64) = (0.0, 100.0);
 
-/// The boost pressure controller as a co-simulation model.
+/// The boost pressure controller.
+pub type BoostController = SampledModel<ControlLaw>;
+
+/// The control law, with its memory.
 #[derive(Clone, Debug, Default, Persistent)]
-pub struct BoostController {
-    clock: SampleClock,
+pub struct ControlLaw {
     relay: TankRelay,
     supply_voltage: SupplyVoltage,
     /// Of mode boost: none before the first measurement.
@@ -90,9 +90,13 @@ impl Command {
     }
 }
 
-impl Model for BoostController {
+impl Sampled for ControlLaw {
     type Variables = Variables;
     const LONGEST_STEP: f64 = LONGEST_STEP;
+
+    fn period(variables: &Variables) -> f64 {
+        variables.parameters.sample_time
+    }
 
     fn check_parameters(variables: &Variables) -> Result<(), Error> {
         let parameters = &variables.parameters;
@@ -119,7 +123,6 @@ impl Model for BoostController {
         inputs: &Inputs,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        *self = Self::default();
         let Variables { parameters, locals, outputs, .. } = variables;
         warn_of_ignored_schedule(parameters, context);
         let supply_voltage = SupplyVoltage::default().sample(inputs.supply_voltage_measured);
@@ -135,36 +138,19 @@ impl Model for BoostController {
         Ok(())
     }
 
-    fn step(
+    fn sample(
         &mut self,
+        sample: Sample,
         variables: &mut Variables,
-        step: &Step<'_, InputsOf<Self>>,
+        inputs: &Inputs,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let start_time = context.experiment.start_time;
-        let sample_time = variables.parameters.sample_time;
-        let until = self.clock.begin_step(step.start, step.end(), sample_time);
-        while let Some(time) = self.clock.next_before(until, start_time, sample_time) {
-            if step.inputs.is_constant() {
-                self.sample(variables, step.inputs.initial(), time, context);
-            } else {
-                // A sample that rounding places before the step takes the inputs of its begin.
-                let inputs = step.inputs.at((time - step.start).max(0.0));
-                self.sample(variables, &inputs, time, context);
-            }
-        }
-        variables.locals.sample_count = self.clock.executed();
-        Ok(())
-    }
-}
-
-impl BoostController {
-    /// Executes the sample at a time (s).
-    fn sample(&mut self, variables: &mut Variables, inputs: &Inputs, time: f64, context: &mut Context<'_>) {
+        let Sample { number, time } = sample;
+        variables.locals.sample_count = i32::try_from(number + 1).unwrap_or(i32::MAX);
         let Variables { parameters, locals, outputs, .. } = variables;
         if parameters.mode == ControlMode::Boost && self.law.is_none() {
             if inputs.boost_pressure < LEAST_MEASUREMENT {
-                return;
+                return Ok(());
             }
             self.law = Some(BoostLaw::at(inputs.boost_pressure));
             let pressure = inputs.boost_pressure;
@@ -189,6 +175,7 @@ impl BoostController {
         };
         self.by_speed.log_since(was_by_speed, inputs, time, context);
         publish(locals, outputs, &command, compensator, vacuum_pump);
+        Ok(())
     }
 }
 

@@ -45,7 +45,9 @@ pub mod variables {
     fmu_export::include_variables!("BoostPlant");
 }
 
-use fmu_export::{Context, Error, Experiment, InputSignal, Model, Persistent, Step, Variables as _};
+use fmu_export::{
+    Context, Error, Event, Experiment, InputSignal, Model, ModelExchange, Persistent, Step, Variables as _,
+};
 use num_dual::Dual64;
 
 use self::duty_latch::DutyLatch;
@@ -127,7 +129,7 @@ impl Model for BoostPlant {
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         self.system = System::new(&variables.parameters);
-        self.latch = DutyLatch::new(inputs.hp_wastegate_pwm);
+        self.latch = DutyLatch::new(context.experiment.start_time, inputs.hp_wastegate_pwm);
         self.pace = Pace::default();
         let tank_pressure = variables.start.tank.pressure;
         variables.states = match variables.parameters.initialization.mode {
@@ -140,7 +142,7 @@ impl Model for BoostPlant {
             InitializationMode::Given => variables.start,
         };
         warn_of_ignored_starts(variables, context);
-        self.refresh(variables, inputs);
+        self.refresh(context.experiment.start_time, variables, inputs);
         Ok(())
     }
 
@@ -157,7 +159,7 @@ impl Model for BoostPlant {
         let budget = budget(step.size);
         let mut done = 0.0;
         if parameters.valve.duty_latch {
-            let begin = step.start - context.experiment.start_time;
+            let begin = step.start - self.latch.start_time;
             let frequency = parameters.valve.pwm_frequency;
             // The duty is discrete: all periods that start within a step have the same.
             if let Some(instant) = self.latch.next_before(begin + step.size, frequency) {
@@ -173,12 +175,12 @@ impl Model for BoostPlant {
         let inputs = self.as_held(variables, step.inputs.at(step.size));
         match evaluation {
             Some(evaluation) => self.show(variables, &inputs, &evaluation),
-            None => self.refresh(variables, &inputs),
+            None => self.refresh(step.end(), variables, &inputs),
         }
         Ok(())
     }
 
-    fn refresh(&mut self, variables: &mut Variables, inputs: &Inputs) {
+    fn refresh(&mut self, _time: f64, variables: &mut Variables, inputs: &Inputs) {
         self.system.freeze_tank(variables.parameters.tank.frozen);
         let inputs = self.as_held(variables, *inputs);
         let evaluation = self.system.evaluate(&inputs, &variables.states);
@@ -187,6 +189,7 @@ impl Model for BoostPlant {
 
     fn differentiate(
         &self,
+        _time: f64,
         variables: &Variables,
         inputs: &Inputs,
         direction: &Variables,
@@ -203,6 +206,7 @@ impl Model for BoostPlant {
 
     fn differentiate_initialization(
         &self,
+        _start_time: f64,
         variables: &Variables,
         inputs: &Inputs,
         direction: &Variables,
@@ -228,6 +232,28 @@ impl Model for BoostPlant {
 
     fn restored(&mut self, variables: &Variables) {
         self.system = System::new(&variables.parameters);
+    }
+}
+
+/// The importer's solver takes the place of `integration`. Periods of the duty are time events. The kinks of the
+/// equations, such as the rod's stops and reversals, are not events: a solver does not need them (`docs/integration.md`).
+impl ModelExchange for BoostPlant {
+    fn next_event(&self, _time: f64, variables: &mut Variables, _inputs: &Inputs) -> Option<f64> {
+        let valve = &variables.parameters.valve;
+        valve.duty_latch.then(|| self.latch.next(valve.pwm_frequency))
+    }
+
+    fn event(
+        &mut self,
+        event: &Event<'_>,
+        _variables: &mut Variables,
+        inputs: &Inputs,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        if event.is_due {
+            self.latch.take(inputs.hp_wastegate_pwm);
+        }
+        Ok(())
     }
 }
 

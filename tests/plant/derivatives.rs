@@ -31,9 +31,9 @@ fn derivatives(point: &Variables, known: ValueReference, of_initialization: bool
     let mut direction = Variables::zero();
     direction.set_real(known, 1.0);
     let derivatives = if of_initialization {
-        model.differentiate_initialization(&variables, variables.inputs(), &direction)
+        model.differentiate_initialization(0.0, &variables, variables.inputs(), &direction)
     } else {
-        model.differentiate(&variables, variables.inputs(), &direction)
+        model.differentiate(0.0, &variables, variables.inputs(), &direction)
     };
     derivatives.expect("there are derivatives")
 }

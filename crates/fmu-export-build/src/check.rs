@@ -40,6 +40,7 @@ pub(crate) fn declaration(declaration: &Declaration, identifier: &str, refusals:
         }
     }
     names(declaration, refusals);
+    event_indicators(declaration, refusals);
     texts(declaration, refusals);
 }
 
@@ -77,6 +78,20 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
         if variables.chain(["time"]).any(|variable| variable == component) {
             let reason = format!("'{component}' is the name of a variable, too");
             refusals.add(format!("components[{number}].name"), reason);
+        }
+    }
+}
+
+/// Event indicators are called as variables are, such as `vessel.empty`.
+fn event_indicators(declaration: &Declaration, refusals: &mut Refusals) {
+    let mut seen = BTreeSet::new();
+    for (number, name) in declaration.event_indicators.iter().enumerate() {
+        let key = format!("event_indicators[{number}]");
+        if let Err(reason) = name.split('.').try_for_each(field_name) {
+            refusals.add(&key, format!("{name}: {reason}"));
+        }
+        if !seen.insert(name) {
+            refusals.add(key, format!("'{name}' is declared twice"));
         }
     }
 }
@@ -281,6 +296,9 @@ fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, 
             || !matches!(causality, Causality::Local | Causality::Output))
     {
         return Err(("derivative", "only a continuous Real that is local or an output has one".to_owned()));
+    }
+    if variable.reinit && !is_state {
+        return Err(("reinit", "only a state, which has a 'derivative', can be set by events".to_owned()));
     }
     let place = match causality {
         _ if is_state => Place::States,

@@ -43,6 +43,8 @@ pub(crate) struct Declaration {
     pub(crate) documentation: Option<String>,
     /// The PNG that importers show the FMU with, relative to this file.
     pub(crate) icon: Option<String>,
+    /// The folder of files that the model reads at run time, relative to this file; the FMU's folder resources.
+    pub(crate) resources: Option<String>,
     /// Types whose values are names.
     #[serde(default)]
     pub(crate) enumerations: Vec<EnumerationDeclaration>,
@@ -58,6 +60,9 @@ pub(crate) struct Declaration {
     /// Groups of components whose states are integrated together.
     #[serde(default)]
     pub(crate) state_groups: Vec<Described>,
+    /// The names of the event indicators: the functions whose change of sign is an event.
+    #[serde(default)]
+    pub(crate) event_indicators: Vec<String>,
 }
 
 /// Times in seconds.
@@ -165,6 +170,9 @@ pub(crate) struct VariableDeclaration {
     #[serde(default, deserialize_with = "true_or_object")]
     #[cfg_attr(test, schemars(schema_with = "derivative_schema"))]
     pub(crate) derivative: Option<DerivativeDeclaration>,
+    /// Of a state: whether events may set it, by which it jumps.
+    #[serde(default)]
+    pub(crate) reinit: bool,
     /// The variables that its equation reads directly. Left out: it depends on everything.
     pub(crate) reads: Option<Vec<String>>,
     /// The same for initialization, where that differs.

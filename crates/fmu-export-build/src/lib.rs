@@ -5,8 +5,10 @@ mod declaration;
 mod dependencies;
 mod error;
 mod fragment;
+mod interfaces;
 mod model;
 mod page;
+mod resources;
 mod rust;
 mod units;
 mod xml;
@@ -19,8 +21,10 @@ use std::process;
 use declaration::{Declaration, UnitDeclaration};
 use error::{Refusal, Refusals, Source};
 use model::Model;
+use resources::Resources;
 
 pub use error::{Error, Finding};
+pub use interfaces::{INTERFACES_VARIABLE, Interfaces};
 
 /// The JSON Schema of a model's declaration, for editors, as the file `model.schema.json`.
 pub const SCHEMA: &str = include_str!("../schema/model.schema.json");
@@ -62,7 +66,8 @@ impl Package {
 /// What [`generate_into`] read and wrote.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Generated {
-    /// The files that were read beside the declaration: units, documentation with its pictures, icon.
+    /// The files that were read beside the declaration: units, documentation with its pictures, icon; and the folder
+    /// of resources.
     pub sources: Vec<PathBuf>,
     /// The modelDescription.xml.
     pub model_description: PathBuf,
@@ -72,9 +77,13 @@ pub struct Generated {
     pub documentation: PathBuf,
     /// The icon, `model.png` beside them, where the declaration names one.
     pub icon: Option<PathBuf>,
+    /// The folder of the files that the model reads at run time, `resources` beside them, where the declaration names
+    /// one.
+    pub resources: Option<PathBuf>,
 }
 
-/// Generates the interface of a model into the folder of its name in `OUT_DIR`. For build scripts.
+/// Generates the interface of a model into the folder of its name in `OUT_DIR`. For build scripts. The environment
+/// variable [`INTERFACES_VARIABLE`] chooses the interfaces of FMI.
 ///
 /// When the declaration is refused, the build ends with what is wrong: an error for each finding, with file, line
 /// and key.
@@ -84,8 +93,13 @@ pub struct Generated {
 pub fn generate(declaration: impl AsRef<Path>) {
     let declaration = declaration.as_ref();
     println!("cargo::rerun-if-changed={}", declaration.display());
+    println!("cargo::rerun-if-env-changed={INTERFACES_VARIABLE}");
     let out_dir = env::var("OUT_DIR").expect("OUT_DIR is set for build scripts only");
-    match generate_into(declaration, Path::new(&out_dir), &Package::of_build_script()) {
+    let interfaces = Interfaces::of_environment().unwrap_or_else(|reason| {
+        println!("cargo::error={reason}");
+        process::exit(1);
+    });
+    match generate_into(declaration, Path::new(&out_dir), &Package::of_build_script(), interfaces) {
         Ok(generated) => {
             for source in generated.sources {
                 println!("cargo::rerun-if-changed={}", source.display());
@@ -107,7 +121,12 @@ pub fn generate(declaration: impl AsRef<Path>) {
 /// # Errors
 /// When the declaration or a file that it names cannot be read, or contradicts itself or FMI 2.0, or when the
 /// documentation names what the model does not have.
-pub fn generate_into(declaration: &Path, out_dir: &Path, package: &Package) -> Result<Generated, Error> {
+pub fn generate_into(
+    declaration: &Path,
+    out_dir: &Path,
+    package: &Package,
+    interfaces: Interfaces,
+) -> Result<Generated, Error> {
     let file = declaration;
     let (declaration, source) = Source::read::<Declaration>(file)?;
     let beside = |key: &str, name: &Option<String>| match name.as_ref().map(|name| file.with_file_name(name))
@@ -119,13 +138,18 @@ pub fn generate_into(declaration: &Path, out_dir: &Path, package: &Package) -> R
     };
     let units_file = beside("units", &declaration.units)?;
     let units = units_file.as_deref().map(read_units).transpose()?.unwrap_or_default();
-    let model = Model::new(&declaration, &units, package).map_err(|refusals| source.error(refusals))?;
+    let model =
+        Model::new(&declaration, &units, package, interfaces).map_err(|refusals| source.error(refusals))?;
     let structure = dependencies::Structure::new(&model.scalars);
     let description = xml::Description::new(&model, &structure);
     let read_fragment = |file: PathBuf| fragment::read(&file, &page::anchors(&model));
     let fragment = beside("documentation", &declaration.documentation)?.map(read_fragment).transpose()?;
     let icon_source = beside("icon", &declaration.icon)?;
     let icon = icon_source.as_deref().map(read_icon).transpose()?;
+    let resources =
+        declaration.resources.as_ref().map(|name| Resources::find(file.with_file_name(name), file));
+    let resources =
+        resources.transpose().map_err(|reason| source.error([Refusal::new("resources", reason)]))?;
     let page = page::write(&model, &structure, &description.guid, fragment.as_ref());
     let fragment_sources = fragment.map(|fragment| fragment.files).unwrap_or_default();
 
@@ -143,8 +167,22 @@ pub fn generate_into(declaration: &Path, out_dir: &Path, package: &Package) -> R
         // Of a build before the icon was taken out of the declaration.
         fs::remove_file(&icon_file).map_err(|error| Error::of_file(&icon_file, error))?;
     }
+    let resources_folder = folder.join("resources");
+    if resources_folder.exists() {
+        // Of a build before, which may have had other files.
+        fs::remove_dir_all(&resources_folder).map_err(|error| Error::of_file(&resources_folder, error))?;
+    }
+    if let Some(resources) = &resources {
+        resources.copy_to(&resources_folder)?;
+    }
     Ok(Generated {
-        sources: units_file.into_iter().chain(fragment_sources).chain(icon_source).collect(),
+        resources: resources.is_some().then_some(resources_folder),
+        sources: units_file
+            .into_iter()
+            .chain(fragment_sources)
+            .chain(icon_source)
+            .chain(resources.map(|resources| resources.folder))
+            .collect(),
         model_description: write("modelDescription.xml", description.text.as_bytes())?,
         variables: write("variables.rs", rust::generate(&model, &description.guid).as_bytes())?,
         documentation: write("index.html", page.as_bytes())?,

@@ -15,11 +15,13 @@ use crate::declaration::{
 };
 use crate::dependencies;
 use crate::error::{Refusal, Refusals, nearest};
+use crate::interfaces::Interfaces;
 use crate::units::{self, Unit, Units};
 
 /// A model that is ready to be printed.
 pub(crate) struct Model<'a> {
     pub(crate) declaration: &'a Declaration,
+    pub(crate) interfaces: Interfaces,
     pub(crate) identifier: String,
     pub(crate) description: Option<String>,
     pub(crate) author: Option<String>,
@@ -108,6 +110,8 @@ pub(crate) struct Scalar {
     pub(crate) start: Option<Start>,
     /// For a derivative: the position of its state.
     pub(crate) state: Option<usize>,
+    /// Of a state: whether events may set it.
+    pub(crate) reinit: bool,
     /// Where the value is within its place, e.g. `tank.pressure` or `gain[0][2]`.
     pub(crate) path: String,
     pub(crate) reads: Reads,
@@ -137,6 +141,7 @@ impl Scalar {
             nominal: None,
             start: None,
             state: None,
+            reinit: false,
             path: String::new(),
             reads: Some(Vec::new()),
             initial_reads: Some(Vec::new()),
@@ -167,6 +172,7 @@ impl<'a> Model<'a> {
         declaration: &'a Declaration,
         units: &'a [UnitDeclaration],
         package: &'a Package,
+        interfaces: Interfaces,
     ) -> Result<Self, Refusals> {
         let mut flattening = Flattening::new(declaration);
         let given = |text: &str| Some(text.to_owned()).filter(|text| !text.is_empty());
@@ -192,6 +198,7 @@ impl<'a> Model<'a> {
         refusals.check()?;
         Ok(Self {
             declaration,
+            interfaces,
             identifier,
             description: declaration.description.clone().or_else(|| given(&package.description)),
             author: declaration.author.clone().or_else(|| given(&package.authors.replace(':', ", "))),
@@ -360,6 +367,7 @@ impl<'a> Flattening<'a> {
                 min: declaration.min,
                 max: declaration.max,
                 nominal: declaration.nominal,
+                reinit: declaration.reinit,
                 start: checked.starts.as_ref().map(|starts| starts[number].clone()),
                 path: format!("{name}{indices}"),
                 ..Scalar::time()

@@ -81,6 +81,7 @@ pub(crate) fn write(
     let title = model.identifier.clone() + &description.collect::<String>();
     format!(
         include_str!("page/page.html"),
+        interfaces = model.interfaces.names(),
         name = escape(&model.identifier),
         title = escape(&title),
         description = escape(model.description.as_deref().unwrap_or_default()),
@@ -91,6 +92,11 @@ pub(crate) fn write(
         facts = page.facts(guid),
         capabilities = page.capabilities(),
         commands = page.commands(),
+        events = if model.interfaces.model_exchange() {
+            " In Model Exchange tunable parameters and discrete variables change at events alone."
+        } else {
+            ""
+        },
         model = fragment.map(model_section).unwrap_or_default(),
         tables = TABLES.map(|table| page.table(&table)).concat(),
         enumerations = page.enumerations(),
@@ -161,8 +167,10 @@ impl<'m, 'a> Page<'m, 'a> {
         });
         let counts = counts.collect::<Vec<_>>().join(", ");
         let experiment = self.experiment();
+        let interface = format!("FMI 2.0 for {}", model.interfaces.names());
+        let event_indicators = model.declaration.event_indicators.join(", ");
         let facts = [
-            ("Interface", Some("FMI 2.0 for co-simulation")),
+            ("Interface", Some(interface.as_str())),
             ("Version", Some(model.version)),
             ("Author", model.author.as_deref()),
             ("Copyright", model.declaration.copyright.as_deref()),
@@ -171,6 +179,11 @@ impl<'m, 'a> Page<'m, 'a> {
             ("GUID", Some(guid)),
             ("Default experiment", experiment.as_deref()),
             ("Scalar variables", Some(&counts)),
+            (
+                "Event indicators",
+                Some(event_indicators.as_str())
+                    .filter(|names| model.interfaces.model_exchange() && !names.is_empty()),
+            ),
         ];
         let facts = facts.into_iter().filter_map(|(term, text)| Some((term, text?)));
         lines(facts.map(|(term, text)| format!("<div><dt>{term}</dt><dd>{}</dd></div>", escape(text))))
@@ -187,7 +200,8 @@ impl<'m, 'a> Page<'m, 'a> {
 
     fn capabilities(&self) -> String {
         let has = &self.model.declaration.capabilities;
-        let capabilities = [
+        let co_simulation = self.model.interfaces.co_simulation();
+        let of_steps = [
             (
                 "canHandleVariableCommunicationStepSize",
                 has.variable_communication_step_size,
@@ -199,6 +213,8 @@ impl<'m, 'a> Page<'m, 'a> {
                 "inputs may come with their derivatives, by which they change within a step; discrete ones hold \
                  their values",
             ),
+        ];
+        let of_both = [
             (
                 "canGetAndSetFMUstate",
                 has.get_and_set_state,
@@ -212,10 +228,15 @@ impl<'m, 'a> Page<'m, 'a> {
             (
                 "providesDirectionalDerivative",
                 has.directional_derivatives,
-                "exact partial derivatives, and the outputs' derivatives over time",
+                if co_simulation {
+                    "exact partial derivatives, and the outputs' derivatives over time"
+                } else {
+                    "exact partial derivatives"
+                },
             ),
         ];
-        lines(capabilities.into_iter().map(|(name, has, meaning)| {
+        let of_steps = of_steps.into_iter().filter(|_| co_simulation);
+        lines(of_steps.chain(of_both).map(|(name, has, meaning)| {
             let has = if has { "yes" } else { "no" };
             format!("<tr><th scope=\"row\"><code>{name}</code></th><td>{has}</td><td>{meaning}</td></tr>")
         }))

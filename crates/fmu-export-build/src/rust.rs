@@ -109,12 +109,16 @@ pub(crate) fn generate(model: &Model<'_>, guid: &str) -> String {
 
 #[allow(unused_imports)]
 pub use generated::*;
+/// Defines the functions of FMI 2.0 for a model with these variables.
+#[allow(unused_imports)]
+pub use ::fmu_export::{} as export_fmi2;
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 mod generated {{
 use ::fmu_export::description as fmi;
 ",
-        model.identifier
+        model.identifier,
+        model.interfaces.macro_name(),
     );
     for enumeration in &model.declaration.enumerations {
         text += &enumeration_text(enumeration);

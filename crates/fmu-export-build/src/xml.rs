@@ -44,11 +44,20 @@ fn write(model: &Model<'_>, structure: &Structure, guid: &str) -> String {
         ("license", model.license.clone()),
         ("generationTool", Some(GENERATION_TOOL.to_owned())),
         ("variableNamingConvention", Some("structured".to_owned())),
+        (
+            "numberOfEventIndicators",
+            model.interfaces.model_exchange().then(|| declaration.event_indicators.len().to_string()),
+        ),
     ];
     let attributes = given(attributes);
     document(|writer| {
         element(writer, "fmiModelDescription", attributes, |writer| {
-            write_co_simulation(writer, model)?;
+            if model.interfaces.model_exchange() {
+                write_model_exchange(writer, model)?;
+            }
+            if model.interfaces.co_simulation() {
+                write_co_simulation(writer, model)?;
+            }
             write_units(writer, model)?;
             write_types(writer, declaration)?;
             element(writer, "LogCategories", vec![], |writer| {
@@ -76,6 +85,23 @@ fn write(model: &Model<'_>, structure: &Structure, guid: &str) -> String {
 /// The attributes that have a value.
 fn given<const N: usize>(attributes: [(&'static str, Option<String>); N]) -> Attributes {
     attributes.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
+}
+
+/// What the interfaces have in common is declared alike in both.
+fn write_model_exchange(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
+    let capabilities = &model.declaration.capabilities;
+    let attributes = vec![
+        ("modelIdentifier", model.identifier.clone()),
+        ("needsExecutionTool", false.to_string()),
+        // The runtime finds nothing out in it.
+        ("completedIntegratorStepNotNeeded", true.to_string()),
+        ("canBeInstantiatedOnlyOncePerProcess", false.to_string()),
+        ("canNotUseMemoryManagementFunctions", true.to_string()),
+        ("canGetAndSetFMUstate", capabilities.get_and_set_state.to_string()),
+        ("canSerializeFMUstate", capabilities.serialize_state.to_string()),
+        ("providesDirectionalDerivative", capabilities.directional_derivatives.to_string()),
+    ];
+    empty(writer, "ModelExchange", attributes)
 }
 
 fn write_co_simulation(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
@@ -191,6 +217,10 @@ fn type_element(model: &Model<'_>, scalar: &Scalar) -> (&'static str, Attributes
     };
     attributes.extend(scalar.start.as_ref().map(|value| ("start", start(value))));
     attributes.extend(scalar.state.map(|state| ("derivative", index(state).to_string())));
+    // The standard has it for Model Exchange alone (section 2.2.7).
+    if scalar.reinit && model.interfaces.model_exchange() {
+        attributes.push(("reinit", true.to_string()));
+    }
     (name, attributes)
 }
 

@@ -1,5 +1,5 @@
-//! The C boundary: the functions of the standard, generic over the model. [`export_fmi2!`] defines their symbols in
-//! the exported library.
+//! The C boundary: the functions of the standard, generic over the model. [`fmi2_co_simulation!`] and its siblings define
+//! their symbols in the exported library.
 //!
 //! All `unsafe` of the crate is here (and in the call of the logger). What these functions rely on is what
 //! the standard demands of an importer: a component comes from `fmi2Instantiate` and is used by one
@@ -11,7 +11,7 @@
 //! bytes, Rust to 8, and bindings of other languages pass parts of buffers. Memory for results is not read, and no
 //! Rust enum is read from the importer's memory.
 //!
-//! [`export_fmi2!`]: crate::export_fmi2
+//! [`fmi2_co_simulation!`]: crate::fmi2_co_simulation
 
 #![allow(clippy::missing_safety_doc, clippy::too_many_arguments)]
 
@@ -22,15 +22,17 @@ use std::slice;
 use std::sync::PoisonError;
 
 use crate::c_types::{
-    Boolean, Byte, CO_SIMULATION, CallbackFunctions, Component, ComponentEnvironment, FALSE, FmuState,
-    Integer, Status, ValueReference, status_kind,
+    Boolean, Byte, CO_SIMULATION, CallbackFunctions, Component, ComponentEnvironment, EventInfo, FALSE,
+    FmuState, Integer, MODEL_EXCHANGE, Status, ValueReference, status_kind,
 };
-use crate::calling_sequence::Function;
+use crate::calling_sequence::{Function, Interface};
 use crate::error::Error;
 use crate::instance::{Answer, Instance, Memory};
 use crate::logger::Logger;
 use crate::model::{Experiment, Model, Variables};
+use crate::model_exchange::ModelExchange;
 use crate::panics::contain;
+use crate::resources::Resources;
 use crate::saved_states;
 use crate::serialized_state::checksum;
 
@@ -162,7 +164,7 @@ pub unsafe fn instantiate<M: Model>(
     instance_name: *const c_char,
     fmu_type: c_int,
     guid: *const c_char,
-    _resource_location: *const c_char,
+    resource_location: *const c_char,
     functions: *const CallbackFunctions,
     _visible: Boolean,
     logging_on: Boolean,
@@ -186,7 +188,7 @@ pub unsafe fn instantiate<M: Model>(
         description.log_categories,
         logging_on != FALSE,
     );
-    let check = || -> Result<(), Error> {
+    let check = || -> Result<Interface, Error> {
         // C's white space: section 2.1.5 requires at least one other character.
         if name?.to_bytes().iter().all(|byte| matches!(byte, b' ' | b'\t'..=b'\r')) {
             return Err(Error::new("the argument instanceName is blank"));
@@ -199,14 +201,21 @@ pub unsafe fn instantiate<M: Model>(
                 description.model_identifier, description.guid
             )));
         }
-        if fmu_type != CO_SIMULATION {
-            return Err(Error::new("this FMU is for co-simulation, not for model exchange"));
+        let interfaces = description.interfaces;
+        match fmu_type {
+            CO_SIMULATION if interfaces.co_simulation => Ok(Interface::CoSimulation),
+            MODEL_EXCHANGE if interfaces.model_exchange => Ok(Interface::ModelExchange),
+            CO_SIMULATION => Err(Error::new("this FMU is for Model Exchange, not for Co-Simulation")),
+            MODEL_EXCHANGE => Err(Error::new("this FMU is for Co-Simulation, not for Model Exchange")),
+            other => Err(Error::new(format!("the argument fmuType is {other}, which is not an fmi2Type"))),
         }
-        Ok(())
     };
-    match check().and_then(|()| Instance::<M>::new_memory()) {
+    // SAFETY: the importer passes null or a string.
+    let resource_location = unsafe { c_string("fmuResourceLocation", resource_location) };
+    let resources = Resources::new(resource_location.ok().map(CStr::to_bytes));
+    match check().and_then(Instance::<M>::new_memory) {
         Ok(memory) => {
-            let instance = Instance::new(logger, memory);
+            let instance = Instance::new(logger, memory, resources);
             Box::into_raw(Box::new(Slave { fmu: Slave::<M>::FMU, instance })).cast()
         }
         Err(error) => {
@@ -273,9 +282,9 @@ pub unsafe fn setup_experiment<M: Model>(
 
 /// Defines functions whose only argument is the component.
 macro_rules! transitions {
-    ($($name:ident: $function:ident, $standard:literal;)*) => {$(
-        #[doc = concat!("`", $standard, "`.")]
-        pub unsafe fn $name<M: Model>(component: Component) -> Status {
+    ($($model:ident: $name:ident: $function:ident;)*) => {$(
+        #[doc = concat!("`fmi2", stringify!($function), "`.")]
+        pub unsafe fn $name<M: $model>(component: Component) -> Status {
             // SAFETY: the component is the importer's (see the module).
             unsafe { call::<M>(component, Function::$function, Instance::$name) }
         }
@@ -283,10 +292,13 @@ macro_rules! transitions {
 }
 
 transitions! {
-    enter_initialization_mode: EnterInitializationMode, "fmi2EnterInitializationMode";
-    exit_initialization_mode: ExitInitializationMode, "fmi2ExitInitializationMode";
-    terminate: Terminate, "fmi2Terminate";
-    reset: Reset, "fmi2Reset";
+    Model: enter_initialization_mode: EnterInitializationMode;
+    Model: exit_initialization_mode: ExitInitializationMode;
+    ModelExchange: exit_initialization_mode_with_events: ExitInitializationMode;
+    ModelExchange: enter_event_mode: EnterEventMode;
+    ModelExchange: enter_continuous_time_mode: EnterContinuousTimeMode;
+    Model: terminate: Terminate;
+    Model: reset: Reset;
 }
 
 /// Defines functions that get or set arrays of types that C and Rust share.
@@ -415,10 +427,7 @@ pub unsafe fn set_fmu_state<M: Model>(component: Component, state: FmuState) -> 
     // SAFETY: the component is the importer's (see the module).
     unsafe {
         call::<M>(component, Function::SetFMUstate, |instance| {
-            with_state(state, |memory| {
-                instance.restore(memory);
-                Ok(Status::Ok)
-            })
+            with_state(state, |memory| instance.restore(memory).map(|()| Status::Ok))
         })
     }
 }
@@ -488,10 +497,10 @@ pub unsafe fn deserialize_fmu_state<M: Model>(
 ) -> Status {
     // SAFETY: the component, the array and the state are the importer's (see the module).
     unsafe {
-        call::<M>(component, Function::DeSerializeFMUstate, |_| {
+        call::<M>(component, Function::DeSerializeFMUstate, |instance| {
             let bytes = elements("serializedState", serialized_state.cast::<u8>(), size)?;
             let state = not_null("FMUstate", state)?;
-            state.write_unaligned(keep(component, Instance::<M>::deserialize(&bytes)?));
+            state.write_unaligned(keep(component, instance.deserialize(&bytes)?));
             Ok(Status::Ok)
         })
     }
@@ -645,12 +654,12 @@ pub unsafe fn get_integer_status<M: Model>(
     unsafe { status::<M, _>(component, Function::GetIntegerStatus, value, |_| None) }
 }
 
-/// `fmi2GetBooleanStatus`: a slave never ends the simulation.
+/// `fmi2GetBooleanStatus`: whether the model asks for the end of the simulation.
 pub unsafe fn get_boolean_status<M: Model>(component: Component, kind: c_int, value: *mut Boolean) -> Status {
     // SAFETY: the component and the value are the importer's (see the module).
     unsafe {
-        status::<M, _>(component, Function::GetBooleanStatus, value, |_| {
-            (kind == status_kind::TERMINATED).then_some(FALSE)
+        status::<M, _>(component, Function::GetBooleanStatus, value, |instance| {
+            (kind == status_kind::TERMINATED).then(|| Boolean::from(instance.asks_for_end()))
         })
     }
 }
@@ -665,18 +674,124 @@ pub unsafe fn get_string_status<M: Model>(
     unsafe { status::<M, _>(component, Function::GetStringStatus, value, |_| None) }
 }
 
-/// Makes the 34 C functions of FMI 2.0 co-simulation for a model, in a library of the crate type `cdylib`.
-///
-/// ```ignore
-/// fmu_export::export_fmi2!(MyModel);
-/// ```
+/// `fmi2NewDiscreteStates`.
+pub unsafe fn new_discrete_states<M: ModelExchange>(component: Component, info: *mut EventInfo) -> Status {
+    // SAFETY: the component and the result are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::NewDiscreteStates, |instance| {
+            let info = not_null("fmi2eventInfo", info)?;
+            let (status, found) = instance.new_discrete_states()?;
+            info.write_unaligned(EventInfo {
+                new_discrete_states_needed: Boolean::from(found.again),
+                terminate_simulation: Boolean::from(found.terminate),
+                nominals_of_continuous_states_changed: FALSE,
+                values_of_continuous_states_changed: Boolean::from(found.states_changed),
+                next_event_time_defined: Boolean::from(found.next.is_some()),
+                next_event_time: found.next.unwrap_or_default(),
+            });
+            Ok(status)
+        })
+    }
+}
+
+/// `fmi2CompletedIntegratorStep`: of no consequence, as `completedIntegratorStepNotNeeded` says.
+pub unsafe fn completed_integrator_step<M: ModelExchange>(
+    component: Component,
+    _no_set_fmu_state_prior_to_current_point: Boolean,
+    enter_event_mode: *mut Boolean,
+    terminate_simulation: *mut Boolean,
+) -> Status {
+    // SAFETY: the component and the results are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::CompletedIntegratorStep, |_| {
+            let enter_event_mode = not_null("enterEventMode", enter_event_mode)?;
+            let terminate_simulation = not_null("terminateSimulation", terminate_simulation)?;
+            enter_event_mode.write_unaligned(FALSE);
+            terminate_simulation.write_unaligned(FALSE);
+            Ok(Status::Ok)
+        })
+    }
+}
+
+/// `fmi2SetTime`.
+pub unsafe fn set_time<M: ModelExchange>(component: Component, time: f64) -> Status {
+    // SAFETY: the component is the importer's (see the module).
+    unsafe { call::<M>(component, Function::SetTime, |instance| instance.set_time(time)) }
+}
+
+/// `fmi2SetContinuousStates`.
+pub unsafe fn set_continuous_states<M: ModelExchange>(
+    component: Component,
+    states: *const f64,
+    count: usize,
+) -> Status {
+    // SAFETY: the component and the array are the importer's (see the module).
+    unsafe {
+        call::<M>(component, Function::SetContinuousStates, |instance| {
+            instance.set_continuous_states(&elements("x", states, count)?)
+        })
+    }
+}
+
+/// Defines functions that get an array for all states or event indicators.
+macro_rules! arrays {
+    ($($name:ident: $function:ident, $argument:literal;)*) => {$(
+        #[doc = concat!("`fmi2", stringify!($function), "`.")]
+        pub unsafe fn $name<M: ModelExchange>(component: Component, values: *mut f64, count: usize) -> Status {
+            // SAFETY: the component and the array are the importer's (see the module).
+            unsafe {
+                call::<M>(component, Function::$function, |instance| {
+                    write_elements($argument, values, count, |values| instance.$name(values))
+                })
+            }
+        }
+    )*};
+}
+
+arrays! {
+    get_derivatives: GetDerivatives, "derivatives";
+    get_event_indicators: GetEventIndicators, "eventIndicators";
+    get_continuous_states: GetContinuousStates, "x";
+    get_nominals_of_continuous_states: GetNominalsOfContinuousStates, "x_nominal";
+}
+
+/// Makes the 34 C functions of FMI 2.0 Co-Simulation for a [`Model`], in a library of the crate type `cdylib`.
 #[macro_export]
-macro_rules! export_fmi2 {
+macro_rules! fmi2_co_simulation {
     ($model:ty) => {
+        $crate::fmi2_functions! { $model; exit_initialization_mode; co_simulation }
+    };
+}
+
+/// Makes the 35 C functions of FMI 2.0 Model Exchange for a model that implements [`ModelExchange`].
+///
+/// [`ModelExchange`]: crate::ModelExchange
+#[macro_export]
+macro_rules! fmi2_model_exchange {
+    ($model:ty) => {
+        $crate::fmi2_functions! { $model; exit_initialization_mode_with_events; model_exchange }
+    };
+}
+
+/// Makes the 44 C functions of FMI 2.0 with both interfaces for a model that implements [`ModelExchange`].
+///
+/// [`ModelExchange`]: crate::ModelExchange
+#[macro_export]
+macro_rules! fmi2_both {
+    ($model:ty) => {
+        $crate::fmi2_functions! { $model; exit_initialization_mode_with_events; co_simulation, model_exchange }
+    };
+}
+
+/// Makes the C functions of FMI 2.0: those that all FMUs have, and those of interfaces.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! fmi2_functions {
+    ($model:ty; $exit_initialization_mode:ident; $($interface:ident),*) => {
         const _: () = {
             use ::std::ffi::{c_char, c_int};
             use $crate::c_types::{
-                Boolean, Byte, CallbackFunctions, Component, FmuState, Integer, Status, ValueReference,
+                Boolean, Byte, CallbackFunctions, Component, EventInfo, FmuState, Integer, Status, ValueReference,
             };
 
             #[unsafe(no_mangle)]
@@ -714,14 +829,14 @@ macro_rules! export_fmi2 {
                 unsafe { $crate::c_api::free_instance::<$model>(component) }
             }
 
-            $crate::export_fmi2! { @functions $model;
+            $crate::fmi2_functions! { @functions $model;
                 fmi2SetDebugLogging = set_debug_logging(
                     on: Boolean, count: usize, categories: *const *const c_char);
                 fmi2SetupExperiment = setup_experiment(
                     tolerance_defined: Boolean, tolerance: f64, start_time: f64,
                     stop_time_defined: Boolean, stop_time: f64);
                 fmi2EnterInitializationMode = enter_initialization_mode();
-                fmi2ExitInitializationMode = exit_initialization_mode();
+                fmi2ExitInitializationMode = $exit_initialization_mode();
                 fmi2Terminate = terminate();
                 fmi2Reset = reset();
                 fmi2GetReal = get_real(vr: *const ValueReference, count: usize, values: *mut f64);
@@ -747,19 +862,40 @@ macro_rules! export_fmi2 {
                     unknowns: *const ValueReference, unknown_count: usize,
                     knowns: *const ValueReference, known_count: usize,
                     seed: *const f64, sensitivity: *mut f64);
-                fmi2SetRealInputDerivatives = set_real_input_derivatives(
-                    vr: *const ValueReference, count: usize, orders: *const Integer, values: *const f64);
-                fmi2GetRealOutputDerivatives = get_real_output_derivatives(
-                    vr: *const ValueReference, count: usize, orders: *const Integer, values: *mut f64);
-                fmi2DoStep = do_step(time: f64, size: f64, no_set_fmu_state_prior: Boolean);
-                fmi2CancelStep = cancel_step();
-                fmi2GetStatus = get_status(kind: c_int, value: *mut c_int);
-                fmi2GetRealStatus = get_real_status(kind: c_int, value: *mut f64);
-                fmi2GetIntegerStatus = get_integer_status(kind: c_int, value: *mut Integer);
-                fmi2GetBooleanStatus = get_boolean_status(kind: c_int, value: *mut Boolean);
-                fmi2GetStringStatus = get_string_status(kind: c_int, value: *mut *const c_char);
             }
+            $($crate::fmi2_functions! { @$interface $model })*
         };
+    };
+    (@co_simulation $model:ty) => {
+        $crate::fmi2_functions! { @functions $model;
+            fmi2SetRealInputDerivatives = set_real_input_derivatives(
+                vr: *const ValueReference, count: usize, orders: *const Integer, values: *const f64);
+            fmi2GetRealOutputDerivatives = get_real_output_derivatives(
+                vr: *const ValueReference, count: usize, orders: *const Integer, values: *mut f64);
+            fmi2DoStep = do_step(time: f64, size: f64, no_set_fmu_state_prior: Boolean);
+            fmi2CancelStep = cancel_step();
+            fmi2GetStatus = get_status(kind: c_int, value: *mut c_int);
+            fmi2GetRealStatus = get_real_status(kind: c_int, value: *mut f64);
+            fmi2GetIntegerStatus = get_integer_status(kind: c_int, value: *mut Integer);
+            fmi2GetBooleanStatus = get_boolean_status(kind: c_int, value: *mut Boolean);
+            fmi2GetStringStatus = get_string_status(kind: c_int, value: *mut *const c_char);
+        }
+    };
+    (@model_exchange $model:ty) => {
+        $crate::fmi2_functions! { @functions $model;
+            fmi2EnterEventMode = enter_event_mode();
+            fmi2NewDiscreteStates = new_discrete_states(info: *mut EventInfo);
+            fmi2EnterContinuousTimeMode = enter_continuous_time_mode();
+            fmi2CompletedIntegratorStep = completed_integrator_step(
+                no_set_fmu_state_prior: Boolean, enter_event_mode: *mut Boolean, terminate: *mut Boolean);
+            fmi2SetTime = set_time(time: f64);
+            fmi2SetContinuousStates = set_continuous_states(states: *const f64, count: usize);
+            fmi2GetDerivatives = get_derivatives(derivatives: *mut f64, count: usize);
+            fmi2GetEventIndicators = get_event_indicators(indicators: *mut f64, count: usize);
+            fmi2GetContinuousStates = get_continuous_states(states: *mut f64, count: usize);
+            fmi2GetNominalsOfContinuousStates = get_nominals_of_continuous_states(
+                nominals: *mut f64, count: usize);
+        }
     };
     (@functions $model:ty; $($symbol:ident = $function:ident($($argument:ident: $type:ty),* $(,)?);)*) => {$(
         #[unsafe(no_mangle)]

@@ -20,6 +20,8 @@ pub type Byte = c_char;
 pub const TRUE: Boolean = 1;
 /// `fmi2False`.
 pub const FALSE: Boolean = 0;
+/// The `fmi2ModelExchange` of `fmi2Type`.
+pub const MODEL_EXCHANGE: c_int = 0;
 /// The `fmi2CoSimulation` of `fmi2Type`.
 pub const CO_SIMULATION: c_int = 1;
 
@@ -69,4 +71,17 @@ pub struct CallbackFunctions {
     pub step_finished: Option<unsafe extern "C" fn(*mut c_void, Status)>,
     /// Passed to the logger.
     pub component_environment: *mut c_void,
+}
+
+/// `fmi2EventInfo`.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+#[allow(missing_docs)]
+pub struct EventInfo {
+    pub new_discrete_states_needed: Boolean,
+    pub terminate_simulation: Boolean,
+    pub nominals_of_continuous_states_changed: Boolean,
+    pub values_of_continuous_states_changed: Boolean,
+    pub next_event_time_defined: Boolean,
+    pub next_event_time: f64,
 }

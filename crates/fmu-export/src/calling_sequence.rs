@@ -1,22 +1,46 @@
-//! The order in which an importer may call: the state machine of FMI 2.0.5, section 4.2.4, as data.
+//! The order in which an importer may call: the state machines of FMI 2.0.5, sections 3.2.3 and 4.2.4, as data.
 //!
-//! The standard's states `stepInProgress`, `stepFailed` and `stepCanceled` do not occur, since steps are neither
-//! asynchronous nor discarded, and neither does `fatal`, since an error never affects another instance.
+//! The standard's states `stepInProgress` and `stepCanceled` do not occur, since steps are not asynchronous, and neither
+//! does `fatal`, since an error never affects another instance.
 
 use std::fmt;
 
 use crate::error;
 use crate::persistence::{Archive, Persistent};
 
-/// The states of a co-simulation slave.
+/// The interfaces of FMI 2.0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Interface {
+    /// The model steps by itself.
+    CoSimulation,
+    /// The importer integrates the model's states.
+    ModelExchange,
+}
+
+impl fmt::Display for Interface {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::CoSimulation => "Co-Simulation",
+            Self::ModelExchange => "Model Exchange",
+        })
+    }
+}
+
+/// The states of an instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     /// After `fmi2Instantiate` or `fmi2Reset`.
     Instantiated,
     /// Between `fmi2EnterInitializationMode` and `fmi2ExitInitializationMode`.
     InitializationMode,
-    /// Between steps.
+    /// Between steps of co-simulation.
     StepComplete,
+    /// After a step in which the model asked for the end.
+    StepFailed,
+    /// Model Exchange: at an event.
+    EventMode,
+    /// Model Exchange: between events.
+    ContinuousTimeMode,
     /// After `fmi2Terminate`.
     Terminated,
     /// After a failed step or a panic, when the model's state is undefined.
@@ -29,6 +53,9 @@ impl fmt::Display for Phase {
             Self::Instantiated => "instantiated",
             Self::InitializationMode => "Initialization Mode",
             Self::StepComplete => "stepComplete",
+            Self::StepFailed => "stepFailed",
+            Self::EventMode => "Event Mode",
+            Self::ContinuousTimeMode => "Continuous-Time Mode",
             Self::Terminated => "terminated",
             Self::Error => "error",
         })
@@ -40,39 +67,65 @@ impl Persistent for Phase {
         let mut number = *self as u8;
         number.persist(archive)?;
         let known = ANY.iter().find(|&&phase| phase as u8 == number);
-        *self = *known.ok_or_else(|| error::Error::new(format!("{number} is not a state of a slave")))?;
+        *self = *known.ok_or_else(|| error::Error::new(format!("{number} is not a state of an instance")))?;
         Ok(())
     }
 }
 
-use Phase::{Error, InitializationMode, Instantiated, StepComplete, Terminated};
+use Phase::{
+    ContinuousTimeMode, Error, EventMode, InitializationMode, Instantiated, StepComplete, StepFailed,
+    Terminated,
+};
 
 /// Any state.
-const ANY: &[Phase] = &[Instantiated, InitializationMode, StepComplete, Terminated, Error];
+const ANY: &[Phase] = &[
+    Instantiated,
+    InitializationMode,
+    StepComplete,
+    StepFailed,
+    EventMode,
+    ContinuousTimeMode,
+    Terminated,
+    Error,
+];
 /// The states in which values can be read.
-const READABLE: &[Phase] = &[InitializationMode, StepComplete, Terminated, Error];
-/// The states in which values can be set; section 4.2.4 restricts the variables further.
-const WRITABLE: &[Phase] = &[Instantiated, InitializationMode, StepComplete];
+const READABLE: &[Phase] =
+    &[InitializationMode, StepComplete, StepFailed, EventMode, ContinuousTimeMode, Terminated, Error];
+/// The states in which values can be set; the standard restricts the variables further.
+const WRITABLE: &[Phase] = &[Instantiated, InitializationMode, StepComplete, EventMode, ContinuousTimeMode];
+/// The states in which the status of a step can be asked for.
+const STEPPED: &[Phase] = &[StepComplete, StepFailed, Terminated];
+/// The states in which what a solver needs can be read.
+const SOLVABLE: &[Phase] = &[InitializationMode, EventMode, ContinuousTimeMode, Terminated];
 
-/// Declares the functions that take an instance, each with the states in which it may be called.
+/// Declares the functions that take an instance: the interface that each belongs to, if only one has it, and the states
+/// in which it may be called.
 macro_rules! functions {
-    ($($name:ident: $phases:expr,)*) => {
+    ($($interface:expr => { $($name:ident: $phases:expr,)* })*) => {
         /// A function of the standard that takes an instance.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[allow(missing_docs)]
         pub enum Function {
-            $($name,)*
+            $($($name,)*)*
         }
 
         impl Function {
             /// Every function.
-            pub const ALL: &[Self] = &[$(Self::$name,)*];
+            pub const ALL: &[Self] = &[$($(Self::$name,)*)*];
 
             /// The name in the standard.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self {
-                    $(Self::$name => concat!("fmi2", stringify!($name)),)*
+                    $($(Self::$name => concat!("fmi2", stringify!($name)),)*)*
+                }
+            }
+
+            /// The interface whose instances alone have the function.
+            #[must_use]
+            pub const fn interface(self) -> Option<Interface> {
+                match self {
+                    $($(Self::$name => $interface,)*)*
                 }
             }
 
@@ -80,7 +133,7 @@ macro_rules! functions {
             #[must_use]
             pub const fn phases(self) -> &'static [Phase] {
                 match self {
-                    $(Self::$name => $phases,)*
+                    $($(Self::$name => $phases,)*)*
                 }
             }
         }
@@ -88,34 +141,52 @@ macro_rules! functions {
 }
 
 functions! {
-    SetDebugLogging: ANY,
-    SetupExperiment: &[Instantiated],
-    EnterInitializationMode: &[Instantiated],
-    ExitInitializationMode: &[InitializationMode],
-    Terminate: &[StepComplete],
-    Reset: ANY,
-    GetReal: READABLE,
-    GetInteger: READABLE,
-    GetBoolean: READABLE,
-    GetString: READABLE,
-    SetReal: WRITABLE,
-    SetInteger: WRITABLE,
-    SetBoolean: WRITABLE,
-    SetString: WRITABLE,
-    GetFMUstate: ANY,
-    SetFMUstate: ANY,
-    FreeFMUstate: ANY,
-    SerializedFMUstateSize: ANY,
-    SerializeFMUstate: ANY,
-    DeSerializeFMUstate: ANY,
-    GetDirectionalDerivative: READABLE,
-    SetRealInputDerivatives: WRITABLE,
-    GetRealOutputDerivatives: &[StepComplete, Terminated, Error],
-    DoStep: &[StepComplete],
-    CancelStep: &[],
-    GetStatus: &[StepComplete, Terminated],
-    GetRealStatus: &[StepComplete, Terminated],
-    GetIntegerStatus: &[StepComplete, Terminated],
-    GetBooleanStatus: &[StepComplete, Terminated],
-    GetStringStatus: &[StepComplete, Terminated],
+    None => {
+        SetDebugLogging: ANY,
+        SetupExperiment: &[Instantiated],
+        EnterInitializationMode: &[Instantiated],
+        ExitInitializationMode: &[InitializationMode],
+        Terminate: &[StepComplete, StepFailed, EventMode, ContinuousTimeMode],
+        Reset: ANY,
+        GetReal: READABLE,
+        GetInteger: READABLE,
+        GetBoolean: READABLE,
+        GetString: READABLE,
+        SetReal: WRITABLE,
+        SetInteger: WRITABLE,
+        SetBoolean: WRITABLE,
+        SetString: WRITABLE,
+        GetFMUstate: ANY,
+        SetFMUstate: ANY,
+        FreeFMUstate: ANY,
+        SerializedFMUstateSize: ANY,
+        SerializeFMUstate: ANY,
+        DeSerializeFMUstate: ANY,
+        GetDirectionalDerivative: READABLE,
+    }
+    Some(Interface::CoSimulation) => {
+        SetRealInputDerivatives: WRITABLE,
+        GetRealOutputDerivatives: &[StepComplete, StepFailed, Terminated, Error],
+        DoStep: &[StepComplete],
+        CancelStep: &[],
+        GetStatus: STEPPED,
+        GetRealStatus: STEPPED,
+        GetIntegerStatus: STEPPED,
+        GetBooleanStatus: STEPPED,
+        GetStringStatus: STEPPED,
+    }
+    Some(Interface::ModelExchange) => {
+        EnterEventMode: &[EventMode, ContinuousTimeMode],
+        NewDiscreteStates: &[EventMode],
+        EnterContinuousTimeMode: &[EventMode],
+        CompletedIntegratorStep: &[ContinuousTimeMode],
+        // In Event Mode that of a model without states, which need not leave it.
+        SetTime: &[EventMode, ContinuousTimeMode],
+        SetContinuousStates: &[ContinuousTimeMode],
+        GetDerivatives: SOLVABLE,
+        GetEventIndicators: SOLVABLE,
+        GetContinuousStates: SOLVABLE,
+        GetNominalsOfContinuousStates:
+            &[Instantiated, InitializationMode, EventMode, ContinuousTimeMode, Terminated],
+    }
 }

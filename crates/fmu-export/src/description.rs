@@ -17,8 +17,19 @@ pub struct ModelDescription {
     pub variables: &'static [VariableDescription],
     /// The names of the declared log categories.
     pub log_categories: &'static [&'static str],
+    /// The interfaces that the FMU offers.
+    pub interfaces: Interfaces,
     /// The optional functions that this model supports.
     pub capabilities: Capabilities,
+}
+
+/// The interfaces of FMI 2.0 that an FMU offers (sections 3 and 4); at least one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Interfaces {
+    /// The FMU steps by itself.
+    pub co_simulation: bool,
+    /// The importer integrates the FMU's states.
+    pub model_exchange: bool,
 }
 
 /// Optional functions of FMI 2.0 co-simulation (section 4.3.1) that depend on the model.
@@ -54,6 +65,8 @@ pub struct VariableDescription {
     pub max: f64,
     /// For a Real input: its position among the Real inputs.
     pub real_input: Option<usize>,
+    /// For a continuous-time state: its position among the states.
+    pub state: Option<usize>,
 }
 
 /// The five data types of FMI 2.0.

@@ -1,8 +1,10 @@
 //! Models of equations: what is computed from time, parameters, inputs and states, written once and generic over the
-//! number type. The runtime makes everything else of it: co-simulation by its integrator, and exact derivatives.
+//! number type. The runtime makes everything else of it: co-simulation by its integrator, Model Exchange, and exact
+//! derivatives.
 
 use crate::error::Error;
-use crate::model::Variables;
+use crate::events::Event;
+use crate::model::{Context, Variables};
 use crate::number::Number;
 use crate::persistence::Persistent;
 
@@ -28,9 +30,6 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
     /// The model's variables, generated from its JSON.
     type Variables: Variables<Of<f64> = Self::Variables>;
 
-    /// The number of event indicators.
-    const EVENT_INDICATORS: usize = 0;
-
     /// Computes derivatives, locals and outputs from time (s), parameters, inputs and states.
     ///
     /// Between two events the result must be smooth in time, inputs and states, also a little beyond a place where an
@@ -46,46 +45,50 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
         Ok(())
     }
 
+    /// Prepares the model, before anything is computed: reads files of the FMU, say. Called at each initialization, on a
+    /// new model.
+    ///
+    /// # Errors
+    /// When the model cannot start.
+    fn prepare(&mut self, variables: &mut Self::Variables, context: &mut Context<'_>) -> Result<(), Error> {
+        let _ = (variables, context);
+        Ok(())
+    }
+
     /// Computes the states to begin with that are not the start values, which all states have before.
     fn initialize<T: Number>(&self, variables: &mut VariablesOf<Self, T>) {
         let _ = variables;
     }
 
-    /// Computes the event indicators, once [`Equations::evaluate`] has computed the variables. An event is where one
-    /// of them becomes positive, or no longer is.
+    /// Computes the event indicators, one for each name in the model's JSON, once [`Equations::evaluate`] has computed
+    /// the variables. An event is where one of them becomes positive, or no longer is; they should be of order one.
     fn event_indicators(&self, time: f64, variables: &Self::Variables, indicators: &mut [f64]) {
         let _ = (time, variables, indicators);
     }
 
-    /// When the next event after a time (s) is due, whatever the states are then. Asked for at each event.
+    /// When the next event after a time (s) is due, whatever the states are then. Asked for at each event. The first one
+    /// may be due at the start time.
     fn next_event(&self, time: f64, variables: &Self::Variables) -> Option<f64> {
         let _ = (time, variables);
         None
     }
 
     /// Does what happens at an event: changes the model's memory, the states, and discrete variables. It may also be
-    /// called where nothing has to happen, as where an indicator returns to its side.
+    /// called where nothing has to happen, as where an indicator returns to its side. Where the sign of an indicator is
+    /// another one after it, there is another event at once.
     ///
     /// # Errors
     /// When the model cannot go on.
-    fn event(&mut self, event: &Event<'_>, variables: &mut Self::Variables) -> Result<(), Error> {
-        let _ = (event, variables);
+    fn event(
+        &mut self,
+        event: &Event<'_>,
+        variables: &mut Self::Variables,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        let _ = (event, variables, context);
         Ok(())
     }
 }
 
 /// The variables of a model of equations over a number type.
 pub type VariablesOf<E, T> = <<E as Equations>::Variables as Variables>::Of<T>;
-
-/// Why there is an event.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Event<'a> {
-    /// The time in s. For an event of [`Equations::next_event`] that very number.
-    pub time: f64,
-    /// Whether it is the one at the start, where the model finds the branches that it begins on.
-    pub is_initial: bool,
-    /// Whether the time of [`Equations::next_event`] is reached.
-    pub is_due: bool,
-    /// Which event indicators have become positive or no longer are.
-    pub indicators: &'a [bool],
-}

@@ -5,19 +5,22 @@
 //! failed initialization can be repeated.
 
 mod derivatives;
+mod exchange;
 mod values;
 
 use std::ffi::{CStr, CString};
 
 use crate::c_types::Status;
-use crate::calling_sequence::{Function, Phase};
+use crate::calling_sequence::{Function, Interface, Phase};
 use crate::description::{ModelDescription, ValueReference};
 use crate::error::Error;
+use crate::events::Events;
 use crate::inputs::InputSignal;
 use crate::logger::{Delivery, Logger, RecentMessages, Shown, WARNING};
 use crate::model::{Context, Experiment, InputsOf, Model, Step, Variables};
 use crate::panics::contain;
 use crate::persistence::{Archive, Persistent};
+use crate::resources::Resources;
 use crate::serialized_state;
 
 /// The tolerance of the importer's time relative to the step. Importers compute communication points as `i * h`, as
@@ -35,6 +38,7 @@ pub(crate) type Answer = Result<Status, Error>;
 /// The content of a saved state.
 #[derive(Clone)]
 pub(crate) struct Memory<M: Model> {
+    interface: Interface,
     phase: Phase,
     model: M,
     variables: M::Variables,
@@ -47,12 +51,23 @@ pub(crate) struct Memory<M: Model> {
     parameters_changed: bool,
     /// The messages of initialization.
     recent_messages: RecentMessages,
+    /// When the model asks for the end, in s.
+    end: Option<f64>,
+    /// Of Model Exchange.
+    events: Events,
+    /// How many event iterations there were since Event Mode was entered.
+    iterations: u32,
 }
 
 impl<M: Model> Memory<M> {
-    fn new() -> Self {
+    fn new(interface: Interface) -> Self {
         let variables = M::Variables::default();
+        let indicators = match interface {
+            Interface::CoSimulation => 0,
+            Interface::ModelExchange => M::Variables::EVENT_INDICATORS.len(),
+        };
         Self {
+            interface,
             phase: Phase::Instantiated,
             model: M::default(),
             inputs: InputSignal::constant(variables.inputs().clone()),
@@ -62,13 +77,28 @@ impl<M: Model> Memory<M> {
             stale: true,
             parameters_changed: true,
             recent_messages: RecentMessages::default(),
+            end: None,
+            events: Events::new(indicators),
+            iterations: 0,
         }
+    }
+}
+
+impl<M: Model> Memory<M> {
+    /// Sets the state at a position.
+    fn set_state(&mut self, position: usize, value: f64) {
+        let mut states = vec![0.0; M::Variables::STATE_NAMES.len()];
+        M::Variables::each_state(&self.variables, |state, value| states[state] = value);
+        states[position] = value;
+        M::Variables::set_states(&mut self.variables, |state| states[state]);
     }
 }
 
 impl<M: Model> Persistent for Memory<M> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        // An instance of the other interface refuses the memory before.
         let Self {
+            interface: _,
             phase,
             model,
             variables,
@@ -78,6 +108,9 @@ impl<M: Model> Persistent for Memory<M> {
             stale,
             parameters_changed,
             recent_messages,
+            end,
+            events,
+            iterations,
         } = self;
         phase.persist(archive)?;
         model.persist(archive)?;
@@ -87,7 +120,10 @@ impl<M: Model> Persistent for Memory<M> {
         time.persist(archive)?;
         stale.persist(archive)?;
         parameters_changed.persist(archive)?;
-        recent_messages.persist(archive)
+        recent_messages.persist(archive)?;
+        end.persist(archive)?;
+        events.persist(archive)?;
+        iterations.persist(archive)
     }
 }
 
@@ -95,26 +131,29 @@ impl<M: Model> Persistent for Memory<M> {
 pub(crate) struct Instance<M: Model> {
     logger: Logger,
     memory: Memory<M>,
+    resources: Resources,
     /// The strings of the last `fmi2GetString`, valid until the next one.
     pub(crate) strings: Vec<CString>,
 }
 
 impl<M: Model> Instance<M> {
-    pub(crate) fn new(logger: Logger, memory: Memory<M>) -> Self {
-        Self { logger, memory, strings: Vec::new() }
+    pub(crate) fn new(logger: Logger, memory: Memory<M>, resources: Resources) -> Self {
+        Self { logger, memory, resources, strings: Vec::new() }
     }
 
     /// The memory of a new instance; an error where the model panics.
-    pub(crate) fn new_memory() -> Result<Memory<M>, Error> {
-        contain(Memory::new)
+    pub(crate) fn new_memory(interface: Interface) -> Result<Memory<M>, Error> {
+        contain(|| Memory::new(interface))
     }
 
     const DESCRIPTION: &'static ModelDescription = M::Variables::DESCRIPTION;
 
     /// Runs the body of a function, if the calling sequence allows it; catches panics and logs errors.
     pub(crate) fn call(&mut self, function: Function, body: impl FnOnce(&mut Self) -> Answer) -> Status {
-        let phase = self.memory.phase;
-        let error = if function.phases().contains(&phase) {
+        let (phase, interface) = (self.memory.phase, self.memory.interface);
+        let error = if function.interface().is_some_and(|only| only != interface) {
+            Error::new(format!("this instance is for {interface}, which does not have this function"))
+        } else if function.phases().contains(&phase) {
             match contain(|| body(self)) {
                 Ok(Ok(status)) => return status,
                 Ok(Err(error)) => error,
@@ -189,7 +228,10 @@ impl<M: Model> Instance<M> {
         M::check_parameters(&self.memory.variables)?;
         let status = self.compute_values()?;
         self.memory.parameters_changed = false;
-        self.memory.phase = Phase::StepComplete;
+        self.memory.phase = match self.memory.interface {
+            Interface::CoSimulation => Phase::StepComplete,
+            Interface::ModelExchange => Phase::EventMode,
+        };
         Ok(status)
     }
 
@@ -201,7 +243,7 @@ impl<M: Model> Instance<M> {
 
     #[expect(clippy::unnecessary_wraps, reason = "returns what every callable function does")]
     pub(crate) fn reset(&mut self) -> Answer {
-        self.memory = Memory::new();
+        self.memory = Memory::new(self.memory.interface);
         Ok(Status::Ok)
     }
 
@@ -225,12 +267,16 @@ impl<M: Model> Instance<M> {
                         }
                     }
                 };
-                let mut context = Context::new(memory.experiment.unwrap_or_default(), &mut log);
+                let mut context = Context::new(memory.experiment.unwrap_or_default(), &mut log)
+                    .with_resources(&self.resources);
                 memory.model.initialize(&mut memory.variables, memory.inputs.initial(), &mut context)?;
+                memory.end = context.end;
                 check_finite(&memory.variables, memory.time)?;
             }
-            Phase::StepComplete => memory.model.refresh(&mut memory.variables, memory.inputs.latest()),
-            Phase::Instantiated | Phase::Terminated | Phase::Error => {}
+            Phase::StepComplete | Phase::EventMode | Phase::ContinuousTimeMode => {
+                memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.latest());
+            }
+            Phase::Instantiated | Phase::StepFailed | Phase::Terminated | Phase::Error => {}
         }
         memory.stale = false;
         Ok(status)
@@ -243,11 +289,14 @@ impl<M: Model> Instance<M> {
             return Err(self.step_error(start, size, end));
         }
         let memory = &mut self.memory;
+        if memory.end.is_some() {
+            return Ok(self.discard_for_end());
+        }
         let experiment = memory.experiment.unwrap_or_default();
         memory.inputs.update();
         if memory.parameters_changed {
             M::check_parameters(&memory.variables)?;
-            memory.model.refresh(&mut memory.variables, memory.inputs.initial());
+            memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.initial());
             memory.parameters_changed = false;
         }
         let mut status = Status::Ok;
@@ -261,13 +310,35 @@ impl<M: Model> Instance<M> {
         let step = Step { start, size, inputs: &memory.inputs };
         // If an error or a panic interrupts the step, the instance remains in this state.
         memory.phase = Phase::Error;
-        memory.model.step(&mut memory.variables, &step, &mut Context::new(experiment, &mut log))?;
+        let mut context = Context::new(experiment, &mut log).with_resources(&self.resources);
+        memory.model.step(&mut memory.variables, &step, &mut context)?;
+        memory.end = context.end;
         check_finite(&memory.variables, end)?;
         memory.phase = Phase::StepComplete;
-        memory.time = end;
         memory.stale = false;
+        if let Some(end) = memory.end {
+            memory.time = end;
+            return Ok(self.discard_for_end());
+        }
+        memory.time = end;
         memory.inputs.end_step(size);
         Ok(status)
+    }
+
+    /// The model asks for the end: the step is not completed (section 4.2.1).
+    #[cold]
+    fn discard_for_end(&mut self) -> Status {
+        self.memory.phase = Phase::StepFailed;
+        self.log_discarded(format_args!(
+            "fmi2DoStep: the model asks for the end of the simulation, at {} s",
+            Shown(self.memory.time)
+        ));
+        Status::Discard
+    }
+
+    /// Whether the model has asked for the end.
+    pub(crate) fn asks_for_end(&self) -> bool {
+        self.memory.end.is_some()
     }
 
     /// Whether the next step may have this start, size and end (s). False for not-a-number.
@@ -350,21 +421,29 @@ impl<M: Model> Instance<M> {
     }
 
     /// Continues from a saved memory.
-    pub(crate) fn restore(&mut self, memory: &Memory<M>) {
+    pub(crate) fn restore(&mut self, memory: &Memory<M>) -> Result<(), Error> {
+        if memory.interface != self.memory.interface {
+            return Err(Error::new(format!(
+                "the state is one of {}, this instance is for {}",
+                memory.interface, self.memory.interface
+            )));
+        }
         self.memory.clone_from(memory);
+        Ok(())
     }
 
     /// A saved memory as bytes.
     pub(crate) fn serialize(memory: &Memory<M>) -> Result<Vec<u8>, Error> {
         Self::check_serializes()?;
-        serialized_state::to_bytes(Self::DESCRIPTION, &mut memory.clone())
+        serialized_state::to_bytes(Self::DESCRIPTION, memory.interface, &mut memory.clone())
     }
 
     /// The memory that this FMU saved as bytes, in any process.
-    pub(crate) fn deserialize(bytes: &[u8]) -> Result<Memory<M>, Error> {
+    pub(crate) fn deserialize(&self, bytes: &[u8]) -> Result<Memory<M>, Error> {
         Self::check_serializes()?;
-        let mut memory = Memory::<M>::new();
-        serialized_state::from_bytes(Self::DESCRIPTION, bytes, &mut memory)?;
+        let interface = self.memory.interface;
+        let mut memory = Memory::<M>::new(interface);
+        serialized_state::from_bytes(Self::DESCRIPTION, interface, bytes, &mut memory)?;
         memory.model.restored(&memory.variables);
         Ok(memory)
     }

@@ -4,10 +4,11 @@
 //
 //   c_api                                 the functions of FMI 2.0
 //   instance, simulation                  an instance of an FMU; a model without an FMU
-//   co_simulation                         a model of equations as a model with an integrator
+//   integrated, sampled                   models of equations, with an integrator, and sampled ones as models
 //   equations, integrator                 the trait of models of equations; Rodas5P
+//   model_exchange                        the trait of models whose states the importer integrates
 //   model                                 the trait of models
-//   inputs, logger, calling_sequence, number, linear
+//   events, inputs, logger, calling_sequence, number, linear, resources
 //   serialized_state, saved_states
 //   persistence, panics
 //   error, description, c_types
@@ -19,39 +20,46 @@ extern crate self as fmu_export;
 pub mod c_api;
 pub mod c_types;
 pub mod calling_sequence;
-mod co_simulation;
 pub mod description;
 mod equations;
 mod error;
+mod events;
 mod inputs;
 mod instance;
+mod integrated;
 mod integrator;
 mod linear;
 mod logger;
 mod model;
+mod model_exchange;
 mod number;
 mod panics;
 pub mod persistence;
+mod resources;
+mod sampled;
 mod saved_states;
 mod serialized_state;
 mod simulation;
 mod typed;
 
-pub use co_simulation::{CoSimulation, DEFAULT_TOLERANCE};
-pub use equations::{Equations, Event, VariablesOf};
+pub use equations::{Equations, VariablesOf};
 pub use error::Error;
+pub use events::Event;
 #[cfg(feature = "derive")]
 pub use fmu_export_derive::Persistent;
 pub use inputs::{InputSignal, Inputs, MAX_ORDER, RealInput};
+pub use integrated::{DEFAULT_TOLERANCE, Integrated};
 pub use model::{Context, Experiment, InputsOf, Model, Step, Variables};
+pub use model_exchange::ModelExchange;
 pub use number::{Dual, Number};
 pub use persistence::Persistent;
+pub use sampled::{Sample, Sampled, SampledModel};
 pub use simulation::Simulation;
 
 /// Defines the FMU of a crate whose library has the model identifier as its name: the module `variables` that
 /// `fmu_export_build::generate` generated from the model's JSON, its items in scope, and the functions of FMI for a
-/// type that implements [`Model`], or after `equations`, [`Equations`]. `struct` before the type's name declares it, for
-/// a model without other memory.
+/// type that implements [`Model`], or after `equations`, [`Equations`], or after `sampled`, [`Sampled`]. `struct` before
+/// the type's name declares it, for a model without other memory.
 ///
 /// ```ignore
 /// fmu_export::fmu!(struct Lag);
@@ -73,11 +81,19 @@ macro_rules! fmu {
     };
     (equations $model:ident) => {
         $crate::fmu!(@variables);
-        $crate::export_fmi2!($crate::CoSimulation<$model>);
+        variables::export_fmi2!($crate::Integrated<$model>);
+    };
+    (sampled struct $model:ident) => {
+        $crate::fmu!(@struct $model);
+        $crate::fmu!(sampled $model);
+    };
+    (sampled $model:ident) => {
+        $crate::fmu!(@variables);
+        variables::export_fmi2!($crate::SampledModel<$model>);
     };
     ($model:ident) => {
         $crate::fmu!(@variables);
-        $crate::export_fmi2!($model);
+        variables::export_fmi2!($model);
     };
     (@struct $model:ident) => {
         /// The model.

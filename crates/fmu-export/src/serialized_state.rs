@@ -5,20 +5,21 @@
 //! |---|---|
 //! | 8 | [`SIGNATURE`] |
 //! | 4 | [`VERSION`] of this format |
-//! | 4 + n | the length of the FMU's name, and the name: its model identifier and GUID |
+//! | 4 + n | the length of the FMU's name, and the name: its model identifier, GUID and interface |
 //! | 8 | the length of the content |
 //! | … | the content: the memory of an instance |
 //! | 8 | the checksum of all that precedes |
 //!
 //! Numbers are little-endian.
 
+use crate::calling_sequence::Interface;
 use crate::description::ModelDescription;
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 
 const SIGNATURE: [u8; 8] = *b"fmi2stat";
 /// Increased with every change of the runtime's content. (The GUID identifies the model's content.)
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 /// The length of the checksum.
 const CHECKSUM: usize = 8;
 
@@ -28,12 +29,13 @@ const CHECKSUM: usize = 8;
 /// Those of the value.
 pub(crate) fn to_bytes(
     description: &ModelDescription,
+    interface: Interface,
     value: &mut impl Persistent,
 ) -> Result<Vec<u8>, Error> {
     let mut content = Archive::writing();
     value.persist(&mut content)?;
     let content = content.into_bytes();
-    let name = name(description);
+    let name = name(description, interface);
     let mut bytes = Vec::with_capacity(SIGNATURE.len() + name.len() + content.len() + 32);
     bytes.extend(SIGNATURE);
     bytes.extend(VERSION.to_le_bytes());
@@ -52,10 +54,11 @@ pub(crate) fn to_bytes(
 /// When the bytes are anything else; then the value is undefined.
 pub(crate) fn from_bytes(
     description: &ModelDescription,
+    interface: Interface,
     bytes: &[u8],
     value: &mut impl Persistent,
 ) -> Result<(), Error> {
-    let content = content(description, bytes)?;
+    let content = content(&name(description, interface), bytes)?;
     let mut archive = Archive::reading(content);
     value.persist(&mut archive)?;
     if archive.is_exhausted() {
@@ -66,12 +69,12 @@ pub(crate) fn from_bytes(
 }
 
 /// The FMU's name in a state.
-fn name(description: &ModelDescription) -> String {
-    format!("{} {}", description.model_identifier, description.guid)
+fn name(description: &ModelDescription, interface: Interface) -> String {
+    format!("{} {} {interface}", description.model_identifier, description.guid)
 }
 
 /// The content, after checking that the bytes are an intact state of this FMU.
-fn content<'b>(description: &ModelDescription, bytes: &'b [u8]) -> Result<&'b [u8], Error> {
+fn content<'b>(expected: &str, bytes: &'b [u8]) -> Result<&'b [u8], Error> {
     let ends_early =
         || Error::new(format!("the {} bytes of the serialized state end too early", bytes.len()));
     let mut rest = bytes;
@@ -92,7 +95,6 @@ fn content<'b>(description: &ModelDescription, bytes: &'b [u8]) -> Result<&'b [u
     }
     let length = u32::from_le_bytes(array(take(4)).ok_or_else(ends_early)?);
     let found = take(length as usize).ok_or_else(ends_early)?;
-    let expected = name(description);
     if found != expected.as_bytes() {
         return Err(Error::new(format!(
             "the serialized state is one of {:?}; this FMU is {expected:?}",
@@ -102,11 +104,11 @@ fn content<'b>(description: &ModelDescription, bytes: &'b [u8]) -> Result<&'b [u
     let length = u64::from_le_bytes(array(take(8)).ok_or_else(ends_early)?);
     let length = usize::try_from(length).map_err(|_| ends_early())?;
     let content = take(length).ok_or_else(ends_early)?;
-    let expected = u64::from_le_bytes(array(take(CHECKSUM)).ok_or_else(ends_early)?);
+    let sum = u64::from_le_bytes(array(take(CHECKSUM)).ok_or_else(ends_early)?);
     if !rest.is_empty() {
         return Err(Error::new(format!("{} bytes follow the end of the serialized state", rest.len())));
     }
-    if checksum(&bytes[..bytes.len() - CHECKSUM]) != expected {
+    if checksum(&bytes[..bytes.len() - CHECKSUM]) != sum {
         return Err(Error::new("the serialized state is damaged: its checksum is another"));
     }
     Ok(content)

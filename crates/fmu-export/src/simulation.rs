@@ -62,7 +62,7 @@ impl<M: Model> Simulation<M> {
     /// Advances by a communication step of a size in seconds with constant inputs.
     ///
     /// # Errors
-    /// Those of the model.
+    /// Those of the model; also where it asks for the end, at [`Simulation::time`].
     pub fn step(&mut self, size: f64) -> Result<(), Error> {
         self.step_with(size, &InputSignal::constant(self.inputs.clone()))
     }
@@ -70,14 +70,23 @@ impl<M: Model> Simulation<M> {
     /// Advances by a communication step of a size in seconds with inputs that may change during it.
     ///
     /// # Errors
-    /// Those of the model.
+    /// As [`Simulation::step`].
     pub fn step_with(&mut self, size: f64, inputs: &InputSignal<InputsOf<M>>) -> Result<(), Error> {
         let Self { model, variables, experiment, messages, time, .. } = self;
         let mut log = log_to(messages);
         let step = Step { start: *time, size, inputs };
-        model.step(variables, &step, &mut Context::new(*experiment, &mut log))?;
-        *time += size;
-        Ok(())
+        let mut context = Context::new(*experiment, &mut log);
+        model.step(variables, &step, &mut context)?;
+        match context.end {
+            Some(end) => {
+                *time = end;
+                Err(Error::new(format!("the model asks for the end at {end:?} s")))
+            }
+            None => {
+                *time += size;
+                Ok(())
+            }
+        }
     }
 }
 

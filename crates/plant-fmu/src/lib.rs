@@ -2,4 +2,4 @@
 //! [`boost_fmu::plant::BoostPlant`].
 #![allow(non_snake_case)]
 
-fmu_export::export_fmi2!(boost_fmu::plant::BoostPlant);
+boost_fmu::plant::variables::export_fmi2!(boost_fmu::plant::BoostPlant);

@@ -7,7 +7,7 @@ fmu_export::fmu!(struct {Type});
 impl Model for {Type} {
     type Variables = Variables;
 
-    fn refresh(&mut self, variables: &mut Variables, inputs: &Inputs) {
+    fn refresh(&mut self, _time: f64, variables: &mut Variables, inputs: &Inputs) {
         variables.outputs.power = inputs.voltage * inputs.voltage / variables.parameters.resistance;
     }
 
@@ -17,7 +17,7 @@ impl Model for {Type} {
         step: &Step<'_, Inputs>,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        self.refresh(variables, &step.inputs.at(step.size));
+        self.refresh(step.end(), variables, &step.inputs.at(step.size));
         Ok(())
     }
 }

@@ -16,11 +16,11 @@ impl Equations for {Type} {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmu_export::{CoSimulation, Error, Simulation};
+    use fmu_export::{Integrated, Error, Simulation};
 
     #[test]
     fn the_voltage_follows_within_the_time_constant() -> Result<(), Error> {
-        let mut simulation = Simulation::<CoSimulation<{Type}>>::default();
+        let mut simulation = Simulation::<Integrated<{Type}>>::default();
         simulation.initialize()?;
         for _ in 0..5 {
             simulation.step(0.1)?;

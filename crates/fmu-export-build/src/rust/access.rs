@@ -86,7 +86,7 @@ impl ::fmu_export::Variables for Variables {{
     const MODEL_DESCRIPTION_XML: &'static str = include_str!(\"modelDescription.xml\");
     const STATE_NAMES: &'static [&'static str] = &States::NAMES;
     const STATE_NOMINALS: &'static [f64] = &[{nominals}];
-{value_references}
+{event_indicators}{value_references}
     fn inputs(&self) -> &Inputs {{
         &self.inputs
     }}
@@ -134,6 +134,7 @@ impl ::fmu_export::Variables for Variables {{
 }}
 ",
             nominals = self.nominals(),
+            event_indicators = self.event_indicators(),
             value_references = self.value_references(),
             numbers = self.numbers(),
             accessors = accessors.concat(),
@@ -153,6 +154,15 @@ impl ::fmu_export::Variables for Variables {{
         let nominals =
             positions.map(|position| format!("{:?}", self.model.scalars[position].nominal.unwrap_or(1.0)));
         nominals.collect::<Vec<_>>().join(", ")
+    }
+
+    /// The names of the event indicators, where there are any.
+    fn event_indicators(&self) -> String {
+        let names = &self.model.declaration.event_indicators;
+        if names.is_empty() {
+            return String::new();
+        }
+        format!("    const EVENT_INDICATORS: &'static [&'static str] = &{names:?};\n")
     }
 
     /// The variables over other number types, and their states.
@@ -268,13 +278,14 @@ impl ::fmu_export::Variables for Variables {{
             model.log_categories.iter().map(|category| format!("{:?}", category.name)).collect();
         let mut variables = String::new();
         let real_inputs: Vec<_> = self.real_inputs().collect();
+        let states: Vec<_> = model.in_place(Place::States).collect();
         for position in self.by_value_reference() {
             let scalar = &model.scalars[position];
             let (min, max) = self.bounds(scalar);
             let _ = writeln!(
                 variables,
                 "        fmi::VariableDescription {{ name: {:?}, data_type: fmi::DataType::{}, causality: fmi::Causality::{}, \
-                 variability: fmi::Variability::{:?}, initial: fmi::Initial::{}, min: {min}, max: {max}, real_input: {:?} }},",
+                 variability: fmi::Variability::{:?}, initial: fmi::Initial::{}, min: {min}, max: {max}, real_input: {:?}, state: {:?} }},",
                 scalar.name,
                 match scalar.data_type {
                     DataType::Real => "Real",
@@ -287,6 +298,7 @@ impl ::fmu_export::Variables for Variables {{
                 scalar.variability,
                 scalar.initial.map_or("None".to_owned(), |initial| format!("{initial:?}")),
                 real_inputs.iter().position(|&input| input == position),
+                states.iter().position(|&state| state == position),
             );
         }
         let capabilities = &model.declaration.capabilities;
@@ -298,6 +310,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
     variables: &[
 {variables}    ],
     log_categories: &[{categories}],
+    interfaces: fmi::Interfaces {{ co_simulation: {}, model_exchange: {} }},
     capabilities: fmi::Capabilities {{
         interpolate_inputs: {},
         get_and_set_state: {},
@@ -307,6 +320,8 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
 }};
 ",
             model.identifier,
+            model.interfaces.co_simulation(),
+            model.interfaces.model_exchange(),
             capabilities.interpolate_inputs,
             capabilities.get_and_set_state,
             capabilities.serialize_state,

@@ -8,7 +8,7 @@ use std::ptr;
 use fmu_export::c_api;
 use fmu_export::c_types::{CO_SIMULATION, CallbackFunctions, Component, FALSE, Status};
 use fmu_export::{Context, Error, InputsOf, Model, Step, Variables as _};
-use fmu_export_build::{Generated, Package, generate_into};
+use fmu_export_build::{Generated, Interfaces, Package, generate_into};
 
 use super::{folder, read, sources};
 
@@ -26,7 +26,7 @@ fn generate(out_dir: &std::path::Path) -> Generated {
         authors: "A. Author <a@example.org>:B. Author".to_owned(),
         license: "MIT".to_owned(),
     };
-    generate_into(&sources().join("oscillator.json"), out_dir, &package)
+    generate_into(&sources().join("oscillator.json"), out_dir, &package, Interfaces::CoSimulation)
         .unwrap_or_else(|error| panic!("{error}"))
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::fs;
 
-use fmu_export_build::{Generated, generate_into};
+use fmu_export_build::{Generated, Interfaces, generate_into};
 use quick_xml::escape::escape;
 use quick_xml::events::Event;
 use quick_xml::{Reader, XmlVersion};
@@ -113,7 +113,7 @@ fn generated(
     for (name, content) in beside {
         fs::write(folder.join(name), content).expect("the folder for tests is writable");
     }
-    generate_into(&file, &folder, &package()).map_err(|error| {
+    generate_into(&file, &folder, &package(), Interfaces::CoSimulation).map_err(|error| {
         assert!(!folder.join("Vessels").exists(), "{name}: something was written");
         error.to_string().replace(&format!("{}{}", folder.display(), std::path::MAIN_SEPARATOR), "")
     })
@@ -162,8 +162,11 @@ fn documentation_and_icon_may_be_absent_and_enter_no_guid() {
 #[test]
 fn an_icon_that_the_json_no_longer_names_is_removed() {
     let folder = folder_with_model("icon");
-    let again =
-        || generate_into(&folder.join("vessels.json"), &folder, &package()).expect("nothing is wrong").icon;
+    let again = || {
+        generate_into(&folder.join("vessels.json"), &folder, &package(), Interfaces::CoSimulation)
+            .expect("nothing is wrong")
+            .icon
+    };
     let icon = again().expect("the JSON names one");
     assert!(icon.exists());
     let without = read(&folder.join("vessels.json")).replace("\"icon\": \"vessels.png\",", "");

@@ -13,10 +13,11 @@ use std::path::{Path, PathBuf};
 
 use fmu_export::description::{Causality, DataType, Initial, Variability};
 use fmu_export::{Inputs as _, Variables as _};
-use fmu_export_build::{Generated, Package, generate_into};
+use fmu_export_build::{Generated, Interfaces, Package, generate_into};
 
 mod defaults;
 mod documentation;
+mod interfaces;
 mod readme;
 mod refusals;
 mod structure;
@@ -60,7 +61,7 @@ fn read(file: &Path) -> String {
 }
 
 fn generate(out_dir: &Path) -> Generated {
-    generate_into(&sources().join("vessels.json"), out_dir, &package())
+    generate_into(&sources().join("vessels.json"), out_dir, &package(), Interfaces::CoSimulation)
         .unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -227,7 +228,8 @@ fn guid_follows_the_content() {
     let guid = |version: &str, name: &str| {
         let out_dir = folder(name);
         let package = Package { version: version.to_owned(), ..package() };
-        let generated = generate_into(&sources().join("vessels.json"), &out_dir, &package);
+        let generated =
+            generate_into(&sources().join("vessels.json"), &out_dir, &package, Interfaces::CoSimulation);
         let xml = read(&generated.expect("the model is sound").model_description);
         let (_, rest) = xml.split_once("guid=\"{").expect("there is a guid");
         rest[..36].to_owned()

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::fs;
 
-use fmu_export_build::{SCHEMA, generate_into};
+use fmu_export_build::{Interfaces, SCHEMA, generate_into};
 use serde_json::{Value, json};
 
 use super::{folder, package};
@@ -62,6 +62,7 @@ fn the_examples_are_accepted() {
         }
         let file = folder.join("model.json");
         fs::write(&file, model.to_string()).expect("the folder for tests is writable");
-        generate_into(&file, &folder, &package()).unwrap_or_else(|error| panic!("{example}: {error}"));
+        generate_into(&file, &folder, &package(), Interfaces::CoSimulation)
+            .unwrap_or_else(|error| panic!("{example}: {error}"));
     }
 }

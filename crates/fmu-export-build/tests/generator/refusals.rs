@@ -17,7 +17,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::MAIN_SEPARATOR;
 
-use fmu_export_build::generate_into;
+use fmu_export_build::{Interfaces, generate_into};
 use serde_json::Value;
 
 use super::{folder_with_model, package, read, sources};
@@ -58,7 +58,7 @@ fn refusal(name: &str, edits: &[&str]) -> (String, String) {
         }
     }
     fs::write(&file, &text).expect("the folder for tests is writable");
-    match generate_into(&file, &folder, &package()) {
+    match generate_into(&file, &folder, &package(), Interfaces::CoSimulation) {
         Ok(_) => ("nothing was refused".to_owned(), text),
         Err(error) => {
             assert!(!folder.join("Vessels").exists(), "{name}: something was written");

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 
-use fmu_export_build::generate_into;
+use fmu_export_build::{Interfaces, generate_into};
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 use serde_json::{Value, json};
@@ -58,7 +58,8 @@ fn generated(name: &str, edit: impl FnOnce(&mut Value, &mut Value)) -> Vec<Eleme
     for (file, value) in [("vessels.json", &model), ("units.json", &units)] {
         fs::write(folder.join(file), value.to_string()).expect("the folder for tests is writable");
     }
-    let generated = generate_into(&folder.join("vessels.json"), &folder, &package());
+    let generated =
+        generate_into(&folder.join("vessels.json"), &folder, &package(), Interfaces::CoSimulation);
     elements(&read(&generated.unwrap_or_else(|error| panic!("{error}")).model_description))
 }
 

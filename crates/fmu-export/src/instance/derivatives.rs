@@ -127,9 +127,9 @@ impl<M: Model> Instance<M> {
         let memory = &self.memory;
         let (variables, inputs) = (&memory.variables, memory.inputs.latest());
         let derivatives = if memory.phase == Phase::InitializationMode {
-            memory.model.differentiate_initialization(variables, inputs, direction)
+            memory.model.differentiate_initialization(memory.time, variables, inputs, direction)
         } else {
-            memory.model.differentiate(variables, inputs, direction)
+            memory.model.differentiate(memory.time, variables, inputs, direction)
         };
         Ok((status, derivatives?))
     }

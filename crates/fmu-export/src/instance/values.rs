@@ -101,7 +101,10 @@ impl<M: Model> Instance<M> {
 
     /// Whether a variable may be set in the present state, and to this value (as a number).
     fn check_settable(&self, variable: &VariableDescription, value: f64) -> Result<(), Error> {
-        let settable = variable.causality == Causality::Input || self.is_settable_now(variable);
+        let settable = match variable.causality {
+            Causality::Input => self.takes_input(variable),
+            _ => self.is_settable_now(variable),
+        };
         // Real inputs are limited to their bounds later.
         let within = variable.real_input.is_some() || (variable.min..=variable.max).contains(&value);
         if settable && value.is_finite() && within {
@@ -111,14 +114,20 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// Whether a variable that is not an input may be set in the present state (section 4.2.4).
+    /// Whether an input may be set in the present state: between events of Model Exchange a continuous one alone.
+    fn takes_input(&self, variable: &VariableDescription) -> bool {
+        self.memory.phase != Phase::ContinuousTimeMode || variable.variability == Variability::Continuous
+    }
+
+    /// Whether a variable that is not an input may be set in the present state (sections 3.2.3 and 4.2.4).
     fn is_settable_now(&self, variable: &VariableDescription) -> bool {
         variable.variability != Variability::Constant
             && match self.memory.phase {
                 Phase::Instantiated => matches!(variable.initial, Initial::Exact | Initial::Approx),
                 Phase::InitializationMode => variable.initial == Initial::Exact,
-                Phase::StepComplete => variable.variability == Variability::Tunable,
-                Phase::Terminated | Phase::Error => false,
+                Phase::StepComplete | Phase::EventMode => variable.variability == Variability::Tunable,
+                Phase::ContinuousTimeMode => variable.state.is_some(),
+                Phase::StepFailed | Phase::Terminated | Phase::Error => false,
             }
     }
 
@@ -154,30 +163,49 @@ impl<M: Model> Instance<M> {
         ))
     }
 
-    /// Sets values, after checking all of them. `as_number` is the value to compare with the range.
+    /// Sets values, after checking all of them. `as_number` is the value to compare with the range, `is_set` tells
+    /// whether it is the present one.
     fn set<T: Copy>(
         &mut self,
         references: &[ValueReference],
         values: &[T],
         requested: DataType,
         as_number: impl Fn(T) -> f64,
+        is_set: impl Fn(&M::Variables, ValueReference, T) -> bool,
         write: impl Fn(&mut M::Variables, ValueReference, T),
     ) -> Answer {
+        // FMPy sets discrete inputs between events, too, to the values that they have.
+        let is_kept = |this: &Self, variable: &VariableDescription, reference, value| {
+            this.memory.phase == Phase::ContinuousTimeMode
+                && variable.causality == Causality::Input
+                && is_set(&this.memory.variables, reference, value)
+        };
         for (&reference, &value) in references.iter().zip(values) {
-            // A shortcut for Real inputs, which may always be set, to any finite value.
+            // A shortcut for Real inputs, which may be set to any finite value, and in most states.
             if !(Self::is_real_input(reference)
                 && requested == DataType::Real
-                && as_number(value).is_finite())
+                && as_number(value).is_finite()
+                && self.memory.phase != Phase::ContinuousTimeMode)
             {
-                self.check_settable(Self::variable(reference, requested)?, as_number(value))?;
+                let variable = Self::variable(reference, requested)?;
+                if !is_kept(self, variable, reference, value) {
+                    self.check_settable(variable, as_number(value))?;
+                }
             }
         }
         let mut status = Status::Ok;
         for (&reference, &value) in references.iter().zip(values) {
             let variable = Self::checked(reference);
+            if is_kept(self, variable, reference, value) {
+                continue;
+            }
             let memory = &mut self.memory;
-            write(&mut memory.variables, reference, value);
             memory.stale = true;
+            if let Some(state) = variable.state.filter(|_| memory.phase == Phase::ContinuousTimeMode) {
+                memory.set_state(state, as_number(value));
+                continue;
+            }
+            write(&mut memory.variables, reference, value);
             if let Some(position) = variable.real_input {
                 if memory.inputs.set_value(position, as_number(value)) {
                     status = self.warn_of_bounds(variable, as_number(value));
@@ -192,21 +220,27 @@ impl<M: Model> Instance<M> {
     }
 
     pub(crate) fn set_real(&mut self, references: &[ValueReference], values: &[f64]) -> Answer {
-        self.set(references, values, DataType::Real, |value| value, M::Variables::set_real)
+        #[expect(clippy::float_cmp, reason = "whether it is the very value")]
+        let is_set = |variables: &M::Variables, reference, value| variables.real(reference) == value;
+        self.set(references, values, DataType::Real, |value| value, is_set, M::Variables::set_real)
     }
 
     pub(crate) fn set_integer(&mut self, references: &[ValueReference], values: &[i32]) -> Answer {
-        self.set(references, values, DataType::Integer, f64::from, M::Variables::set_integer)
+        let is_set = |variables: &M::Variables, reference, value| variables.integer(reference) == value;
+        self.set(references, values, DataType::Integer, f64::from, is_set, M::Variables::set_integer)
     }
 
     pub(crate) fn set_boolean(&mut self, references: &[ValueReference], values: &[i32]) -> Answer {
         let write =
             |variables: &mut M::Variables, reference, value| variables.set_boolean(reference, value != 0);
-        self.set(references, values, DataType::Boolean, |_| 0.0, write)
+        let is_set =
+            |variables: &M::Variables, reference, value| variables.boolean(reference) == (value != 0);
+        self.set(references, values, DataType::Boolean, |_| 0.0, is_set, write)
     }
 
     pub(crate) fn set_string(&mut self, references: &[ValueReference], values: &[&str]) -> Answer {
-        self.set(references, values, DataType::String, |_| 0.0, M::Variables::set_string)
+        let is_set = |variables: &M::Variables, reference, value: &str| variables.string(reference) == value;
+        self.set(references, values, DataType::String, |_| 0.0, is_set, M::Variables::set_string)
     }
 
     pub(crate) fn set_real_input_derivatives(

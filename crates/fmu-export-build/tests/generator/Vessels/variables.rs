@@ -2,6 +2,9 @@
 
 #[allow(unused_imports)]
 pub use generated::*;
+/// Defines the functions of FMI 2.0 for a model with these variables.
+#[allow(unused_imports)]
+pub use ::fmu_export::fmi2_co_simulation as export_fmi2;
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 mod generated {
@@ -469,6 +472,7 @@ impl ::fmu_export::Variables for Variables {
     const MODEL_DESCRIPTION_XML: &'static str = include_str!("modelDescription.xml");
     const STATE_NAMES: &'static [&'static str] = &States::NAMES;
     const STATE_NOMINALS: &'static [f64] = &[1.0, 1.0, 4.0];
+    const EVENT_INDICATORS: &'static [&'static str] = &["first_is_empty", "second.is_empty"];
 
     fn inputs(&self) -> &Inputs {
         &self.inputs
@@ -645,31 +649,32 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {
     model_identifier: "Vessels",
     guid: "{4341b467-31f4-57c4-957e-5db0a0de2455}",
     variables: &[
-        fmi::VariableDescription { name: "time", data_type: fmi::DataType::Real, causality: fmi::Causality::Independent, variability: fmi::Variability::Continuous, initial: fmi::Initial::None, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "inflow", data_type: fmi::DataType::Real, causality: fmi::Causality::Input, variability: fmi::Variability::Continuous, initial: fmi::Initial::None, min: 0.0, max: 10.0, real_input: Some(0) },
-        fmi::VariableDescription { name: "enabled", data_type: fmi::DataType::Boolean, causality: fmi::Causality::Input, variability: fmi::Variability::Discrete, initial: fmi::Initial::None, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "level", data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "drain", data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "fills", data_type: fmi::DataType::Integer, causality: fmi::Causality::Output, variability: fmi::Variability::Discrete, initial: fmi::Initial::Calculated, min: -1.0, max: 100.0, real_input: None },
-        fmi::VariableDescription { name: "first.area", data_type: fmi::DataType::Real, causality: fmi::Causality::Parameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Exact, min: 0.1, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "first.mass", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Approx, min: 0.0, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "der(first.mass)", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "first.outflow", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "second.area", data_type: fmi::DataType::Real, causality: fmi::Causality::Parameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Exact, min: 0.1, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "second.mass", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Approx, min: 0.0, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "der(second.mass)", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "second.outflow", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "settings.mode", data_type: fmi::DataType::Enumeration, causality: fmi::Causality::Parameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Exact, min: 1.0, max: 2.0, real_input: None },
-        fmi::VariableDescription { name: "settings.label", data_type: fmi::DataType::String, causality: fmi::Causality::Parameter, variability: fmi::Variability::Tunable, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "settings.table[1,1]", data_type: fmi::DataType::Real, causality: fmi::Causality::Parameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "settings.table[1,2]", data_type: fmi::DataType::Real, causality: fmi::Causality::Parameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "settings.table[2,1]", data_type: fmi::DataType::Real, causality: fmi::Causality::Parameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "settings.table[2,2]", data_type: fmi::DataType::Real, causality: fmi::Causality::Parameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "settings.gain", data_type: fmi::DataType::Real, causality: fmi::Causality::CalculatedParameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "settings.reserve", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "der(settings.reserve)", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
+        fmi::VariableDescription { name: "time", data_type: fmi::DataType::Real, causality: fmi::Causality::Independent, variability: fmi::Variability::Continuous, initial: fmi::Initial::None, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "inflow", data_type: fmi::DataType::Real, causality: fmi::Causality::Input, variability: fmi::Variability::Continuous, initial: fmi::Initial::None, min: 0.0, max: 10.0, real_input: Some(0), state: None },
+        fmi::VariableDescription { name: "enabled", data_type: fmi::DataType::Boolean, causality: fmi::Causality::Input, variability: fmi::Variability::Discrete, initial: fmi::Initial::None, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "level", data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "drain", data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "fills", data_type: fmi::DataType::Integer, causality: fmi::Causality::Output, variability: fmi::Variability::Discrete, initial: fmi::Initial::Calculated, min: -1.0, max: 100.0, real_input: None, state: None },
+        fmi::VariableDescription { name: "first.area", data_type: fmi::DataType::Real, causality: fmi::Causality::Parameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Exact, min: 0.1, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "first.mass", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Approx, min: 0.0, max: f64::INFINITY, real_input: None, state: Some(0) },
+        fmi::VariableDescription { name: "der(first.mass)", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "first.outflow", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "second.area", data_type: fmi::DataType::Real, causality: fmi::Causality::Parameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Exact, min: 0.1, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "second.mass", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Approx, min: 0.0, max: f64::INFINITY, real_input: None, state: Some(1) },
+        fmi::VariableDescription { name: "der(second.mass)", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "second.outflow", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "settings.mode", data_type: fmi::DataType::Enumeration, causality: fmi::Causality::Parameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Exact, min: 1.0, max: 2.0, real_input: None, state: None },
+        fmi::VariableDescription { name: "settings.label", data_type: fmi::DataType::String, causality: fmi::Causality::Parameter, variability: fmi::Variability::Tunable, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "settings.table[1,1]", data_type: fmi::DataType::Real, causality: fmi::Causality::Parameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "settings.table[1,2]", data_type: fmi::DataType::Real, causality: fmi::Causality::Parameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "settings.table[2,1]", data_type: fmi::DataType::Real, causality: fmi::Causality::Parameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "settings.table[2,2]", data_type: fmi::DataType::Real, causality: fmi::Causality::Parameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "settings.gain", data_type: fmi::DataType::Real, causality: fmi::Causality::CalculatedParameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "settings.reserve", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: Some(2) },
+        fmi::VariableDescription { name: "der(settings.reserve)", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
     ],
     log_categories: &["logStatusError", "logStatusWarning", "logEvents"],
+    interfaces: fmi::Interfaces { co_simulation: true, model_exchange: false },
     capabilities: fmi::Capabilities {
         interpolate_inputs: true,
         get_and_set_state: true,

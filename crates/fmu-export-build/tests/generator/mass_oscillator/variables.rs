@@ -2,6 +2,9 @@
 
 #[allow(unused_imports)]
 pub use generated::*;
+/// Defines the functions of FMI 2.0 for a model with these variables.
+#[allow(unused_imports)]
+pub use ::fmu_export::fmi2_co_simulation as export_fmi2;
 
 #[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 mod generated {
@@ -346,22 +349,23 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {
     model_identifier: "mass_oscillator",
     guid: "{3d834c8e-31b1-5cf9-adef-cc21629c8888}",
     variables: &[
-        fmi::VariableDescription { name: "time", data_type: fmi::DataType::Real, causality: fmi::Causality::Independent, variability: fmi::Variability::Continuous, initial: fmi::Initial::None, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "velocity", data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "energy", data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "position", data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "der(position)", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "power", data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "loss", data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "stiffness", data_type: fmi::DataType::Real, causality: fmi::Causality::Parameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "wear[1]", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Approx, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "wear[2]", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Approx, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "der(wear[1])", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "der(wear[2])", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "der(velocity)", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None },
-        fmi::VariableDescription { name: "force", data_type: fmi::DataType::Real, causality: fmi::Causality::Input, variability: fmi::Variability::Continuous, initial: fmi::Initial::None, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: Some(0) },
+        fmi::VariableDescription { name: "time", data_type: fmi::DataType::Real, causality: fmi::Causality::Independent, variability: fmi::Variability::Continuous, initial: fmi::Initial::None, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "velocity", data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: Some(1) },
+        fmi::VariableDescription { name: "energy", data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "position", data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: Some(0) },
+        fmi::VariableDescription { name: "der(position)", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "power", data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "loss", data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "stiffness", data_type: fmi::DataType::Real, causality: fmi::Causality::Parameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "wear[1]", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Approx, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: Some(2) },
+        fmi::VariableDescription { name: "wear[2]", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Approx, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: Some(3) },
+        fmi::VariableDescription { name: "der(wear[1])", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "der(wear[2])", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "der(velocity)", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
+        fmi::VariableDescription { name: "force", data_type: fmi::DataType::Real, causality: fmi::Causality::Input, variability: fmi::Variability::Continuous, initial: fmi::Initial::None, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: Some(0), state: None },
     ],
     log_categories: &["logStatusError", "logStatusWarning", "logEvents", "logWear"],
+    interfaces: fmi::Interfaces { co_simulation: true, model_exchange: false },
     capabilities: fmi::Capabilities {
         interpolate_inputs: true,
         get_and_set_state: true,

@@ -1,6 +1,6 @@
 //! Models of equations, by which the built-in integrator is tested.
 
-use fmu_export::{Equations, Error, Event, Number, Persistent, VariablesOf};
+use fmu_export::{Context, Equations, Error, Event, Number, Persistent, VariablesOf};
 
 macro_rules! variables {
     ($($model:ident: $identifier:literal),*) => {$(
@@ -74,8 +74,6 @@ pub struct BouncingBall {
 impl Equations for BouncingBall {
     type Variables = bouncing_ball::Variables;
 
-    const EVENT_INDICATORS: usize = 1;
-
     fn evaluate<T: Number>(&self, _time: T, variables: &mut bouncing_ball::Variables<T>) {
         let bouncing_ball::Variables { parameters, states, derivatives, .. } = variables;
         derivatives.h = states.v;
@@ -86,7 +84,12 @@ impl Equations for BouncingBall {
         indicators[0] = if self.rests { 0.0 } else { variables.states.h };
     }
 
-    fn event(&mut self, event: &Event<'_>, variables: &mut bouncing_ball::Variables) -> Result<(), Error> {
+    fn event(
+        &mut self,
+        event: &Event<'_>,
+        variables: &mut bouncing_ball::Variables,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
         let bouncing_ball::Variables { parameters, states, outputs, .. } = variables;
         if states.h <= 0.0 && states.v < 0.0 {
             states.h = 0.0;
@@ -112,8 +115,6 @@ pub struct Stairs {
 impl Equations for Stairs {
     type Variables = stairs::Variables;
 
-    const EVENT_INDICATORS: usize = 1;
-
     fn evaluate<T: Number>(&self, _time: T, variables: &mut stairs::Variables<T>) {
         variables.derivatives.level = T::from(f64::from(self.steps));
         variables.outputs.steps = self.steps;
@@ -129,7 +130,12 @@ impl Equations for Stairs {
         Some(if waits { f64::from(self.steps + 1) * interval } else { time })
     }
 
-    fn event(&mut self, event: &Event<'_>, variables: &mut stairs::Variables) -> Result<(), Error> {
+    fn event(
+        &mut self,
+        event: &Event<'_>,
+        variables: &mut stairs::Variables,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
         if event.is_due {
             self.steps += 1;
             variables.outputs.last_step = event.time;

@@ -179,7 +179,7 @@ impl Model for TestModel {
         Ok(())
     }
 
-    fn refresh(&mut self, variables: &mut Variables, inputs: &InputsOf<Self>) {
+    fn refresh(&mut self, _time: f64, variables: &mut Variables, inputs: &InputsOf<Self>) {
         // It returns no error, so it panics.
         if let Err(error) = fail(variables, Place::Refresh) {
             panic!("{error}");
@@ -189,6 +189,7 @@ impl Model for TestModel {
 
     fn differentiate(
         &self,
+        _time: f64,
         variables: &Variables,
         inputs: &InputsOf<Self>,
         direction: &Variables,
@@ -208,12 +209,13 @@ impl Model for TestModel {
 
     fn differentiate_initialization(
         &self,
+        start_time: f64,
         variables: &Variables,
         inputs: &InputsOf<Self>,
         direction: &Variables,
     ) -> Result<Variables, Error> {
         // The start value of the motion's position is a guess, and therefore not a known in the standard.
-        let mut result = self.differentiate(variables, inputs, direction)?;
+        let mut result = self.differentiate(start_time, variables, inputs, direction)?;
         result.outputs.output += direction.parameters.tank.gain * inputs.rate;
         Ok(result)
     }
@@ -226,4 +228,4 @@ impl Model for TestModel {
     }
 }
 
-fmu_export::export_fmi2!(TestModel);
+variables::export_fmi2!(TestModel);

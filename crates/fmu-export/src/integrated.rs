@@ -1,14 +1,16 @@
-//! Co-simulation of models of equations: the integrator between events, the events at their times, and derivatives by
-//! dual numbers.
+//! Models of equations as an importer sees them: in co-simulation with the built-in integrator between events and the
+//! events at their times, in Model Exchange without it, and derivatives by dual numbers.
 
 use std::mem;
 
-use crate::equations::{Equations, Event, VariablesOf};
+use crate::equations::{Equations, VariablesOf};
 use crate::error::Error;
+use crate::events::{Event, Events, MOST_ITERATIONS};
 use crate::inputs::InputSignal;
 use crate::integrator::{Integrator, StepFailure, System, Tolerance};
 use crate::logger::Shown;
 use crate::model::{Context, InputsOf, Model, Step, Variables};
+use crate::model_exchange::ModelExchange;
 use crate::number::Dual;
 
 /// The relative tolerance where the importer gives none.
@@ -21,55 +23,46 @@ const SEARCHED: u32 = 8;
 /// their times with rounding.
 const TIME_TOLERANCE: f64 = 1e-9;
 
-/// A model of equations as a co-simulation [`Model`], with the built-in integrator.
+/// A model of equations as a [`Model`], with the built-in integrator for co-simulation.
 ///
-/// Its error is controlled: per step, that of each state relative to the state and its `nominal` (1 where none is
+/// The integrator's error is controlled: per step, that of each state relative to the state and its `nominal` (1 where none is
 /// declared) is at most the importer's tolerance, or [`DEFAULT_TOLERANCE`].
 #[derive(Clone, Debug)]
-pub struct CoSimulation<E: Equations> {
+pub struct Integrated<E: Equations> {
     /// The model of equations.
     pub equations: E,
     integrator: Integrator,
     /// The time in s that is reached.
     time: f64,
-    /// When the next event is due, in s.
-    next_event: Option<f64>,
-    /// Which event indicators are positive; those of the next event, where it was found.
-    positive: Vec<bool>,
-    changed: Vec<bool>,
-    indicators: Vec<f64>,
+    events: Events,
     /// The states, as an array.
     states: Vec<f64>,
 }
 
-impl<E: Equations> Default for CoSimulation<E> {
+impl<E: Equations> Default for Integrated<E> {
     fn default() -> Self {
         let states = E::Variables::STATE_NAMES.len();
         Self {
             equations: E::default(),
             integrator: Integrator::new(states),
             time: 0.0,
-            next_event: None,
-            positive: vec![false; E::EVENT_INDICATORS],
-            changed: vec![false; E::EVENT_INDICATORS],
-            indicators: vec![0.0; E::EVENT_INDICATORS],
+            events: Events::new(E::Variables::EVENT_INDICATORS.len()),
             states: vec![0.0; states],
         }
     }
 }
 
 /// The rest is of a step that is under way.
-impl<E: Equations> crate::Persistent for CoSimulation<E> {
+impl<E: Equations> crate::Persistent for Integrated<E> {
     fn persist(&mut self, archive: &mut crate::persistence::Archive<'_>) -> Result<(), Error> {
         self.equations.persist(archive)?;
         self.integrator.persist(archive)?;
         self.time.persist(archive)?;
-        self.next_event.persist(archive)?;
-        self.positive.as_mut_slice().persist(archive)
+        self.events.persist(archive)
     }
 }
 
-impl<E: Equations> Model for CoSimulation<E> {
+impl<E: Equations> Model for Integrated<E> {
     type Variables = E::Variables;
 
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
@@ -84,11 +77,13 @@ impl<E: Equations> Model for CoSimulation<E> {
     ) -> Result<(), Error> {
         *self = Self { time: context.experiment.start_time, ..Self::default() };
         with_inputs(variables, inputs, |variables| {
+            self.equations.prepare(variables, context)?;
             variables.states_from_start();
             self.equations.initialize::<f64>(variables);
             self.equations.evaluate::<f64>(self.time, variables);
-            self.find_signs(variables);
-            self.happen(variables, true, false)
+            let Self { equations, events, time, .. } = self;
+            events.begin(|indicators| equations.event_indicators(*time, variables, indicators));
+            self.happen(variables, true, false, context)
         })
     }
 
@@ -101,43 +96,74 @@ impl<E: Equations> Model for CoSimulation<E> {
         let tolerance = context.experiment.tolerance.unwrap_or(DEFAULT_TOLERANCE);
         let mut states = mem::take(&mut self.states);
         let result = with_inputs(variables, step.inputs.initial(), |variables| {
-            self.advance(variables, step, tolerance, &mut states)
+            self.advance(variables, step, tolerance, &mut states, context)
         });
         self.states = states;
         result
     }
 
-    fn refresh(&mut self, variables: &mut Self::Variables, inputs: &InputsOf<Self>) {
-        with_inputs(variables, inputs, |variables| self.equations.evaluate::<f64>(self.time, variables));
+    fn refresh(&mut self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) {
+        with_inputs(variables, inputs, |variables| self.equations.evaluate::<f64>(time, variables));
     }
 
     fn differentiate(
         &self,
+        time: f64,
         variables: &Self::Variables,
         inputs: &InputsOf<Self>,
         direction: &Self::Variables,
     ) -> Result<Self::Variables, Error> {
-        Ok(self.derivatives(variables, inputs, direction, |_| {}))
+        Ok(self.derivatives(time, variables, inputs, direction, |_| {}))
     }
 
     fn differentiate_initialization(
         &self,
+        start_time: f64,
         variables: &Self::Variables,
         inputs: &InputsOf<Self>,
         direction: &Self::Variables,
     ) -> Result<Self::Variables, Error> {
         let mut started = variables.clone();
         started.states_from_start();
-        Ok(self.derivatives(&started, inputs, direction, |variables| {
+        Ok(self.derivatives(start_time, &started, inputs, direction, |variables| {
             self.equations.initialize::<Dual>(variables);
         }))
     }
 }
 
-impl<E: Equations> CoSimulation<E> {
+impl<E: Equations> ModelExchange for Integrated<E> {
+    fn event_indicators(
+        &self,
+        time: f64,
+        variables: &mut Self::Variables,
+        inputs: &InputsOf<Self>,
+        indicators: &mut [f64],
+    ) {
+        with_inputs(variables, inputs, |variables| {
+            self.equations.event_indicators(time, variables, indicators);
+        });
+    }
+
+    fn next_event(&self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) -> Option<f64> {
+        with_inputs(variables, inputs, |variables| self.equations.next_event(time, variables))
+    }
+
+    fn event(
+        &mut self,
+        event: &Event<'_>,
+        variables: &mut Self::Variables,
+        inputs: &InputsOf<Self>,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        with_inputs(variables, inputs, |variables| self.equations.event(event, variables, context))
+    }
+}
+
+impl<E: Equations> Integrated<E> {
     /// The derivatives of what is calculated along a direction; the states are initialized before.
     fn derivatives(
         &self,
+        time: f64,
         variables: &E::Variables,
         inputs: &InputsOf<Self>,
         direction: &E::Variables,
@@ -148,7 +174,7 @@ impl<E: Equations> CoSimulation<E> {
         direction.states_from_start();
         let mut duals = variables.combined(&direction, Dual::new);
         initialize(&mut duals);
-        self.equations.evaluate(Dual::from(self.time), &mut duals);
+        self.equations.evaluate(Dual::from(time), &mut duals);
         E::Variables::derivatives_of(&duals)
     }
 
@@ -159,6 +185,7 @@ impl<E: Equations> CoSimulation<E> {
         step: &Step<'_, InputsOf<Self>>,
         tolerance: f64,
         states: &mut [f64],
+        context: &mut Context<'_>,
     ) -> Result<(), Error> {
         self.time = step.start;
         let end = step.end();
@@ -169,14 +196,17 @@ impl<E: Equations> CoSimulation<E> {
         self.equations.evaluate::<f64>(self.time, variables);
         let mut crossed = self.find_changes(variables);
         loop {
-            let due = self.next_event.filter(|&due| due <= last_event);
+            let due = self.events.next.filter(|&due| due <= last_event);
             let is_due = due.is_some_and(|due| due <= self.time || self.time >= end);
             if crossed || is_due {
                 trials += 1;
                 if let Some(due) = due.filter(|_| is_due) {
                     self.time = due;
                 }
-                self.happen(variables, false, is_due)?;
+                self.happen(variables, false, is_due, context)?;
+                if context.end.is_some() {
+                    return Ok(());
+                }
                 E::Variables::each_state(variables, |state, value| states[state] = value);
                 crossed = false;
             } else if self.time >= end {
@@ -231,7 +261,7 @@ impl<E: Equations> CoSimulation<E> {
             .evaluate(time, states);
             model.find_changes(variables)
         };
-        if E::EVENT_INDICATORS == 0 {
+        if E::Variables::EVENT_INDICATORS.is_empty() {
             return go_to(self, end);
         }
         let (mut before, mut after) = (begin, end);
@@ -261,42 +291,34 @@ impl<E: Equations> CoSimulation<E> {
         }
     }
 
-    /// Finds which indicators are positive.
-    fn find_signs(&mut self, variables: &E::Variables) {
-        self.equations.event_indicators(self.time, variables, &mut self.indicators);
-        for (positive, indicator) in self.positive.iter_mut().zip(&self.indicators) {
-            *positive = *indicator > 0.0;
-        }
-    }
-
     /// Finds which indicators have changed since the last event. Whether any has.
     fn find_changes(&mut self, variables: &E::Variables) -> bool {
-        self.equations.event_indicators(self.time, variables, &mut self.indicators);
-        for ((changed, positive), indicator) in
-            self.changed.iter_mut().zip(&self.positive).zip(&self.indicators)
-        {
-            *changed = (*indicator > 0.0) != *positive;
-        }
-        self.changed.contains(&true)
+        let Self { equations, events, time, .. } = self;
+        events.find_changes(|indicators| equations.event_indicators(*time, variables, indicators))
     }
 
-    /// Has an event happen now.
-    fn happen(&mut self, variables: &mut E::Variables, is_initial: bool, is_due: bool) -> Result<(), Error> {
-        let event = Event { time: self.time, is_initial, is_due, indicators: &self.changed };
-        self.equations.event(&event, variables)?;
-        self.equations.evaluate::<f64>(self.time, variables);
-        self.find_signs(variables);
-        self.next_event = self.equations.next_event(self.time, variables);
-        self.integrator.restart();
-        self.changed.fill(false);
-        match self.next_event {
-            Some(next) if next.is_nan() || next <= self.time => Err(Error::new(format!(
-                "the next event is due at {} s, which is not after that at {} s",
-                Shown(next),
-                Shown(self.time)
-            ))),
-            _ => Ok(()),
+    /// Has an event happen now, and those that it brings about at once.
+    fn happen(
+        &mut self,
+        variables: &mut E::Variables,
+        is_initial: bool,
+        is_due: bool,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        let mut event = Event { time: self.time, is_initial, is_due, indicators: &[] };
+        for _ in 0..MOST_ITERATIONS {
+            event.indicators = self.events.changed();
+            self.equations.event(&event, variables, context)?;
+            self.equations.evaluate::<f64>(self.time, variables);
+            self.events.accept();
+            if !self.find_changes(variables) {
+                self.integrator.restart();
+                let next = self.equations.next_event(self.time, variables);
+                return self.events.set_next(next, self.time, is_initial);
+            }
+            event = Event { time: self.time, is_initial: false, is_due: false, indicators: &[] };
         }
+        Err(self.events.endless(self.time, E::Variables::EVENT_INDICATORS))
     }
 
     #[cold]
@@ -326,7 +348,7 @@ fn with_inputs<V: Variables, R>(
 struct Equated<'a, E: Equations> {
     equations: &'a E,
     variables: &'a mut E::Variables,
-    inputs: &'a InputSignal<InputsOf<CoSimulation<E>>>,
+    inputs: &'a InputSignal<InputsOf<Integrated<E>>>,
     /// The time in s at which the inputs begin.
     start: f64,
 }

@@ -1,0 +1,141 @@
+//! What the chosen interfaces change, and what they do not.
+
+use std::fs;
+
+use fmu_export::Variables as _;
+use fmu_export::description::Interfaces as Described;
+use fmu_export_build::{Generated, Interfaces, generate_into};
+
+use super::{Variables, folder, folder_with_model, package, read, sources};
+
+fn generate(interfaces: Interfaces) -> Generated {
+    let out_dir = folder(&format!("interfaces {interfaces}"));
+    generate_into(&sources().join("vessels.json"), &out_dir, &package(), interfaces)
+        .unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The description without the GUID, which is a hash of the rest.
+fn description(interfaces: Interfaces) -> String {
+    let xml = read(&generate(interfaces).model_description);
+    let (before, rest) = xml.split_once(" guid=\"").expect("there is a GUID");
+    let (_, after) = rest.split_once('"').expect("it ends");
+    format!("{before}{after}")
+}
+
+/// FMI 2.0.5, sections 2.2.1, 2.2.7, 3.3.1 and the schemas' order of elements and attributes.
+#[test]
+fn model_exchange_is_declared_with_what_belongs_to_it_and_nothing_else_changes() {
+    let model_exchange = "  <ModelExchange modelIdentifier=\"Vessels\" needsExecutionTool=\"false\" \
+        completedIntegratorStepNotNeeded=\"true\" canBeInstantiatedOnlyOncePerProcess=\"false\" \
+        canNotUseMemoryManagementFunctions=\"true\" canGetAndSetFMUstate=\"true\" canSerializeFMUstate=\"true\" \
+        providesDirectionalDerivative=\"false\"/>\n";
+    let both = description(Interfaces::Both);
+    let is_co_simulation = |line: &&str| line.trim_start().starts_with("<CoSimulation ");
+    let co_simulation: Vec<_> = both.lines().filter(is_co_simulation).collect();
+    assert_eq!(co_simulation.len(), 1);
+    let co_simulation = format!("{}\n", co_simulation[0]);
+    assert!(both.contains(&format!("{model_exchange}{co_simulation}")), "{both}");
+    assert!(
+        both.contains("variableNamingConvention=\"structured\" numberOfEventIndicators=\"2\">"),
+        "{both}"
+    );
+    assert_eq!(both.matches("start=\"1e-5\" reinit=\"true\"/>").count(), 2, "{both}");
+    assert_eq!(both.matches("reinit").count(), 2, "{both}");
+
+    assert_eq!(description(Interfaces::ModelExchange), both.replace(&co_simulation, ""));
+    let alone = both.replace(model_exchange, "").replace(" numberOfEventIndicators=\"2\"", "");
+    assert_eq!(description(Interfaces::CoSimulation), alone.replace(" reinit=\"true\"", ""));
+}
+
+#[test]
+fn the_typed_interface_has_the_functions_and_the_table_of_the_interfaces() {
+    let of_co_simulation = read(&sources().join("Vessels/variables.rs"));
+    for (interfaces, functions, co_simulation, model_exchange) in [
+        (Interfaces::CoSimulation, "fmi2_co_simulation", true, false),
+        (Interfaces::ModelExchange, "fmi2_model_exchange", false, true),
+        (Interfaces::Both, "fmi2_both", true, true),
+    ] {
+        let generated = generate(interfaces);
+        let text = read(&generated.variables);
+        assert!(text.contains(&format!("pub use ::fmu_export::{functions} as export_fmi2;\n")), "{text}");
+        let table = Described { co_simulation, model_exchange };
+        assert!(text.contains(&format!("    interfaces: fmi::{table:?},\n")), "{text}");
+        let differs = |line: &&str| !of_co_simulation.lines().any(|other| other == *line);
+        let different = text.lines().filter(differs).count();
+        // The macro, the GUID and the interfaces.
+        assert_eq!(different, if interfaces == Interfaces::CoSimulation { 0 } else { 3 });
+    }
+}
+
+#[test]
+fn the_runtime_is_told_event_indicators_and_states() {
+    assert_eq!(Variables::EVENT_INDICATORS, ["first_is_empty", "second.is_empty"]);
+    let variables = Variables::DESCRIPTION.variables.iter();
+    let mut states: Vec<_> =
+        variables.filter_map(|variable| Some((variable.state?, variable.name))).collect();
+    states.sort_unstable();
+    assert!(states.iter().map(|(position, _)| *position).eq(0..Variables::STATE_NAMES.len()));
+    assert!(states.iter().map(|(_, name)| *name).eq(Variables::STATE_NAMES.iter().copied()));
+}
+
+#[test]
+fn the_page_names_the_interfaces_and_what_they_can_do() {
+    for (interfaces, names) in [
+        (Interfaces::CoSimulation, "co-simulation"),
+        (Interfaces::ModelExchange, "Model Exchange"),
+        (Interfaces::Both, "co-simulation and Model Exchange"),
+    ] {
+        let page = read(&generate(interfaces).documentation);
+        for text in [format!("<p>FMU for {names}</p>"), format!("<dd>FMI 2.0 for {names}</dd>")] {
+            assert!(page.contains(&text), "{text}");
+        }
+        let indicators = "<dt>Event indicators</dt><dd>first_is_empty, second.is_empty</dd>";
+        assert_eq!(page.contains(indicators), interfaces.model_exchange(), "{interfaces}");
+        for of_steps in ["canHandleVariableCommunicationStepSize", "canInterpolateInputs"] {
+            assert_eq!(page.contains(of_steps), interfaces.co_simulation(), "{interfaces}: {of_steps}");
+        }
+    }
+}
+
+#[test]
+fn interfaces_are_written_as_they_are_read() {
+    for interfaces in Interfaces::ALL {
+        assert_eq!(interfaces.to_string().parse(), Ok(interfaces));
+    }
+    assert_eq!("me,cs".parse(), Ok(Interfaces::Both));
+    for text in ["", "CS", "cs,cs", "cs, me", "se", "cs,"] {
+        assert_eq!(text.parse::<Interfaces>(), Err(format!("'{text}' is not one of cs, me and cs,me")));
+    }
+}
+
+#[test]
+fn resources_are_those_that_the_folder_has_now() {
+    let folder = folder_with_model("resources");
+    let write = |file: &str, text: &str| {
+        fs::write(folder.join(file), text).expect("the folder for tests is writable");
+    };
+    fs::create_dir_all(folder.join("tables/curves")).expect("the folder for tests is writable");
+    write("tables/curves/area.csv", "level,area\n0,0.5\n");
+    write("tables/notes.txt", "made up");
+    let model = read(&folder.join("vessels.json"));
+    write("vessels.json", &model.replacen('{', "{\"resources\": \"tables\",", 1));
+    let again = || {
+        let file = folder.join("vessels.json");
+        generate_into(&file, &folder, &package(), Interfaces::CoSimulation)
+            .unwrap_or_else(|error| panic!("{error}"))
+    };
+    let generated = again();
+    assert!(generated.sources.contains(&folder.join("tables")));
+    let resources = generated.resources.expect("the JSON names a folder");
+    assert_eq!(resources, folder.join("Vessels/resources"));
+    assert_eq!(read(&resources.join("curves/area.csv")), "level,area\n0,0.5\n");
+    assert_eq!(read(&resources.join("notes.txt")), "made up");
+
+    fs::remove_file(folder.join("tables/notes.txt")).expect("it is there");
+    assert_eq!(again().resources.as_ref(), Some(&resources));
+    assert!(resources.join("curves/area.csv").is_file() && !resources.join("notes.txt").exists());
+
+    write("vessels.json", &model);
+    assert_eq!(again().resources, None);
+    assert!(!resources.exists());
+}

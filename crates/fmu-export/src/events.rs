@@ -1,0 +1,122 @@
+//! Event indicators and time events: when a model has an event, and why.
+
+use crate::error::Error;
+use crate::logger::Shown;
+use crate::persistence::{Archive, Persistent};
+
+/// How often a model may have an event at one time, each brought about by the one before.
+pub(crate) const MOST_ITERATIONS: u32 = 1000;
+
+/// By how much an importer sees an indicator shifted away from its next crossing, so that it is never 0 when the
+/// importer continues, and has surely crossed 0 where the importer finds the crossing (FMI 2.0.5, section 3.1 asks for
+/// "a small hysteresis"). Indicators are of order one; this is a thousand times their rounding.
+const HYSTERESIS: f64 = 1e-12;
+
+/// What a model knows of its events.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Events {
+    /// When the next time event is due, in s.
+    pub(crate) next: Option<f64>,
+    /// Which indicators were positive at the last event.
+    positive: Box<[bool]>,
+    /// Which have changed since.
+    changed: Box<[bool]>,
+    indicators: Box<[f64]>,
+}
+
+/// The rest follows from the model.
+impl Persistent for Events {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        self.next.persist(archive)?;
+        self.positive.persist(archive)
+    }
+}
+
+impl Events {
+    /// Of a model with so many event indicators.
+    pub(crate) fn new(indicators: usize) -> Self {
+        Self {
+            next: None,
+            positive: vec![false; indicators].into(),
+            changed: vec![false; indicators].into(),
+            indicators: vec![0.0; indicators].into(),
+        }
+    }
+
+    /// Which indicators have changed since the last event.
+    pub(crate) fn changed(&self) -> &[bool] {
+        &self.changed
+    }
+
+    /// Takes the present signs of the indicators as those of the last event.
+    pub(crate) fn begin(&mut self, compute: impl FnOnce(&mut [f64])) {
+        self.find_changes(compute);
+        self.accept();
+    }
+
+    /// Finds which indicators have changed. Whether any has.
+    pub(crate) fn find_changes(&mut self, compute: impl FnOnce(&mut [f64])) -> bool {
+        compute(&mut self.indicators);
+        for ((changed, positive), indicator) in
+            self.changed.iter_mut().zip(&self.positive).zip(&self.indicators)
+        {
+            *changed = (*indicator > 0.0) != *positive;
+        }
+        self.changed.contains(&true)
+    }
+
+    /// Takes note of the changes that were found: the model has had its event.
+    pub(crate) fn accept(&mut self) {
+        for (positive, changed) in self.positive.iter_mut().zip(&mut self.changed) {
+            *positive ^= *changed;
+            *changed = false;
+        }
+    }
+
+    /// The indicators as an importer sees them.
+    pub(crate) fn shift(&self, indicators: &mut [f64]) {
+        for (indicator, positive) in indicators.iter_mut().zip(&self.positive) {
+            *indicator += if *positive { HYSTERESIS } else { -HYSTERESIS };
+        }
+    }
+
+    /// Sets the time of the next event, asked for at a time in s; only the event at the start may be due at once.
+    pub(crate) fn set_next(&mut self, next: Option<f64>, time: f64, is_initial: bool) -> Result<(), Error> {
+        self.next = next;
+        match next {
+            Some(next) if next.is_nan() || next < time || next <= time && !is_initial => {
+                Err(Error::new(format!(
+                    "the next event is due at {} s, which is not after that at {} s",
+                    Shown(next),
+                    Shown(time)
+                )))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The event at a time in s does not end; `names` are those of the indicators.
+    #[cold]
+    pub(crate) fn endless(&self, time: f64, names: &[&str]) -> Error {
+        let changing: Vec<_> =
+            names.iter().zip(&self.changed).filter(|(_, changed)| **changed).map(|(name, _)| *name).collect();
+        Error::new(format!(
+            "the event at {} s does not end: after {MOST_ITERATIONS} iterations the event indicators still change ({})",
+            Shown(time),
+            changing.join(", ")
+        ))
+    }
+}
+
+/// Why there is an event.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Event<'a> {
+    /// The time in s. For an event that the model has announced, that very number.
+    pub time: f64,
+    /// Whether it is the one at the start, where the model finds the branches that it begins on.
+    pub is_initial: bool,
+    /// Whether the time that the model has announced is reached.
+    pub is_due: bool,
+    /// Which event indicators have become positive or no longer are.
+    pub indicators: &'a [bool],
+}

@@ -1,0 +1,237 @@
+//! Model Exchange: time, states and events (FMI 2.0.5, section 3.2).
+
+use super::{Answer, Instance, Memory, check_finite};
+use crate::c_types::Status;
+use crate::calling_sequence::{Interface, Phase};
+use crate::error::Error;
+use crate::events::{Event, MOST_ITERATIONS};
+use crate::logger::{Shown, WARNING};
+use crate::model::{Context, Variables};
+use crate::model_exchange::ModelExchange;
+
+/// An event that is due so little later, relative to the time, is reached: solvers compute their times with rounding.
+const TIME_TOLERANCE: f64 = 1e-9;
+
+/// What an event has brought about: `fmi2EventInfo`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct EventInfo {
+    /// Whether there is another event at once.
+    pub(crate) again: bool,
+    /// Whether the model asks for the end of the simulation.
+    pub(crate) terminate: bool,
+    /// Whether a state has changed.
+    pub(crate) states_changed: bool,
+    /// When the next time event is due, in s.
+    pub(crate) next: Option<f64>,
+}
+
+impl<M: ModelExchange> Memory<M> {
+    /// The states, in the order of the model structure's derivatives.
+    fn states(&self) -> impl PartialEq + use<M> {
+        let mut states = vec![];
+        M::Variables::each_state(&self.variables, |_, state: f64| states.push(state.to_bits()));
+        states
+    }
+
+    /// Computes the event indicators.
+    fn compute_indicators(&mut self, indicators: &mut [f64]) {
+        let Self { model, variables, inputs, time, .. } = self;
+        model.event_indicators(*time, variables, inputs.latest(), indicators);
+    }
+
+    /// Whether an event indicator has changed since the last event.
+    fn find_changes(&mut self) -> bool {
+        let Self { model, variables, inputs, time, events, .. } = self;
+        events.find_changes(|indicators| {
+            model.event_indicators(*time, variables, inputs.latest(), indicators);
+        })
+    }
+
+    /// When the time event that is reached was due.
+    fn due(&self) -> Option<f64> {
+        let tolerance = TIME_TOLERANCE * self.time.abs();
+        self.events.next.filter(|next| *next <= self.time + tolerance)
+    }
+
+    /// Asks the model for the next event after a time (s).
+    fn announce_next(&mut self, time: f64, is_initial: bool) -> Result<(), Error> {
+        let next = self.model.next_event(time, &mut self.variables, self.inputs.latest());
+        self.events.set_next(next, time, is_initial)
+    }
+}
+
+impl<M: ModelExchange> Instance<M> {
+    /// `fmi2ExitInitializationMode` of an FMU that has Model Exchange.
+    pub(crate) fn exit_initialization_mode_with_events(&mut self) -> Answer {
+        let status = self.exit_initialization_mode()?;
+        let memory = &mut self.memory;
+        if memory.interface == Interface::ModelExchange {
+            // If an error or a panic interrupts it, the instance remains in this state.
+            memory.phase = Phase::Error;
+            let Memory { model, variables, inputs, time, events, .. } = memory;
+            events.begin(|indicators| model.event_indicators(*time, variables, inputs.latest(), indicators));
+            memory.announce_next(memory.time, true)?;
+            memory.phase = Phase::EventMode;
+        }
+        Ok(status)
+    }
+
+    #[expect(clippy::unnecessary_wraps, reason = "returns what every callable function does")]
+    pub(crate) fn enter_event_mode(&mut self) -> Answer {
+        self.memory.phase = Phase::EventMode;
+        self.memory.iterations = 0;
+        Ok(Status::Ok)
+    }
+
+    pub(crate) fn enter_continuous_time_mode(&mut self) -> Answer {
+        self.check_changed_parameters()?;
+        let status = self.compute_values()?;
+        self.memory.phase = Phase::ContinuousTimeMode;
+        Ok(status)
+    }
+
+    /// Checks the parameters if a tunable one was set since.
+    fn check_changed_parameters(&mut self) -> Result<(), Error> {
+        if self.memory.parameters_changed {
+            M::check_parameters(&self.memory.variables)?;
+            self.memory.parameters_changed = false;
+        }
+        Ok(())
+    }
+
+    /// One iteration of an event, if there is one now.
+    pub(crate) fn new_discrete_states(&mut self) -> Result<(Status, EventInfo), Error> {
+        self.check_changed_parameters()?;
+        let mut status = self.compute_values()?;
+        let memory = &mut self.memory;
+        let has_changed = memory.find_changes();
+        let due = memory.due();
+        let mut info = EventInfo::default();
+        if has_changed || due.is_some() {
+            memory.iterations += 1;
+            if memory.iterations > MOST_ITERATIONS {
+                memory.phase = Phase::Error;
+                return Err(memory.events.endless(memory.time, M::Variables::EVENT_INDICATORS));
+            }
+            let before = memory.states();
+            let logger = &self.logger;
+            let mut log = |category, message: std::fmt::Arguments<'_>| {
+                if category == WARNING {
+                    status = Status::Warning;
+                }
+                logger.message(category, message);
+            };
+            let experiment = memory.experiment.unwrap_or_default();
+            let mut context = Context::new(experiment, &mut log).with_resources(&self.resources);
+            // If an error or a panic interrupts the event, the instance remains in this state.
+            memory.phase = Phase::Error;
+            let time = due.unwrap_or(memory.time);
+            let event =
+                Event { time, is_initial: false, is_due: due.is_some(), indicators: memory.events.changed() };
+            memory.model.event(&event, &mut memory.variables, memory.inputs.latest(), &mut context)?;
+            memory.end = context.end.or(memory.end);
+            memory.events.accept();
+            memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.latest());
+            check_finite(&memory.variables, memory.time)?;
+            memory.announce_next(time, false)?;
+            memory.phase = Phase::EventMode;
+            info.states_changed = memory.states() != before;
+            info.again = memory.find_changes() || memory.due().is_some();
+        }
+        info.terminate = memory.end.is_some();
+        info.next = memory.events.next;
+        Ok((status, info))
+    }
+
+    pub(crate) fn set_time(&mut self, time: f64) -> Answer {
+        if self.memory.phase == Phase::EventMode && !M::Variables::STATE_NAMES.is_empty() {
+            return Err(Error::new(
+                "must not be called in the state Event Mode of a model with continuous states",
+            ));
+        }
+        if !time.is_finite() {
+            return Err(Error::new(format!("time is {}", Shown(time))));
+        }
+        self.memory.time = time;
+        self.memory.stale = true;
+        if self.memory.phase == Phase::EventMode {
+            self.memory.iterations = 0;
+        }
+        Ok(Status::Ok)
+    }
+
+    pub(crate) fn set_continuous_states(&mut self, states: &[f64]) -> Answer {
+        check_count("nx", states.len(), M::Variables::STATE_NAMES.len())?;
+        if let Some(wrong) = states.iter().position(|state| !state.is_finite()) {
+            let name = M::Variables::STATE_NAMES[wrong];
+            return Err(Error::new(format!("{} for the state {name}", Shown(states[wrong]))));
+        }
+        M::Variables::set_states(&mut self.memory.variables, |state| states[state]);
+        self.memory.stale = true;
+        Ok(Status::Ok)
+    }
+
+    pub(crate) fn get_continuous_states(&mut self, states: &mut [f64]) -> Answer {
+        check_count("nx", states.len(), M::Variables::STATE_NAMES.len())?;
+        let status = self.compute_values()?;
+        M::Variables::each_state(&self.memory.variables, |state, value| states[state] = value);
+        Ok(status)
+    }
+
+    #[expect(clippy::unused_self, reason = "as the other functions")]
+    pub(crate) fn get_nominals_of_continuous_states(&mut self, nominals: &mut [f64]) -> Answer {
+        check_count("nx", nominals.len(), M::Variables::STATE_NAMES.len())?;
+        nominals.copy_from_slice(M::Variables::STATE_NOMINALS);
+        Ok(Status::Ok)
+    }
+
+    /// Derivatives that are not finite are discarded, so that the solver tries a shorter step.
+    pub(crate) fn get_derivatives(&mut self, derivatives: &mut [f64]) -> Answer {
+        check_count("nx", derivatives.len(), M::Variables::STATE_NAMES.len())?;
+        let status = self.compute_values()?;
+        let variables = &self.memory.variables;
+        let mut wrong = None;
+        M::Variables::each_derivative(variables, |state, value: f64| {
+            derivatives[state] = value;
+            if !value.is_finite() {
+                wrong = wrong.or(Some((state, value)));
+            }
+        });
+        if let Some((state, value)) = wrong {
+            self.log_discarded(format_args!(
+                "fmi2GetDerivatives: the derivative of {} is {} at the time {} s",
+                M::Variables::STATE_NAMES[state],
+                Shown(value),
+                Shown(self.memory.time)
+            ));
+            return Ok(Status::Discard);
+        }
+        Ok(status)
+    }
+
+    pub(crate) fn get_event_indicators(&mut self, indicators: &mut [f64]) -> Answer {
+        check_count("ni", indicators.len(), M::Variables::EVENT_INDICATORS.len())?;
+        let status = self.compute_values()?;
+        self.memory.compute_indicators(indicators);
+        if let Some(wrong) = indicators.iter().position(|indicator| !indicator.is_finite()) {
+            self.log_discarded(format_args!(
+                "fmi2GetEventIndicators: the indicator {} is {} at the time {} s",
+                M::Variables::EVENT_INDICATORS[wrong],
+                Shown(indicators[wrong]),
+                Shown(self.memory.time)
+            ));
+            return Ok(Status::Discard);
+        }
+        self.memory.events.shift(indicators);
+        Ok(status)
+    }
+}
+
+/// Checks the number of an array's elements.
+fn check_count(argument: &str, found: usize, expected: usize) -> Result<(), Error> {
+    if found == expected {
+        Ok(())
+    } else {
+        Err(Error::new(format!("{argument} is {found}; this FMU has {expected}")))
+    }
+}

@@ -1,0 +1,107 @@
+//! The files of an FMU's folder `resources`, which an importer names by a URI (FMI 2.0.5, section 2.1.5).
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::error::Error;
+
+/// Where the files are: the path, or why there is none.
+#[derive(Debug)]
+pub(crate) struct Resources(Result<PathBuf, Error>);
+
+impl Resources {
+    /// The folder of a URI, which some importers replace by a path, or leave out.
+    pub(crate) fn new(location: Option<&[u8]>) -> Self {
+        Self(match location {
+            None => Err(Error::new("fmuResourceLocation was NULL")),
+            Some(location) => path(location).ok_or_else(|| {
+                Error::new(format!(
+                    "fmuResourceLocation {:?} is not a URI of a folder of this computer (file:///...)",
+                    String::from_utf8_lossy(location)
+                ))
+            }),
+        })
+    }
+
+    /// The content of a file, by its path in the folder.
+    pub(crate) fn read(&self, name: &str) -> Result<Vec<u8>, Error> {
+        let unreadable = |why: String| Error::new(format!("the resource {name} cannot be read: {why}"));
+        let folder = self.0.as_ref().map_err(|error| unreadable(error.to_string()))?;
+        let file = folder.join(name);
+        fs::read(&file).map_err(|error| unreadable(format!("{}: {error}", file.display())))
+    }
+}
+
+/// The path of a file URI (RFC 8089), or of a location without a scheme.
+fn path(location: &[u8]) -> Option<PathBuf> {
+    let location = str::from_utf8(location).ok()?;
+    let Some(rest) = location.strip_prefix("file:") else {
+        // A drive of Windows has one letter.
+        let has_scheme = location.find(':').is_some_and(|end| end > 1 && !location[..end].contains('/'));
+        return (!has_scheme && !location.is_empty()).then(|| Path::new(location).to_path_buf());
+    };
+    let encoded = match rest.strip_prefix("//") {
+        None => rest,
+        Some(with_host) => {
+            let path = with_host.find('/')?;
+            let (host, path) = with_host.split_at(path);
+            matches!(host, "" | "localhost").then_some(path)?
+        }
+    };
+    let decoded = decoded(encoded)?;
+    // "/C:/fmu" is "C:/fmu".
+    let is_drive = matches!(decoded.as_bytes(), [b'/', letter, b':', ..] if letter.is_ascii_alphabetic());
+    Some(PathBuf::from(if is_drive { &decoded[1..] } else { &decoded }))
+}
+
+/// A text with its percent-encoded bytes.
+fn decoded(text: &str) -> Option<String> {
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut rest = text.as_bytes();
+    while let [first, after @ ..] = rest {
+        rest = after;
+        if *first == b'%' {
+            let digits = str::from_utf8(after.get(..2)?).ok()?;
+            bytes.push(u8::from_str_radix(digits, 16).ok()?);
+            rest = &after[2..];
+        } else {
+            bytes.push(*first);
+        }
+    }
+    String::from_utf8(bytes).ok().filter(|path| path.starts_with('/'))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn locations_become_paths() {
+        for (location, expected) in [
+            ("file:///tmp/a%20fmu/resources", Some("/tmp/a fmu/resources")),
+            ("file:/tmp/resources", Some("/tmp/resources")),
+            ("file://localhost/tmp/resources", Some("/tmp/resources")),
+            ("file:///C:/fmu%C3%A4/resources", Some("C:/fmuä/resources")),
+            ("/tmp/resources", Some("/tmp/resources")),
+            (r"C:\fmu\resources", Some(r"C:\fmu\resources")),
+            ("file://server/resources", None),
+            ("https://example.org/resources", None),
+            ("file:///tmp/%zz", None),
+            ("file:///tmp/%e", None),
+            ("file:tmp", None),
+            ("file://", None),
+            ("", None),
+        ] {
+            assert_eq!(path(location.as_bytes()), expected.map(PathBuf::from), "{location}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_named_with_the_reason() {
+        let reason =
+            |location: Option<&[u8]>| Resources::new(location).read("y.txt").unwrap_err().to_string();
+        assert_eq!(reason(None), "the resource y.txt cannot be read: fmuResourceLocation was NULL");
+        assert!(reason(Some(b"https://example.org")).contains("\"https://example.org\""));
+        assert!(reason(Some(b"file:///nowhere")).starts_with("the resource y.txt cannot be read: /nowhere"));
+    }
+}
