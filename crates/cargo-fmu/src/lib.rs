@@ -70,6 +70,7 @@ Examples:
 Examples:
   cargo fmu export                                      # all models, for this platform, into target/fmu
   cargo fmu export -p lag --target linux64 --target win64
+  cargo fmu export --interfaces cs,me                   # for co-simulation and Model Exchange
   cargo fmu export --target linux64 --binary darwin64=liblag.dylib
   cargo fmu export --parameters slow.ssv                # and lag.ssp, in which the set is bound")]
     Export {

@@ -181,6 +181,61 @@ def test_a_parameter_set_is_bound(lag):
     assert result["lagged_voltage"][-1] == pytest.approx(1 - math.exp(-1), abs=20e-6)
 
 
+def interfaces_of(fmu):
+    return [element.tag for element in read_description(fmu) if element.tag in ("ModelExchange", "CoSimulation")]
+
+
+def read_description(fmu):
+    with ZipFile(fmu) as archive:
+        return ElementTree.fromstring(archive.read("modelDescription.xml"))
+
+
+def test_the_interfaces_are_those_of_the_option_or_the_environment(lag):
+    export = ["cargo", "fmu", "export", "--out", "faces"]
+    fmu = lag / "faces/lag.fmu"
+    for arguments, variables, expected in [
+        (["--interfaces", "cs,me"], {}, ["ModelExchange", "CoSimulation"]),
+        (["--interfaces", "me"], {"FMU_INTERFACES": "cs"}, ["ModelExchange"]),
+        ([], {"FMU_INTERFACES": "me"}, ["ModelExchange"]),
+        ([], {}, ["CoSimulation"]),
+    ]:
+        run(lag, *export, *arguments, **variables)
+        assert interfaces_of(fmu) == expected
+        assert "0 errors" in run(lag, "cargo", "fmu", "validate", str(fmu))
+        shown = run(lag, "cargo", "fmu", "info", str(fmu))
+        assert [line.split()[0] for line in shown.splitlines() if "modelIdentifier=" in line] == expected
+        for interface in expected:
+            result = fmpy.simulate_fmu(fmu, fmi_type=interface, stop_time=5, start_values={"voltage": 1.0})
+            # 5 s are ten time constants of a step by 1 V: 4.5e-5 are left.
+            assert result["lagged_voltage"][-1] == pytest.approx(1.0, abs=1e-4)
+    refused = subprocess.run(
+        [TARGET / "debug/cargo-fmu", "export"],
+        cwd=lag,
+        env={**os.environ, "FMU_INTERFACES": "both"},
+        capture_output=True,
+        text=True,
+    )
+    assert refused.returncode == 2
+    assert "FMU_INTERFACES: 'both' is not one of cs, me and cs,me" in refused.stderr
+
+
+def test_resources_are_packed(lag, folder):
+    package = folder / "with resources"
+    shutil.copytree(lag, package, ignore=shutil.ignore_patterns("target"))
+    (package / "tables/curves").mkdir(parents=True)
+    (package / "tables/notes.txt").write_text("made up")
+    (package / "tables/curves/gain.csv").write_text("0,1\n")
+    model = package / "model.json"
+    model.write_text(model.read_text().replace("{", '{"resources": "tables",', 1))
+    run(package, "cargo", "fmu", "export", CARGO_TARGET_DIR=lag / "target")
+    with ZipFile(lag / "target/fmu/lag.fmu") as archive:
+        assert [name for name in archive.namelist() if name.startswith("resources/")] == [
+            "resources/curves/gain.csv",
+            "resources/notes.txt",
+        ]
+        assert archive.read("resources/curves/gain.csv") == b"0,1\n"
+
+
 def test_the_other_templates_export_from_a_workspace(lag, folder):
     workspace = folder / "a workspace"
     workspace.mkdir()

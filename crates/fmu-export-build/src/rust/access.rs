@@ -86,7 +86,7 @@ impl ::fmu_export::Variables for Variables {{
     const MODEL_DESCRIPTION_XML: &'static str = include_str!(\"modelDescription.xml\");
     const STATE_NAMES: &'static [&'static str] = &States::NAMES;
     const STATE_NOMINALS: &'static [f64] = &[{nominals}];
-{event_indicators}{value_references}
+{event_indicators}{value_references}{dependencies}
     fn inputs(&self) -> &Inputs {{
         &self.inputs
     }}
@@ -136,6 +136,7 @@ impl ::fmu_export::Variables for Variables {{
             nominals = self.nominals(),
             event_indicators = self.event_indicators(),
             value_references = self.value_references(),
+            dependencies = self.dependencies(),
             numbers = self.numbers(),
             accessors = accessors.concat(),
             sums = sums.map(|sum| format!("            0.0{sum},\n")).concat(),
@@ -163,6 +164,26 @@ impl ::fmu_export::Variables for Variables {{
             return String::new();
         }
         format!("    const EVENT_INDICATORS: &'static [&'static str] = &{names:?};\n")
+    }
+
+    /// What Real outputs and derivatives depend on, where that is declared.
+    fn dependencies(&self) -> String {
+        let reference = |&position: &usize| self.model.scalars[position].value_reference;
+        let is_real = |position: usize| self.model.scalars[position].data_type == DataType::Real;
+        let structure = self.structure.outputs.iter().chain(&self.structure.derivatives);
+        let mut lines = String::new();
+        for unknown in structure.filter(|unknown| is_real(unknown.scalar)) {
+            if let Some(knowns) = &unknown.dependencies {
+                let knowns: Vec<_> = knowns.iter().map(reference).collect();
+                let _ = writeln!(lines, "        ({}, &{knowns:?}),", reference(&unknown.scalar));
+            }
+        }
+        if lines.is_empty() {
+            return lines;
+        }
+        format!(
+            "    const DEPENDENCIES: &'static [(fmi::ValueReference, &'static [fmi::ValueReference])] = &[\n{lines}    ];\n"
+        )
     }
 
     /// The variables over other number types, and their states.

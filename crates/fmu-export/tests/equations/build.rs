@@ -1,7 +1,7 @@
 //! Generates the variables of all models.
 
 fn main() {
-    for model in ["decay", "van_der_pol", "robertson", "bouncing_ball", "stairs"] {
+    for model in ["decay", "van_der_pol", "robertson", "hires", "bouncing_ball", "stairs", "undeclared"] {
         fmu_export_build::generate(format!("{model}.json"));
     }
 }

@@ -473,6 +473,13 @@ impl ::fmu_export::Variables for Variables {
     const STATE_NAMES: &'static [&'static str] = &States::NAMES;
     const STATE_NOMINALS: &'static [f64] = &[1.0, 1.0, 4.0];
     const EVENT_INDICATORS: &'static [&'static str] = &["first_is_empty", "second.is_empty"];
+    const DEPENDENCIES: &'static [(fmi::ValueReference, &'static [fmi::ValueReference])] = &[
+        (3, &[7]),
+        (4, &[2, 11]),
+        (8, &[1, 7]),
+        (12, &[7, 11]),
+        (22, &[0, 21]),
+    ];
 
     fn inputs(&self) -> &Inputs {
         &self.inputs

@@ -190,6 +190,12 @@ impl ::fmu_export::Variables for Variables {
     const STATE_NAMES: &'static [&'static str] = &States::NAMES;
     const STATE_NOMINALS: &'static [f64] = &[1.0, 1.0, 1.0, 1.0];
     const VALUE_REFERENCES: &'static [fmi::ValueReference] = &[0, 1, 2, 3, 4, 5, 6, 7, 10, 11, 20, 21, 50, 100];
+    const DEPENDENCIES: &'static [(fmi::ValueReference, &'static [fmi::ValueReference])] = &[
+        (3, &[3]),
+        (1, &[1]),
+        (2, &[3, 1]),
+        (50, &[100, 3]),
+    ];
 
     fn inputs(&self) -> &Inputs {
         &self.inputs
