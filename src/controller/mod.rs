@@ -14,7 +14,7 @@
 //! local model of the [`schedule`], corrects what the map does not contain. The compensator converts the duty at
 //! nominal voltage to that at the measured voltage, so that a disturbance of the voltage does not move the
 //! wastegate. Between reference and feedback stands a reference model, unless the structure is that of the paper.
-//! This [`law`] is common to both strategies: in [`split_range`] its duty is allocated to all valves, in [`by_speed`]
+//! This law is common to both strategies: in `split_range` its duty is allocated to all valves, in `by_speed`
 //! it moves the high-pressure wastegate, and engine speed the others. Besides, a relay switches the vacuum pump.
 //!
 //! Two further modes do not control boost pressure: `position` moves the wastegate to a reference
