@@ -335,6 +335,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
 {variables}    ],
     log_categories: &[{categories}],
     interfaces: fmi::Interfaces {{ co_simulation: {}, model_exchange: {} }},
+    has_resources: {},
     capabilities: fmi::Capabilities {{
         interpolate_inputs: {},
         get_and_set_state: {},
@@ -346,6 +347,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
             model.identifier,
             model.interfaces.co_simulation(),
             model.interfaces.model_exchange(),
+            model.declaration.resources.is_some(),
             capabilities.interpolate_inputs,
             capabilities.get_and_set_state,
             capabilities.serialize_state,

@@ -372,6 +372,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {
     ],
     log_categories: &["logStatusError", "logStatusWarning", "logEvents", "logWear"],
     interfaces: fmi::Interfaces { co_simulation: true, model_exchange: false },
+    has_resources: false,
     capabilities: fmi::Capabilities {
         interpolate_inputs: true,
         get_and_set_state: true,
