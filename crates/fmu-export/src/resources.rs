@@ -104,8 +104,7 @@ mod tests {
 
     #[test]
     fn what_cannot_be_read_is_named_with_the_reason() {
-        let reason =
-            |location: Option<&[u8]>| Resources::at(location).read("y.txt").unwrap_err().to_string();
+        let reason = |location: Option<&[u8]>| Resources::at(location).read("y.txt").unwrap_err().to_string();
         assert_eq!(reason(None), "the resource y.txt cannot be read: fmuResourceLocation was NULL");
         assert!(reason(Some(b"https://example.org")).contains("\"https://example.org\""));
         assert!(reason(Some(b"file:///nowhere")).starts_with("the resource y.txt cannot be read: /nowhere"));
