@@ -1,11 +1,12 @@
-//! `export`: exports the models as `cargo fmu export` does, and the package of their system if both are exported.
+//! `export`: exports the models as `cargo fmu export` does, and the package of their system if both are exported for
+//! co-simulation.
 
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use boost_interface::Role;
 use cargo_fmu::Export;
-use fmu_package::reading;
+use fmu_package::{FmuDescription, reading};
 
 use super::ssp;
 
@@ -21,6 +22,14 @@ pub fn run(export: Export, parameters: &[PathBuf]) -> Result<()> {
     }
     let system = plan.folder().join("Boost.ssp");
     plan.run(parameters, std::slice::from_ref(&system))?;
+    for member in members {
+        if FmuDescription::read(&plan.fmu(member))?.interface("CoSimulation").is_none() {
+            if !parameters.is_empty() {
+                bail!("parameter sets are bound in Boost.ssp, which takes FMUs for co-simulation");
+            }
+            return Ok(());
+        }
+    }
     let [plant, controller] = members.map(|model| reading::bytes(&plan.fmu(model)));
     ssp::write(&ssp::own(plant?, controller?, parameters)?, &system)
 }

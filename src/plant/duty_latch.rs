@@ -12,6 +12,8 @@ const ROUNDING: f64 = 1e-6;
 /// The held duty and the count of the periods.
 #[derive(Clone, Copy, Debug, Default, Persistent)]
 pub struct DutyLatch {
+    /// When the experiment starts, in s.
+    pub start_time: f64,
     /// The duty in percent until the next period starts.
     pub held: f64,
     /// How many periods have started.
@@ -19,9 +21,20 @@ pub struct DutyLatch {
 }
 
 impl DutyLatch {
-    /// Before the first period, with a duty in percent.
-    pub fn new(duty: f64) -> Self {
-        Self { held: duty, started: 0 }
+    /// Before the first period, which starts with the experiment (s), with a duty in percent.
+    pub fn new(start_time: f64, duty: f64) -> Self {
+        Self { start_time, held: duty, started: 0 }
+    }
+
+    /// The time in s at which the next period starts.
+    pub fn next(&self, frequency: f64) -> f64 {
+        self.start_time + self.started as f64 / frequency
+    }
+
+    /// Starts one period, with a duty in percent.
+    pub fn take(&mut self, duty: f64) {
+        self.held = duty;
+        self.started += 1;
     }
 
     /// The time in s from the experiment's start to the next start of a period, if it lies before `end`
@@ -50,7 +63,7 @@ mod tests {
 
     #[test]
     fn periods_are_counted_without_drift() {
-        let mut latch = DutyLatch::new(40.0);
+        let mut latch = DutyLatch::new(0.0, 40.0);
         let mut instants = 0;
         // An hour in controller samples: the ends carry rounding, the count must not.
         for sample in 1..=288_000 {

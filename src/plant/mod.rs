@@ -45,7 +45,9 @@ pub mod variables {
     fmu_export::include_variables!("BoostPlant");
 }
 
-use fmu_export::{Context, Error, Experiment, InputSignal, Model, Persistent, Step, Variables as _};
+use fmu_export::{
+    Context, Error, Event, Experiment, InputSignal, Model, ModelExchange, Persistent, Step, Variables as _,
+};
 use num_dual::Dual64;
 
 use self::duty_latch::DutyLatch;
@@ -127,7 +129,7 @@ impl Model for BoostPlant {
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         self.system = System::new(&variables.parameters);
-        self.latch = DutyLatch::new(inputs.hp_wastegate_pwm);
+        self.latch = DutyLatch::new(context.experiment.start_time, inputs.hp_wastegate_pwm);
         self.pace = Pace::default();
         let tank_pressure = variables.start.tank.pressure;
         variables.states = match variables.parameters.initialization.mode {
@@ -157,7 +159,7 @@ impl Model for BoostPlant {
         let budget = budget(step.size);
         let mut done = 0.0;
         if parameters.valve.duty_latch {
-            let begin = step.start - context.experiment.start_time;
+            let begin = step.start - self.latch.start_time;
             let frequency = parameters.valve.pwm_frequency;
             // The duty is discrete: all periods that start within a step have the same.
             if let Some(instant) = self.latch.next_before(begin + step.size, frequency) {
@@ -230,6 +232,28 @@ impl Model for BoostPlant {
 
     fn restored(&mut self, variables: &Variables) {
         self.system = System::new(&variables.parameters);
+    }
+}
+
+/// The importer's solver takes the place of `integration`. Periods of the duty are time events. The kinks of the
+/// equations, such as the rod's stops and reversals, are not events: a solver does not need them (`docs/integration.md`).
+impl ModelExchange for BoostPlant {
+    fn next_event(&self, _time: f64, variables: &mut Variables, _inputs: &Inputs) -> Option<f64> {
+        let valve = &variables.parameters.valve;
+        valve.duty_latch.then(|| self.latch.next(valve.pwm_frequency))
+    }
+
+    fn event(
+        &mut self,
+        event: &Event<'_>,
+        _variables: &mut Variables,
+        inputs: &Inputs,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        if event.is_due {
+            self.latch.take(inputs.hp_wastegate_pwm);
+        }
+        Ok(())
     }
 }
 

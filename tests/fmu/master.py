@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from fmpy import calloc, extract, free, platform, read_model_description, sharedLibraryExtension
 from fmpy.fmi2 import (
+    FMU2Model,
     FMU2Slave,
     fmi2CallbackAllocateMemoryTYPE,
     fmi2CallbackFreeMemoryTYPE,
@@ -74,12 +75,12 @@ class Fmu:
 
 
 class Instance:
-    """An instance of an FMU with its messages."""
+    """An instance of an FMU, for co-simulation or Model Exchange, with its messages."""
 
-    def __init__(self, fmu: Fmu, name: str | None = None) -> None:
+    def __init__(self, fmu: Fmu, name: str | None = None, kind: type[FMU2Slave | FMU2Model] = FMU2Slave) -> None:
         self.fmu = fmu
         self.messages: list[Message] = []
-        self.slave = FMU2Slave(
+        self.slave = kind(
             guid=fmu.description.guid,
             modelIdentifier=fmu.description.coSimulation.modelIdentifier,
             unzipDirectory=fmu.folder,

@@ -7,6 +7,7 @@ use std::process::Stdio;
 
 use anyhow::{Context, Result, bail};
 use cargo_metadata::{CrateType, Message, Metadata, Package};
+use fmu_export_build::{INTERFACES_VARIABLE, Interfaces};
 use fmu_package::reading;
 
 use super::target::Build;
@@ -50,11 +51,12 @@ impl Compiled {
     }
 }
 
-/// Compiles packages of a workspace; cargo's progress shows on stderr.
+/// Compiles packages of a workspace, for the interfaces that are chosen, if any; cargo's progress shows on stderr.
 pub fn compile<'a>(
     metadata: &Metadata,
     packages: impl Iterator<Item = &'a Package>,
     build: &Build,
+    interfaces: Option<Interfaces>,
 ) -> Result<Compiled> {
     let mut command = build.command();
     command
@@ -63,6 +65,9 @@ pub fn compile<'a>(
         .arg(metadata.workspace_root.join("Cargo.toml"))
         .stdin(Stdio::null())
         .stdout(Stdio::piped());
+    if let Some(interfaces) = interfaces {
+        command.env(INTERFACES_VARIABLE, interfaces.to_string());
+    }
     for package in packages {
         command.args(["--package", &package.name]);
     }

@@ -5,12 +5,15 @@
 //! messages tell, so the two cannot differ.
 
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use cargo_metadata::{CrateType, Metadata, MetadataCommand, Package};
 use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use fmu_export_build::Interfaces;
 use fmu_package::terminal::{complain, print};
 use fmu_package::{Fmu, Library, Platform, PlatformList, library, reading, writing};
 
@@ -38,6 +41,9 @@ pub struct Export {
     /// of Rust, which may end in the oldest glibc, as x86_64-unknown-linux-gnu.2.17 [default: this platform]
     #[arg(long = "target", value_name = "TARGET")]
     targets: Vec<Target>,
+    /// The interfaces of FMI that the FMUs offer [default: those that the variable `FMU_INTERFACES` names, or cs]
+    #[arg(long, value_name = "INTERFACES", value_parser = interfaces())]
+    interfaces: Option<Interfaces>,
     /// A library that was built elsewhere from the same sources, and its platform
     #[arg(long = "binary", value_name = "PLATFORM=FILE", value_parser = of_platform::<PathBuf>)]
     binaries: Vec<(Platform, PathBuf)>,
@@ -48,6 +54,7 @@ pub struct Export {
 pub struct Plan {
     metadata: Metadata,
     builds: Vec<Build>,
+    interfaces: Option<Interfaces>,
     binaries: Vec<(Platform, PathBuf)>,
     /// The package of each model.
     models: BTreeMap<String, Package>,
@@ -71,7 +78,8 @@ impl Export {
         let metadata = command.exec().context("cargo finds no package here; run this in its folder")?;
         let models = choose(&metadata, &self.models, &self.packages)?;
         let out = self.out.unwrap_or_else(|| metadata.target_directory.join("fmu").into());
-        Ok(Plan { metadata, builds, binaries: self.binaries, models, out })
+        let Self { interfaces, binaries, .. } = self;
+        Ok(Plan { metadata, builds, interfaces, binaries, models, out })
     }
 }
 
@@ -118,13 +126,18 @@ impl Plan {
                 self.models().collect::<Vec<_>>().join(", "),
                 build.name()
             ));
-            built.push((build.clone(), compile(&self.metadata, self.models.values(), build)?));
+            built.push((
+                build.clone(),
+                compile(&self.metadata, self.models.values(), build, self.interfaces)?,
+            ));
         }
         let descriptions = descriptions(self.models(), &built)?;
         let mut libraries = libraries_of(&descriptions, &built, given)?;
         for (&name, description) in &descriptions {
             let libraries = libraries.remove(name).unwrap_or_default();
-            let mut files = documentation(&built[0].1.generated(name)?, &libraries)?;
+            let generated = built[0].1.generated(name)?;
+            let mut files = documentation(&generated, &libraries)?;
+            files.extend(resources(&generated)?);
             files.extend(licenses::files(name, &self.models[name], &built)?);
             let fmu = Fmu {
                 model_identifier: name,
@@ -137,6 +150,19 @@ impl Plan {
         }
         Ok(())
     }
+}
+
+/// The values of `--interfaces`.
+fn interfaces() -> impl TypedValueParser<Value = Interfaces> {
+    let values = Interfaces::ALL.map(|interfaces| {
+        let value = PossibleValue::new(interfaces.as_str());
+        match interfaces {
+            Interfaces::CoSimulation => value.help("Co-simulation: the FMU steps by itself"),
+            Interfaces::ModelExchange => value.help("Model Exchange: the importer's solver integrates it"),
+            Interfaces::Both => value.alias("me,cs").help("Both; importers choose"),
+        }
+    });
+    PossibleValuesParser::new(values).try_map(|text| text.parse::<Interfaces>())
 }
 
 /// The models that are asked for, by their identifiers.
@@ -295,6 +321,27 @@ fn documentation(
     let icon = generated.join("model.png");
     if icon.is_file() {
         files.push(("model.png".to_owned(), reading::bytes(&icon)?));
+    }
+    Ok(files)
+}
+
+/// The files that the model reads at run time: those in the folder `resources` that the build made, if it did.
+fn resources(generated: &Path) -> Result<Vec<(String, Vec<u8>)>> {
+    let (mut files, mut pending) = (vec![], vec!["resources".to_owned()]);
+    pending.retain(|path| generated.join(path).is_dir());
+    while let Some(path) = pending.pop() {
+        let folder = generated.join(&path);
+        let unreadable = || format!("cannot read {}", folder.display());
+        for entry in fs::read_dir(&folder).with_context(unreadable)? {
+            let entry = entry.with_context(unreadable)?.path();
+            let name = entry.file_name().and_then(OsStr::to_str).with_context(unreadable)?;
+            let inside = format!("{path}/{name}");
+            if entry.is_dir() {
+                pending.push(inside);
+            } else {
+                files.push((inside, reading::bytes(&entry)?));
+            }
+        }
     }
     Ok(files)
 }

@@ -32,6 +32,12 @@ pub fn export(plan: &Plan, files: &[PathBuf]) -> Result<()> {
         bound.entry(fmu).or_insert_with(|| (description, vec![])).1.push((name.to_owned(), set));
     }
     for (fmu, (description, sets)) in bound {
+        if description.interface("CoSimulation").is_none() {
+            bail!(
+                "{}: packages with parameter sets are for co-simulation, which it does not offer",
+                fmu.display()
+            );
+        }
         let package = package(&description, reading::bytes(&fmu)?, sets);
         let system = fmu.with_extension("ssp");
         writing::write(&system, |writer| package.write(writer))?;

@@ -100,6 +100,14 @@ fn an_unknown_model_is_refused_with_the_known_ones() {
 }
 
 #[test]
+fn unknown_interfaces_are_refused_with_the_known_ones() {
+    for interfaces in ["", "se", "cs,cs", "ModelExchange"] {
+        let message = refusal(&["export", "--interfaces", interfaces]);
+        assert!(message.contains("[possible values: cs, me, cs,me]"), "{message}");
+    }
+}
+
+#[test]
 fn a_target_without_its_tools_is_refused_with_their_names() {
     let refusal = |target: &[&str], variables: &[(&str, &str)]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"));

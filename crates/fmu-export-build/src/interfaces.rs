@@ -24,6 +24,16 @@ impl Interfaces {
     /// Every choice.
     pub const ALL: [Self; 3] = [Self::CoSimulation, Self::ModelExchange, Self::Both];
 
+    /// The text.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::CoSimulation => "cs",
+            Self::ModelExchange => "me",
+            Self::Both => "cs,me",
+        }
+    }
+
     /// Whether co-simulation is among them.
     #[must_use]
     pub fn co_simulation(self) -> bool {
@@ -79,10 +89,6 @@ impl FromStr for Interfaces {
 
 impl fmt::Display for Interfaces {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Self::CoSimulation => "cs",
-            Self::ModelExchange => "me",
-            Self::Both => "cs,me",
-        })
+        formatter.write_str(self.as_str())
     }
 }

@@ -184,7 +184,7 @@ pub fn generate_into(
             .chain(resources.map(|resources| resources.folder))
             .collect(),
         model_description: write("modelDescription.xml", description.text.as_bytes())?,
-        variables: write("variables.rs", rust::generate(&model, &description.guid).as_bytes())?,
+        variables: write("variables.rs", rust::generate(&model, &structure, &description.guid).as_bytes())?,
         documentation: write("index.html", page.as_bytes())?,
         icon: icon.map(|icon| write("model.png", &icon)).transpose()?,
     })

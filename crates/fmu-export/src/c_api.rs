@@ -219,9 +219,13 @@ pub unsafe fn instantiate<M: Model>(
             other => Err(Error::new(format!("the argument fmuType is {other}, which is not an fmi2Type"))),
         }
     };
-    // SAFETY: the importer passes null or a string.
-    let resource_location = unsafe { c_string("fmuResourceLocation", resource_location) };
-    let resources = Resources::new(resource_location.ok().map(CStr::to_bytes));
+    let resources = if description.has_resources {
+        // SAFETY: the importer passes null or a string.
+        let location = unsafe { c_string("fmuResourceLocation", resource_location) };
+        Resources::at(location.ok().map(CStr::to_bytes))
+    } else {
+        Resources::none()
+    };
     match check().and_then(Instance::<M>::new_memory) {
         Ok(memory) => {
             let instance = Instance::new(logger, memory, resources);

@@ -19,6 +19,8 @@ pub struct ModelDescription {
     pub log_categories: &'static [&'static str],
     /// The interfaces that the FMU offers.
     pub interfaces: Interfaces,
+    /// Whether the FMU has files for the model.
+    pub has_resources: bool,
     /// The optional functions that this model supports.
     pub capabilities: Capabilities,
 }

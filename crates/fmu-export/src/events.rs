@@ -24,6 +24,15 @@ pub(crate) struct Events {
     /// Which have changed since.
     changed: Box<[bool]>,
     indicators: Box<[f64]>,
+    /// The indicators on both sides of a crossing that is searched for.
+    sides: [Box<[f64]>; 2],
+}
+
+/// The sides of a crossing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Side {
+    Before,
+    After,
 }
 
 /// The rest follows from the model.
@@ -44,6 +53,7 @@ impl Events {
             positive: vec![false; indicators].into(),
             changed: vec![false; indicators].into(),
             indicators: vec![0.0; indicators].into(),
+            sides: [vec![0.0; indicators].into(), vec![0.0; indicators].into()],
         }
     }
 
@@ -92,6 +102,18 @@ impl Events {
             *changed = (*indicator > 0.0) != *positive;
         }
         Ok(self.changed.contains(&true))
+    }
+
+    /// Notes the indicators that were computed last as those on a side of a crossing.
+    pub(crate) fn note(&mut self, side: Side) {
+        self.sides[side as usize].copy_from_slice(&self.indicators);
+    }
+
+    /// Where straight lines from side to side first cross zero: from 0, before, to 1, after.
+    pub(crate) fn crossing(&self) -> f64 {
+        let [before, after] = &self.sides;
+        let shares = before.iter().zip(after).filter(|(before, after)| (**before > 0.0) != (**after > 0.0));
+        shares.map(|(before, after)| before / (before - after)).fold(1.0, f64::min)
     }
 
     /// Takes note of the changes that were found: the model has had its event.

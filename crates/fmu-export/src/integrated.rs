@@ -5,7 +5,7 @@ use std::mem;
 
 use crate::equations::{Equations, VariablesOf};
 use crate::error::Error;
-use crate::events::{Event, Events, MOST_ITERATIONS};
+use crate::events::{Event, Events, MOST_ITERATIONS, Side};
 use crate::inputs::InputSignal;
 use crate::integrator::{Integrator, StepFailure, System, Tolerance};
 use crate::logger::Shown;
@@ -19,6 +19,8 @@ pub const DEFAULT_TOLERANCE: f64 = 1e-6;
 const MOST_TRIALS: u32 = 100_000;
 /// In how many places, beside its end, a step is searched for events.
 const SEARCHED: u32 = 8;
+/// How far beyond its estimate a crossing is looked for, in roundings of the time.
+const ROOT_MARGIN: f64 = 4.0;
 /// An event that is due so little after a communication step, relative to it, belongs to the step: importers compute
 /// their times with rounding.
 const TIME_TOLERANCE: f64 = 1e-9;
@@ -267,30 +269,46 @@ impl<E: Equations> Integrated<E> {
             return go_to(self, end);
         }
         let (mut before, mut after) = (begin, end);
+        self.events.note(Side::Before);
         for place in 1..=SEARCHED {
             let share = f64::from(place) / f64::from(SEARCHED);
             let time = if place == SEARCHED { end } else { begin + share * (end - begin) };
             if go_to(self, time)? {
+                self.events.note(Side::After);
                 after = time;
                 break;
             }
+            self.events.note(Side::Before);
             before = time;
         }
         if before >= end {
             return Ok(false);
         }
-        // Bisection, until no number is between.
-        loop {
-            let middle = before + 0.5 * (after - before);
+        // Straight lines from side to side lead close to the crossing; a little beyond them, on the side that has not
+        // moved, both sides close in. Halving ends the search, when no number is between.
+        let mut moved = Side::After;
+        for trial in 1_u32.. {
+            let width = after - before;
+            let middle = before + 0.5 * width;
             if middle <= before || middle >= after {
-                return go_to(self, after);
+                break;
             }
-            if go_to(self, middle)? {
-                after = middle;
-            } else {
-                before = middle;
+            let line = before + self.events.crossing() * width;
+            let beyond = ROOT_MARGIN * f64::EPSILON * after.abs();
+            let time = match moved {
+                _ if trial.is_multiple_of(3) => middle,
+                Side::Before => line + beyond,
+                Side::After => line - beyond,
+            };
+            let time = if before < time && time < after { time } else { middle };
+            moved = if go_to(self, time)? { Side::After } else { Side::Before };
+            self.events.note(moved);
+            match moved {
+                Side::Before => before = time,
+                Side::After => after = time,
             }
         }
+        go_to(self, after)
     }
 
     /// Finds which indicators have changed since the last event. Whether any has.

@@ -9,10 +9,9 @@
 //!
 //! Nothing is allocated but by [`Integrator::new`].
 //!
-//! Crates that were considered by their sources and dependencies, but not run: `ode_solvers` 0.6, in which we found
-//! explicit methods alone; `differential-equations` 0.7, with Radau and BDF, which brings 14 crates into each library;
-//! `diffsol` 0.18, with BDF, SDIRK and events, which brings about a hundred. In none did we find a way to write its
-//! memory in the middle of a run as bytes, which a serialized state of an FMU needs.
+//! `docs/integrator.md` sets it beside other solvers, and says why none of the crates `diffsol`, `differential-equations`
+//! and `ode_solvers`, which were tried, is in its place: none can write its memory in the middle of a run as bytes, which
+//! a serialized state of an FMU needs.
 
 use crate::linear;
 use crate::persistence::Persistent;
@@ -245,8 +244,8 @@ impl Integrator {
             if error.largest <= 1.0 {
                 let most = if rejected { 1.0 } else { GROWTH };
                 let allowed = length * by_error.clamp(REDUCTION, most);
-                // A step that was cut short by the end says little about longer ones.
-                self.next = if length < self.next { allowed.max(self.next) } else { allowed };
+                // A step that was cut short by the end, with hardly an error, says little about longer ones.
+                self.next = if by_error >= most { allowed.max(self.next) } else { allowed };
                 self.length = length;
                 return Ok(if length >= left { end } else { time + length });
             }
@@ -413,6 +412,157 @@ mod tests {
             for (long, short) in long.iter().zip(short) {
                 let found = (long / short).abs().log2();
                 assert!(found > power - 0.5, "the error falls with the power {found}, not {power}");
+            }
+        }
+    }
+
+    /// Takes a step from t = 1 with a length to begin with, and an end far away. How many trials it takes.
+    fn step_from(integrator: &mut Integrator, length: f64, tolerance: &Tolerance<'_>) -> u32 {
+        let mut trials = 0;
+        integrator.next = length;
+        integrator.step(&mut Nonlinear, (1.0, 1e4), &exact(1.0), tolerance, &mut trials).unwrap();
+        trials
+    }
+
+    #[test]
+    fn the_next_step_just_meets_the_tolerance() {
+        let tolerance = Tolerance { relative: 1e-6, nominals: &[1.0; 2] };
+        let mut integrator = Integrator::new(2);
+        assert_eq!(step_from(&mut integrator, 0.03, &tolerance), 1);
+        let proposed = integrator.next;
+        // Its error is the fifth power of the safety, but for terms of higher order.
+        let error = integrator.trial(&mut Nonlinear, proposed, &tolerance).largest;
+        assert!(error > 0.4 && error < 0.8, "{error}");
+        // That of half as long a step again is some 4 tolerances: it is rejected.
+        assert_eq!(step_from(&mut integrator, 1.5 * proposed, &tolerance), 2);
+    }
+
+    #[test]
+    fn the_next_step_does_not_grow_at_once_after_a_rejection() {
+        /// x' = 1, until t = 1.
+        struct Wall;
+        impl System for Wall {
+            fn derivatives(&mut self, time: f64, _states: &[f64], derivatives: &mut [f64]) {
+                derivatives[0] = if time <= 1.0 { 1.0 } else { f64::NAN };
+            }
+
+            fn linearize(&mut self, _time: f64, _states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]) {
+                (jacobian[0], by_time[0]) = (0.0, 0.0);
+            }
+        }
+        let tolerance = Tolerance { relative: 1e-6, nominals: &[1.0] };
+        let mut integrator = Integrator::new(1);
+        let mut trials = 0;
+        integrator.next = 2.0;
+        integrator.step(&mut Wall, (0.0, 1e4), &[0.0], &tolerance, &mut trials).unwrap();
+        assert_eq!(trials, 2);
+        // A fifth of 2, but for the division of the time to the end into equal steps.
+        assert!((integrator.next - 0.4).abs() < 1e-3, "{}", integrator.next);
+    }
+
+    #[test]
+    fn lengths_that_are_far_off_take_few_trials() {
+        let tolerance = Tolerance { relative: 1e-6, nominals: &[1.0; 2] };
+        let mut integrator = Integrator::new(2);
+        // From 1e3 to about 0.05, by a fifth each time and twice more.
+        let trials = step_from(&mut integrator, 1e3, &tolerance);
+        assert!(trials <= 9, "{trials} trials");
+        // From 1e-9 to 1e-2, sixfold each time.
+        let mut length = 1e-9;
+        let mut steps = 0;
+        while length < 1e-2 {
+            step_from(&mut integrator, length, &tolerance);
+            (length, steps) = (integrator.next, steps + 1);
+        }
+        assert_eq!(steps, 9);
+    }
+
+    #[test]
+    fn a_step_that_the_end_cuts_short_leaves_the_length_of_the_next() {
+        let tolerance = Tolerance { relative: 1e-3, nominals: &[1.0; 2] };
+        let mut integrator = Integrator::new(2);
+        integrator.next = 0.1;
+        let end = integrator.step(&mut Nonlinear, (1.0, 1.001), &exact(1.0), &tolerance, &mut 0).unwrap();
+        assert_eq!([end, integrator.next].map(f64::to_bits), [1.001, 0.1].map(f64::to_bits));
+    }
+
+    #[test]
+    fn a_step_to_the_end_ends_there() {
+        let (begin, end): (f64, f64) = (0.3, 0.9);
+        assert_ne!((begin + (end - begin)).to_bits(), end.to_bits(), "rounding would end it elsewhere");
+        let tolerance = Tolerance { relative: 1e6, nominals: &[1.0; 2] };
+        let mut integrator = Integrator::new(2);
+        integrator.next = 10.0;
+        let reached =
+            integrator.step(&mut Nonlinear, (begin, end), &exact(begin), &tolerance, &mut 0).unwrap();
+        assert_eq!(reached.to_bits(), end.to_bits());
+    }
+
+    /// x' = 1000, y' = cos t.
+    struct Rising;
+
+    impl System for Rising {
+        fn derivatives(&mut self, time: f64, _states: &[f64], derivatives: &mut [f64]) {
+            derivatives.copy_from_slice(&[1000.0, time.cos()]);
+        }
+
+        fn linearize(&mut self, time: f64, _states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]) {
+            jacobian.fill(0.0);
+            by_time.copy_from_slice(&[0.0, -time.sin()]);
+        }
+    }
+
+    #[test]
+    fn the_error_is_relative_to_the_larger_of_both_ends_and_the_nominal_value() {
+        let tolerance = Tolerance { relative: 1e-3, nominals: &[1.0, 0.25] };
+        let mut integrator = Integrator::new(2);
+        integrator.next = 0.5;
+        for (from, larger) in [(0.0, 0.5_f64.sin()), (2.0, 2.0 + 0.5_f64.sin()), (-2.0, 2.0)] {
+            integrator.step(&mut Rising, (0.0, 0.5), &[0.0, from], &tolerance, &mut 0).unwrap();
+            let error = integrator.trial(&mut Rising, 0.5, &tolerance);
+            let expected = integrator.stages[STAGES - 1][1].abs() / (1e-3 * (larger + 0.25));
+            assert_eq!(error.state, 1);
+            // The error of the step is far less than a thousandth.
+            assert!((error.largest / expected - 1.0).abs() < 1e-3, "{} instead of {expected}", error.largest);
+        }
+    }
+
+    #[test]
+    fn a_failure_names_the_state_without_a_linearization() {
+        struct Broken;
+        impl System for Broken {
+            fn derivatives(&mut self, _time: f64, _states: &[f64], derivatives: &mut [f64]) {
+                derivatives.fill(1.0);
+            }
+
+            fn linearize(&mut self, _time: f64, _states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]) {
+                jacobian.copy_from_slice(&[0.0, 0.0, 0.0, f64::NAN]);
+                by_time.fill(0.0);
+            }
+        }
+        let tolerance = Tolerance { relative: 1e-3, nominals: &[1.0; 2] };
+        let result = Integrator::new(2).step(&mut Broken, (0.0, 1.0), &[0.0; 2], &tolerance, &mut 0);
+        assert_eq!(result, Err(StepFailure { state: 1 }));
+    }
+
+    #[test]
+    fn within_a_step_the_error_is_less_than_at_its_end() {
+        let length = 0.1;
+        let mut integrator = Integrator::new(2);
+        integrator.next = length;
+        let tolerance = Tolerance { relative: 1.0, nominals: &[1.0; 2] };
+        integrator.step(&mut Nonlinear, (1.0, 1.0 + length), &exact(1.0), &tolerance, &mut 0).unwrap();
+        for eighth in 1..8 {
+            let time = 1.0 + f64::from(eighth) / 8.0 * length;
+            let mut states = [0.0; 2];
+            integrator.states_at(time, &mut states);
+            for (i, (state, exact)) in states.iter().zip(exact(time)).enumerate() {
+                // The largest is a third.
+                let error = ((state - exact) / integrator.stages[STAGES - 1][i]).abs();
+                assert!(
+                    error < 0.5,
+                    "after {eighth} eighths, {error} of the error that is estimated for the end"
+                );
             }
         }
     }

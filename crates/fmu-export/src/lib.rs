@@ -3,7 +3,7 @@
 // The runtime's modules; each depends only on those below it:
 //
 //   c_api                                 the functions of FMI 2.0
-//   instance, simulation                  an instance of an FMU; a model without an FMU
+//   instance, simulation, dependencies    an instance of an FMU; for a model's tests: the model without one, and its dependencies
 //   integrated, sampled                   models of equations, with an integrator, and sampled ones as models
 //   equations, integrator                 the trait of models of equations; Rodas5P
 //   model_exchange                        the trait of models whose states the importer integrates
@@ -20,6 +20,7 @@ extern crate self as fmu_export;
 pub mod c_api;
 pub mod c_types;
 pub mod calling_sequence;
+mod dependencies;
 pub mod description;
 mod equations;
 mod error;
@@ -42,6 +43,7 @@ mod serialized_state;
 mod simulation;
 mod typed;
 
+pub use dependencies::check_dependencies;
 pub use equations::{Equations, VariablesOf};
 pub use error::Error;
 pub use events::Event;

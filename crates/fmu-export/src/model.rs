@@ -33,6 +33,9 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     const DESCRIPTION: &'static ModelDescription;
     /// The value references of the described variables, ascending; nothing where they are 0, 1, 2, ….
     const VALUE_REFERENCES: &'static [ValueReference] = &[];
+    /// The Real outputs and derivatives, each with the variables that it depends on by the model's JSON (`reads`), where
+    /// that says so. For [`check_dependencies`](crate::check_dependencies); a library does not hold it.
+    const DEPENDENCIES: &'static [(ValueReference, &'static [ValueReference])] = &[];
     /// The text of the modelDescription.xml. A library that does not use it does not hold it.
     const MODEL_DESCRIPTION_XML: &'static str;
 

@@ -4,6 +4,7 @@
 use std::fmt::Write as _;
 
 use super::{Generator, PLACES};
+use crate::declaration::{Initial, Variability};
 use crate::model::{DataType, Place, Scalar};
 use crate::xml;
 
@@ -86,7 +87,7 @@ impl ::fmu_export::Variables for Variables {{
     const MODEL_DESCRIPTION_XML: &'static str = include_str!(\"modelDescription.xml\");
     const STATE_NAMES: &'static [&'static str] = &States::NAMES;
     const STATE_NOMINALS: &'static [f64] = &[{nominals}];
-{event_indicators}{value_references}
+{event_indicators}{value_references}{dependencies}
     fn inputs(&self) -> &Inputs {{
         &self.inputs
     }}
@@ -116,15 +117,15 @@ impl ::fmu_export::Variables for Variables {{
         Self {{ start: self.derivatives, ..Self::zero() }}
     }}
 
-    fn first_non_finite(&self) -> Option<fmi::ValueReference> {{
+    fn first_non_finite(&self) -> ::core::option::Option<fmi::ValueReference> {{
         // Quickly, where their sum is finite; in four parts, which do not wait for each other.
         let sums: [f64; 4] = [
 {sums}        ];
         if ((sums[0] + sums[1]) + (sums[2] + sums[3])).is_finite() {{
-            return None;
+            return ::core::option::Option::None;
         }}
         #[cold]
-        fn find(variables: &Variables) -> Option<fmi::ValueReference> {{
+        fn find(variables: &Variables) -> ::core::option::Option<fmi::ValueReference> {{
             let reals: &[(_, f64)] = &[
 {reals}            ];
             reals.iter().find(|(_, value)| !value.is_finite()).map(|&(reference, _)| reference)
@@ -136,6 +137,7 @@ impl ::fmu_export::Variables for Variables {{
             nominals = self.nominals(),
             event_indicators = self.event_indicators(),
             value_references = self.value_references(),
+            dependencies = self.dependencies(),
             numbers = self.numbers(),
             accessors = accessors.concat(),
             sums = sums.map(|sum| format!("            0.0{sum},\n")).concat(),
@@ -163,6 +165,26 @@ impl ::fmu_export::Variables for Variables {{
             return String::new();
         }
         format!("    const EVENT_INDICATORS: &'static [&'static str] = &{names:?};\n")
+    }
+
+    /// What Real outputs and derivatives depend on, where that is declared.
+    fn dependencies(&self) -> String {
+        let reference = |&position: &usize| self.model.scalars[position].value_reference;
+        let is_real = |position: usize| self.model.scalars[position].data_type == DataType::Real;
+        let structure = self.structure.outputs.iter().chain(&self.structure.derivatives);
+        let mut lines = String::new();
+        for unknown in structure.filter(|unknown| is_real(unknown.scalar)) {
+            if let Some(knowns) = &unknown.dependencies {
+                let knowns: Vec<_> = knowns.iter().map(reference).collect();
+                let _ = writeln!(lines, "        ({}, &{knowns:?}),", reference(&unknown.scalar));
+            }
+        }
+        if lines.is_empty() {
+            return lines;
+        }
+        format!(
+            "    const DEPENDENCIES: &'static [(fmi::ValueReference, &'static [fmi::ValueReference])] = &[\n{lines}    ];\n"
+        )
     }
 
     /// The variables over other number types, and their states.
@@ -249,6 +271,8 @@ impl ::fmu_export::Variables for Variables {{
             let to = match scalar.place {
                 Place::States => Some(format!("start.{}", scalar.path)),
                 Place::Parameters | Place::Inputs => Some(from.clone()),
+                _ if scalar.variability == Variability::Constant => None,
+                _ if scalar.initial == Some(Initial::Exact) => Some(from.clone()),
                 _ => None,
             };
             let (get, set) = match scalar.data_type {
@@ -311,6 +335,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
 {variables}    ],
     log_categories: &[{categories}],
     interfaces: fmi::Interfaces {{ co_simulation: {}, model_exchange: {} }},
+    has_resources: {},
     capabilities: fmi::Capabilities {{
         interpolate_inputs: {},
         get_and_set_state: {},
@@ -322,6 +347,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
             model.identifier,
             model.interfaces.co_simulation(),
             model.interfaces.model_exchange(),
+            model.declaration.resources.is_some(),
             capabilities.interpolate_inputs,
             capabilities.get_and_set_state,
             capabilities.serialize_state,

@@ -168,6 +168,7 @@ impl Model for Oscillator {
 
     fn differentiate(
         &self,
+        _time: f64,
         variables: &Variables,
         _inputs: &InputsOf<Self>,
         direction: &Variables,

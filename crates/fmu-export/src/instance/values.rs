@@ -174,15 +174,23 @@ impl<M: Model> Instance<M> {
         ))
     }
 
-    /// Sets values, after checking all of them. `as_number` is the value to compare with the range.
+    /// Sets values, after checking all of them. `as_number` is the value to compare with the range, `is_set` tells
+    /// whether it is the present one.
     fn set<T: Copy>(
         &mut self,
         references: &[ValueReference],
         values: &[T],
         requested: DataType,
         as_number: impl Fn(T) -> f64,
+        is_set: impl Fn(&M::Variables, ValueReference, T) -> bool,
         write: impl Fn(&mut M::Variables, ValueReference, T),
     ) -> Answer {
+        // FMPy sets discrete inputs between events, too, to the values that they have.
+        let is_kept = |this: &Self, variable: &VariableDescription, reference, value| {
+            this.memory.phase == Phase::ContinuousTimeMode
+                && variable.causality == Causality::Input
+                && is_set(&this.memory.variables, reference, value)
+        };
         for (&reference, &value) in references.iter().zip(values) {
             // A shortcut for Real inputs, which may be set to any finite value, and in most states.
             if !(Self::is_real_input(reference)
@@ -190,12 +198,18 @@ impl<M: Model> Instance<M> {
                 && as_number(value).is_finite()
                 && self.memory.phase != Phase::ContinuousTimeMode)
             {
-                self.check_settable(Self::variable(reference, requested)?, as_number(value))?;
+                let variable = Self::variable(reference, requested)?;
+                if !is_kept(self, variable, reference, value) {
+                    self.check_settable(variable, as_number(value))?;
+                }
             }
         }
         let mut status = Status::Ok;
         for (&reference, &value) in references.iter().zip(values) {
             let variable = Self::checked(reference);
+            if is_kept(self, variable, reference, value) {
+                continue;
+            }
             let memory = &mut self.memory;
             memory.stale = true;
             if let Some(state) = variable.state.filter(|_| memory.phase == Phase::ContinuousTimeMode) {
@@ -217,21 +231,27 @@ impl<M: Model> Instance<M> {
     }
 
     pub(crate) fn set_real(&mut self, references: &[ValueReference], values: &[f64]) -> Answer {
-        self.set(references, values, DataType::Real, |value| value, M::Variables::set_real)
+        #[expect(clippy::float_cmp, reason = "whether it is the very value")]
+        let is_set = |variables: &M::Variables, reference, value| variables.real(reference) == value;
+        self.set(references, values, DataType::Real, |value| value, is_set, M::Variables::set_real)
     }
 
     pub(crate) fn set_integer(&mut self, references: &[ValueReference], values: &[i32]) -> Answer {
-        self.set(references, values, DataType::Integer, f64::from, M::Variables::set_integer)
+        let is_set = |variables: &M::Variables, reference, value| variables.integer(reference) == value;
+        self.set(references, values, DataType::Integer, f64::from, is_set, M::Variables::set_integer)
     }
 
     pub(crate) fn set_boolean(&mut self, references: &[ValueReference], values: &[i32]) -> Answer {
         let write =
             |variables: &mut M::Variables, reference, value| variables.set_boolean(reference, value != 0);
-        self.set(references, values, DataType::Boolean, |_| 0.0, write)
+        let is_set =
+            |variables: &M::Variables, reference, value| variables.boolean(reference) == (value != 0);
+        self.set(references, values, DataType::Boolean, |_| 0.0, is_set, write)
     }
 
     pub(crate) fn set_string(&mut self, references: &[ValueReference], values: &[&str]) -> Answer {
-        self.set(references, values, DataType::String, |_| 0.0, M::Variables::set_string)
+        let is_set = |variables: &M::Variables, reference, value: &str| variables.string(reference) == value;
+        self.set(references, values, DataType::String, |_| 0.0, is_set, M::Variables::set_string)
     }
 
     pub(crate) fn set_real_input_derivatives(

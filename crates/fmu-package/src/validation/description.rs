@@ -6,7 +6,8 @@ use regex_lite::Regex;
 
 use super::model::{Element, Model, children, flag, named};
 use super::rules::{
-    CAPABILITY, DEFAULT_EXPERIMENT, GENERATION_DATE, GUID, INTERFACE, LOG_CATEGORY, MODEL_IDENTIFIER, Rule,
+    CAPABILITY, DEFAULT_EXPERIMENT, EVENT_INDICATOR_COUNT, GENERATION_DATE, GUID, INTERFACE, LOG_CATEGORY,
+    MODEL_IDENTIFIER, Rule,
 };
 use super::schema::number;
 use super::{Report, Version};
@@ -16,6 +17,7 @@ pub(super) fn check(model: &Model<'_>, report: &mut Report) {
     interfaces(model, report);
     identifiers(model, report);
     guid(model, report);
+    event_indicator_count(model, report);
     generation_date(model, report);
     default_experiment(model, report);
     capabilities(model, report);
@@ -66,6 +68,13 @@ fn guid(model: &Model<'_>, report: &mut Report) {
     let key = if model.version == Version::Three { "instantiationToken" } else { "guid" };
     if model.root.attribute(key).is_some_and(|guid| guid.trim().is_empty()) {
         model.wrong(report, &GUID, model.root, format!("the {key} is empty"));
+    }
+}
+
+fn event_indicator_count(model: &Model<'_>, report: &mut Report) {
+    let is_for_model_exchange = model.version == Version::Two && model.interface("ModelExchange").is_some();
+    if is_for_model_exchange && !model.root.has_attribute("numberOfEventIndicators") {
+        model.wrong(report, &EVENT_INDICATOR_COUNT, model.root, "there is no numberOfEventIndicators");
     }
 }
 

@@ -101,6 +101,8 @@ rules! {
         "A model identifier is an identifier of C: letters, digits and `_`, no digit first." => "Rename the model, its libraries and functions.";
     GUID: Error "guid" ("2.0.5: 2.2.1; 3.0.2: 2.4.1")
         "The GUID (instantiation token) is not empty." => "Generate one, in the description and the library.";
+    EVENT_INDICATOR_COUNT: Warning "event-indicator-count" ("2.0.5: 2.2.1")
+        "An FMU for Model Exchange states its `numberOfEventIndicators`." => "Add the attribute, with 0 where there are no event indicators.";
     GENERATION_DATE: Warning "generation-date" ("2.0.5: 2.2.1; 3.0.2: 2.4.1")
         "`generationDateAndTime` is in UTC, as `2009-12-08T14:33:22Z`." => "Write the time in UTC, without fractions of a second, with a `Z`.";
     DEFAULT_EXPERIMENT: Error "default-experiment" ("2.0.5: 2.2.5; 3.0.2: 2.4.6")
@@ -157,6 +159,8 @@ rules! {
         "A nominal value is not 0: it scales tolerances." => "Give the order of magnitude, or leave it out.";
     FINITE: Error "finite" ("2.0.5: 2.2")
         "Values of variables are neither infinite nor NaN." => "Leave the attribute out, or give a number.";
+    STATE_NOMINAL: Error "state-nominal" ("2.0.5: 3.2.2; 3.0.2: 3.2.1")
+        "In an FMU for Model Exchange nominal values of continuous states are greater than 0." => "Give the order of magnitude, or leave it out, which is a nominal value of 1.";
     DERIVATIVE: Error "derivative" ("2.0.5: 2.2.7; 3.0.2: 2.4.7.5")
         "`derivative` refers to another variable, and both are continuous and floating-point." => "Refer to the variable whose derivative this is.";
     REINIT: Error "reinit" ("2.0.5: 2.2.7; 3.0.2: 2.4.7.5")
@@ -194,7 +198,7 @@ rules! {
     OUTPUTS: Error "outputs" ("2.0.5: 2.2.8; 3.0.2: 2.4.8")
         "The list of outputs contains each variable with `causality=\"output\"`, and no other." => "Add the output, or remove the entry.";
     DERIVATIVES: Error "derivatives" ("2.0.5: 2.2.8; 3.0.2: 2.4.8")
-        "The list of derivatives contains variables with the attribute `derivative`; their states are local variables or outputs." => "Add the attribute `derivative` to the variable, or remove the entry.";
+        "The list of derivatives contains variables with the attribute `derivative`; their states are local variables or outputs, each the state of one entry." => "Add the attribute `derivative` to the variable, or remove the entry.";
     INITIAL_UNKNOWNS: Error "initial-unknowns" ("2.0.5: 2.2.8; 3.0.2: 2.4.8")
         "Initial unknowns are: outputs, states and derivatives that are `calculated` or `approx`, and calculated parameters; in FMI 3 also clocked variables, at will." => "Add the missing entry, or remove the other one.";
     CLOCKED_STATES: Error "clocked-states" ("3.0.2: 2.4.8")

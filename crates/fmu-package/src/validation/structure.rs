@@ -1,6 +1,6 @@
 //! Rules on the model structure, one function each.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::model::{Entry, Model};
 use super::rules::{
@@ -153,14 +153,22 @@ fn outputs(model: &Model<'_>, report: &mut Report) {
 }
 
 fn derivatives(model: &Model<'_>, report: &mut Report) {
+    let mut seen = BTreeMap::new();
     for entry in model.list("ContinuousStateDerivative") {
         let Some(variable) = entry.variable.map(|index| &model.variables[index]) else { continue };
         let state =
             variable.derivative.and_then(|state| model.resolve(state)).map(|index| &model.variables[index]);
-        let message = match state {
-            _ if variable.derivative.is_none() => format!("{} has no attribute derivative", variable.name),
-            Some(state) if !["local", "output"].contains(&state.causality) => {
+        let first = variable.derivative.and_then(|state| seen.insert(state.trim(), variable.name));
+        let message = match (state, first) {
+            (None, _) if variable.derivative.is_none() => {
+                format!("{} has no attribute derivative", variable.name)
+            }
+            (Some(state), _) if !["local", "output"].contains(&state.causality) => {
                 format!("its state {} is {}", state.name, state.causality)
+            }
+            // The variable itself, twice in the list, is told by another rule.
+            (Some(state), Some(first)) if first != variable.name => {
+                format!("its state {} is that of {first}, too", state.name)
             }
             _ => continue,
         };

@@ -8,7 +8,7 @@ use super::model::{Model, Variable, flag, initials, named};
 use super::rules::{
     ALIAS, CAUSALITY, CLOCK, CLOCKED, CONTINUOUS_TYPE, DERIVATIVE, DIMENSION, DIRECT_DEPENDENCY, FINITE,
     FIXED, INDEPENDENT, INITIAL, INTERMEDIATE_UPDATE, NAME_SYNTAX, NOMINAL, PREVIOUS, REINIT, START_COUNT,
-    START_FORBIDDEN, START_MISSING, START_RANGE, VALUE_REFERENCE, VARIABLE_NAME,
+    START_FORBIDDEN, START_MISSING, START_RANGE, STATE_NOMINAL, VALUE_REFERENCE, VARIABLE_NAME,
 };
 use super::schema::number;
 use super::types::range;
@@ -54,6 +54,7 @@ fn since_fmi2(model: &Model<'_>, report: &mut Report) {
         causality_and_start(model, variable, wrong);
         derivative(model, index, variable, wrong);
         reinit(model, variable, states.contains(&index), wrong);
+        state_nominal(model, variable, states.contains(&index), wrong);
     }
 }
 
@@ -279,6 +280,17 @@ fn reinit(model: &Model<'_>, variable: &Variable<'_>, is_state: bool, wrong: Wro
         wrong(&REINIT, "it is not a continuous state".to_owned());
     } else if model.interface("ModelExchange").is_none() {
         wrong(&REINIT, "the FMU is not for Model Exchange".to_owned());
+    }
+}
+
+/// Solvers scale the absolute tolerance of a state by it.
+fn state_nominal(model: &Model<'_>, variable: &Variable<'_>, is_state: bool, wrong: Wrong<'_>) {
+    let nominal = variable.inherited("nominal").and_then(number);
+    if let Some(nominal) = nominal.filter(|nominal| *nominal <= 0.0)
+        && is_state
+        && model.interface("ModelExchange").is_some()
+    {
+        wrong(&STATE_NOMINAL, format!("it is a state, and nominal is {nominal}"));
     }
 }
 

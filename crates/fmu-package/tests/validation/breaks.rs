@@ -112,6 +112,7 @@ const DESCRIPTIONS: &[Break] = &[
     ("an interface twice", "interface", Fmi2, xml(r#"<CoSimulation modelIdentifier="tank"/>"#, r#"<CoSimulation modelIdentifier="tank"/><CoSimulation modelIdentifier="tank"/>"#)),
     ("a model identifier with a hyphen", "model-identifier", Fmi2, xml(r#"<CoSimulation modelIdentifier="tank""#, r#"<CoSimulation modelIdentifier="a-tank""#)),
     ("an empty GUID", "guid", Fmi2, xml("{a-guid}", "")),
+    ("no number of event indicators", "event-indicator-count", Fmi2, xml(r#" numberOfEventIndicators="0""#, "")),
     ("a date in local time", "generation-date", Fmi2, xml("12:00:00Z", "12:00:00+02:00")),
     ("an experiment that ends before it starts", "default-experiment", Fmi2, xml(r#"stopTime="10""#, r#"stopTime="-10""#)),
     ("an experiment with steps of 0 s", "default-experiment", Fmi2, xml(r#"stepSize="0.1""#, r#"stepSize="0""#)),
@@ -151,9 +152,11 @@ const VARIABLES: &[Break] = &[
     ("a start value that is no item", "start-range", Fmi2, xml(r#"declaredType="Mode" start="1""#, r#"declaredType="Mode" start="7""#)),
     ("three start values of two elements", "start-count", Fmi3, xml(r#"start="1 2""#, r#"start="1 2 3""#)),
     ("min above max", "range", Fmi2, xml(r#"variability="fixed"><Real/>"#, r#"variability="fixed"><Real min="2" max="1"/>"#)),
-    ("a nominal value of 0", "nominal", Fmi2, xml(r#"nominal="2""#, r#"nominal="0""#)),
+    ("a nominal value of 0", "nominal", Fmi2, xml(r#"<Real start="0"/>"#, r#"<Real start="0" nominal="0"/>"#)),
+    ("a state with a negative nominal value", "state-nominal", Fmi2, xml(r#"nominal="2""#, r#"nominal="-2""#)),
     ("an infinite max", "finite", Fmi2, xml(r#"max="3""#, r#"max="INF""#)),
     ("a derivative of nothing", "derivative", Fmi2, xml(r#"<Real start="0"/>"#, r#"<Real start="0" derivative="99"/>"#)),
+    ("reinit without Model Exchange", "reinit", Fmi2, xml("<ModelExchange modelIdentifier=\"tank\" canGetAndSetFMUstate=\"true\" canSerializeFMUstate=\"true\">\n    <SourceFiles><File name=\"tank.c\"/></SourceFiles>\n  </ModelExchange>", "")),
     ("reinit at an input", "reinit", Fmi2, xml(r#"<Real start="0"/>"#, r#"<Real start="0" reinit="true"/>"#)),
     ("fixed without a start value", "fixed", Fmi1, xml(r#"<Real start="0"/>"#, r#"<Real fixed="true"/>"#)),
     ("a direct dependency on a parameter", "direct-dependency", Fmi1, xml("<Name>inflow</Name>", "<Name>mode</Name>")),
@@ -178,6 +181,7 @@ const STRUCTURES: &[Break] = &[
     ("an output that is not listed", "outputs", Fmi2, xml(r#"<Unknown index="2" dependencies="2"/>"#, "")),
     ("a local variable among the outputs", "outputs", Fmi3, xml("<Output ", r#"<Output valueReference="10"/><Output "#)),
     ("an input among the derivatives", "derivatives", Fmi2, xml("<Derivatives>", r#"<Derivatives><Unknown index="4"/>"#)),
+    ("two derivatives of one state", "derivatives", Fmi2, Edit::Files(second_derivative)),
     ("an initial unknown that is not listed", "initial-unknowns", Fmi2, xml(r#"<Unknown index="8" dependencies="5"/>"#, "")),
     ("an initial unknown that is a start value", "initial-unknowns", Fmi3, xml(r#"<InitialUnknown valueReference="2"/>"#, r#"<InitialUnknown valueReference="1"/><InitialUnknown valueReference="2"/>"#)),
     ("a clocked state that is not listed", "clocked-states", Fmi3, xml(r#"<ClockedState valueReference="8"/>"#, "")),
@@ -228,6 +232,18 @@ const LIBRARIES: &[Break] = &[
         Edit::Files(|files| change(files, b"fmi2DoStep\0", b"fmi2DoLeap\0")),
     ),
     (
+        "a function of Model Exchange that is missing",
+        "library-function",
+        Library,
+        Edit::Files(|files| change(files, b"fmi2NewDiscreteStates\0", b"fmi2OldDiscreteStates\0")),
+    ),
+    (
+        "no library for the other interface",
+        "library-name",
+        Library,
+        xml(r#"<CoSimulation modelIdentifier="tank"/>"#, r#"<CoSimulation modelIdentifier="tank_steps"/>"#),
+    ),
+    (
         "a library of another build",
         "library-guid",
         Library,
@@ -255,6 +271,17 @@ const LIBRARIES: &[Break] = &[
         }),
     ),
 ];
+
+/// Appends a variable that is also a derivative of the tank's level, which is the second variable.
+fn second_derivative(files: &mut Files) {
+    let text = String::from_utf8(files[DESCRIPTION].clone()).unwrap();
+    let variable = r#"<ScalarVariable name="rise" valueReference="9"><Real unit="m/s" derivative="2"/></ScalarVariable>"#;
+    let text = text
+        .replace("</ModelVariables>", &format!("{variable}</ModelVariables>"))
+        .replace("</Derivatives>", r#"<Unknown index="10" dependencies="4"/></Derivatives>"#)
+        .replace("</InitialUnknowns>", r#"<Unknown index="10" dependencies="4"/></InitialUnknowns>"#);
+    files.insert(DESCRIPTION.to_owned(), text.into_bytes());
+}
 
 fn library_of(files: &mut Files) -> &mut Vec<u8> {
     files.get_mut(library::PATH).unwrap()

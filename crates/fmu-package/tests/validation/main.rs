@@ -121,7 +121,7 @@ fn each_break_is_found_by_its_rule_and_no_other() {
             }
             Edit::Archive(edit) => edit(&files),
         };
-        let path = folder.join(format!("{index:02} {what} (FMI {version}).fmu"));
+        let path = folder.join(format!("{index:03} {what} (FMI {version}).fmu"));
         let report = report(&path, &archive);
         let severity = rules::ALL.iter().find(|known| known.id == rule).unwrap().severity;
         let errors = broken(&report, Severity::Error);

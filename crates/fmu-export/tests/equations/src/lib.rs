@@ -14,10 +14,10 @@ macro_rules! variables {
         }
     )*};
 }
-variables!(decay: "decay", van_der_pol: "van_der_pol", robertson: "robertson", bouncing_ball: "bouncing_ball",
-    stairs: "stairs");
+variables!(decay: "decay", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
+    bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared");
 
-/// Exponential decay towards an input, from a start value and an offset together.
+/// Exponential decay towards an input and a ramp in time, from a start value and an offset together.
 #[derive(Clone, Debug, Default, Persistent)]
 pub struct Decay {}
 
@@ -30,9 +30,21 @@ impl Equations for Decay {
 
     fn evaluate<T: Number>(&self, time: T, variables: &mut decay::Variables<T>) {
         let decay::Variables { parameters, inputs, states, derivatives, outputs, .. } = variables;
-        derivatives.x = parameters.rate * (inputs.target - states.x);
+        derivatives.x = parameters.rate * (inputs.target + parameters.ramp * time - states.x);
         outputs.square = states.x * states.x;
         outputs.seconds = time;
+    }
+}
+
+/// The same decay, whose JSON leaves out that the derivative depends on the input.
+#[derive(Clone, Debug, Default, Persistent)]
+pub struct Undeclared {}
+
+impl Equations for Undeclared {
+    type Variables = undeclared::Variables;
+
+    fn evaluate<T: Number>(&self, _time: T, variables: &mut undeclared::Variables<T>) {
+        variables.derivatives.x = variables.inputs.target - variables.states.x;
     }
 }
 
@@ -66,6 +78,30 @@ impl Equations for Robertson {
             derivatives.y[1] = T::from(f64::NAN);
         }
         outputs.sum = a + b + c;
+    }
+}
+
+/// The "high irradiance responses" of a plant to light, as eight reactions (Schäfer 1975; Hairer and Wanner, Solving
+/// Ordinary Differential Equations II, section IV.10).
+#[derive(Clone, Debug, Default, Persistent)]
+pub struct Hires {}
+
+impl Equations for Hires {
+    type Variables = hires::Variables;
+
+    fn evaluate<T: Number>(&self, _time: T, variables: &mut hires::Variables<T>) {
+        let [a, b, c, d, e, f, g, h] = variables.states.y;
+        let (joined, parted) = (f * h * 280.0, g * 1.81);
+        variables.derivatives.y = [
+            a * -1.71 + b * 0.43 + c * 8.32 + 0.0007,
+            a * 1.71 - b * 8.75,
+            c * -10.03 + d * 0.43 + e * 0.035,
+            b * 8.32 + c * 1.71 - d * 1.12,
+            e * -1.745 + f * 0.43 + g * 0.43,
+            -joined + d * 0.69 + e * 1.71 - f * 0.43 + g * 0.69,
+            joined - parted,
+            parted - joined,
+        ];
     }
 }
 
@@ -121,12 +157,13 @@ impl Equations for Stairs {
 
     fn evaluate<T: Number>(&self, _time: T, variables: &mut stairs::Variables<T>) {
         variables.derivatives.level = T::from(f64::from(self.steps));
+        variables.outputs.seen = variables.inputs.signal;
         variables.outputs.steps = self.steps;
         variables.outputs.switches = self.switches;
     }
 
     fn event_indicators(&self, _time: f64, variables: &stairs::Variables, indicators: &mut [f64]) {
-        indicators[0] = variables.inputs.signal;
+        indicators[0] = variables.outputs.seen;
     }
 
     fn next_event(&self, time: f64, variables: &stairs::Variables) -> Option<f64> {
@@ -146,6 +183,7 @@ impl Equations for Stairs {
         }
         if event.indicators[0] {
             self.switches += 1;
+            variables.outputs.last_switch = event.time;
         }
         Ok(())
     }

@@ -1,7 +1,12 @@
 //! The built-in integrator against closed forms and independent solutions.
 
-use fmu_export::{Equations, Error, InputSignal, Integrated, Model, Simulation, Variables as _};
-use fmu_export_equations::{BouncingBall, Decay, Robertson, Stairs, VanDerPol, bouncing_ball, decay};
+use fmu_export::{
+    Equations, Error, InputSignal, Integrated, Model, Simulation, Variables as _, check_dependencies,
+};
+use fmu_export_equations::{
+    BouncingBall, Decay, Hires, Robertson, Stairs, Undeclared, VanDerPol, bouncing_ball, decay, stairs,
+    undeclared,
+};
 
 /// The solutions that `reference.py` printed: name, time and states.
 const REFERENCES: &str = include_str!("../solutions.csv");
@@ -89,6 +94,20 @@ fn robertson_agrees_with_radau_over_eleven_decades() {
 }
 
 #[test]
+fn hires_agrees_with_radau_to_its_last_time() {
+    for tolerance in [1e-4, 1e-6, 1e-8, 1e-10] {
+        let mut simulation = simulation::<Hires>(tolerance);
+        simulation.initialize().unwrap();
+        for (time, expected) in reference("hires") {
+            go_to(&mut simulation, time, 1).unwrap();
+            let what = format!("tolerance {tolerance:?}, to {time}");
+            // The nominal value of the declaration.
+            assert_near(&simulation.variables.states.y, &expected, tolerance, 1e-3, &what);
+        }
+    }
+}
+
+#[test]
 fn without_a_tolerance_it_is_the_default() {
     let run = |tolerance| {
         let mut simulation = Simulation::<Integrated<VanDerPol>>::default();
@@ -113,6 +132,30 @@ fn inputs_with_derivatives_are_followed() {
     assert_near(&[simulation.variables.states.x], &[3.0 + 2.0 * (-2.0_f64).exp()], tolerance, 1.0, "x");
     let target = simulation.variables.inputs.target;
     assert_eq!(target.to_bits(), 0.0_f64.to_bits(), "what the importer has set stays");
+}
+
+#[test]
+fn a_ramp_of_the_input_is_integrated_as_one_in_time() {
+    let mut in_time = simulation::<Decay>(1e-4);
+    in_time.variables.parameters.ramp = 2.0;
+    in_time.initialize().unwrap();
+    in_time.step(2.0).unwrap();
+    let mut of_input = simulation::<Decay>(1e-4);
+    of_input.initialize().unwrap();
+    let mut inputs = InputSignal::constant(of_input.inputs);
+    inputs.set_derivative(0, 1, 2.0);
+    of_input.step_with(2.0, &inputs).unwrap();
+    // The same steps; what is left is the rounding of some, on states of order 1.
+    let difference = (in_time.variables.states.x - of_input.variables.states.x).abs();
+    assert!(difference < 100.0 * f64::EPSILON, "{difference:e}");
+}
+
+#[test]
+fn the_start_time_is_that_of_the_experiment() {
+    let mut simulation = simulation::<Decay>(1e-6);
+    simulation.experiment.start_time = 5.0;
+    simulation.initialize().unwrap();
+    assert_eq!(simulation.variables.outputs.seconds.to_bits(), 5.0_f64.to_bits());
 }
 
 #[test]
@@ -175,8 +218,29 @@ fn events_in_time_are_at_their_very_number() {
         let time = f64::from(expected) * 0.3;
         assert_eq!(simulation.variables.outputs.last_step.to_bits(), time.to_bits());
     }
+    let mut at_once = self::simulation::<Stairs>(1e-6);
+    at_once.initialize().unwrap();
+    at_once.step(4.0).unwrap();
+    assert_eq!(at_once.variables.outputs, simulation.variables.outputs);
     // The rates 1, 2, …, 12 for 0.3 s each, and 13 for 0.1 s.
-    assert_near(&[simulation.variables.states.level], &[0.3 * 78.0 + 13.0 * 0.1], 1e-6, 1.0, "level");
+    for simulation in [simulation, at_once] {
+        assert_near(&[simulation.variables.states.level], &[0.3 * 78.0 + 13.0 * 0.1], 1e-6, 1.0, "level");
+    }
+}
+
+#[test]
+fn an_event_that_only_rounding_puts_after_a_step_belongs_to_it() {
+    let mut simulation = simulation::<Stairs>(1e-6);
+    simulation.variables.parameters.interval = 0.8;
+    simulation.initialize().unwrap();
+    simulation.step(0.1).unwrap();
+    simulation.step(0.7).unwrap();
+    assert!(simulation.time < 0.8, "rounding");
+    assert_eq!(simulation.variables.outputs.steps, 1);
+    assert_eq!(simulation.variables.outputs.last_step.to_bits(), 0.8_f64.to_bits());
+    // The next is a millionth of the step after it.
+    simulation.step(1.6 - 0.8e-6 - simulation.time).unwrap();
+    assert_eq!(simulation.variables.outputs.steps, 1);
 }
 
 #[test]
@@ -186,10 +250,36 @@ fn an_input_that_jumps_is_an_event_at_the_beginning_of_the_step() {
     simulation.step(0.1).unwrap();
     assert_eq!(simulation.variables.outputs.switches, 0);
     for (signal, switches) in [(1.0, 1), (2.0, 1), (-1.0, 2)] {
+        let (begin, before) = (simulation.time, simulation.variables.outputs);
         simulation.inputs.signal = signal;
         simulation.step(0.1).unwrap();
-        assert_eq!(simulation.variables.outputs.switches, switches);
+        let stairs::Outputs { switches: found, last_switch, .. } = simulation.variables.outputs;
+        assert_eq!(found, switches);
+        let expected = if switches > before.switches { begin } else { before.last_switch };
+        assert_eq!(last_switch.to_bits(), expected.to_bits());
     }
+}
+
+#[test]
+fn an_indicator_that_is_positive_at_the_start_is_no_event() {
+    let mut simulation = simulation::<Stairs>(1e-6);
+    simulation.inputs.signal = 1.0;
+    simulation.initialize().unwrap();
+    simulation.step(0.1).unwrap();
+    assert_eq!(simulation.variables.outputs.switches, 0);
+}
+
+#[test]
+fn an_indicator_that_changes_twice_within_a_step_of_the_integrator_is_two_events() {
+    let mut simulation = simulation::<Stairs>(1e-6);
+    // (t − 0.1)·(0.15 − t), positive within. The rate is constant, so that one step goes to the end.
+    simulation.inputs.signal = -0.015;
+    simulation.initialize().unwrap();
+    let mut inputs = InputSignal::constant(simulation.inputs);
+    inputs.set_derivative(0, 1, 0.25);
+    inputs.set_derivative(0, 2, -2.0);
+    simulation.step_with(0.25, &inputs).unwrap();
+    assert_eq!(simulation.variables.outputs.switches, 2);
 }
 
 #[test]
@@ -251,4 +341,13 @@ fn directional_derivatives_are_exact() {
     let by = model.differentiate_initialization(0.0, variables, inputs, &direction).unwrap();
     // x changes by 2; 0.5·(4 − 2) and, by the rate, −x.
     assert_eq!(bits([by.states.x, by.derivatives.x, by.outputs.square]), bits([2.0, 1.0 - 5.0, 20.0]));
+}
+
+#[test]
+fn dependencies_that_are_not_declared_are_found() {
+    check_dependencies::<Integrated<Decay>>(&decay::Variables::default()).unwrap();
+    let error = check_dependencies::<Integrated<Undeclared>>(&undeclared::Variables::default())
+        .unwrap_err()
+        .to_string();
+    assert_eq!(error, "der(x) depends on target, which its 'reads' leave out");
 }

@@ -16,6 +16,10 @@ use variables::{Gear, Inputs, Manner, Place, Start, Variables};
 static DEFAULT_FAILS: AtomicBool = AtomicBool::new(false);
 
 /// The model. The flags are for functions without parameters.
+#[allow(
+    clippy::struct_excessive_bools,
+    reason = "each of them is a fault or a branch, apart from the others"
+)]
 pub struct TestModel {
     steps: i32,
     /// Whether the level was above its limit at the last step or event.
