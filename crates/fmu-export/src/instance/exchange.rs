@@ -191,6 +191,11 @@ impl<M: ModelExchange> Instance<M> {
     pub(crate) fn get_continuous_states(&mut self, states: &mut [f64]) -> Answer {
         let status = self.compute_values()?;
         M::Variables::each_state(&self.memory.variables, |state, value| states[state] = value);
+        // After an event that failed they may be anything.
+        if let Some(wrong) = states.iter().position(|state| !state.is_finite()) {
+            let name = M::Variables::STATE_NAMES[wrong];
+            return Err(Error::new(format!("the state {name} is {}", Shown(states[wrong]))));
+        }
         Ok(status)
     }
 

@@ -221,6 +221,8 @@ def test_an_event_to_what_is_not_finite(make: Make, manner: str) -> None:
     text = f"the variable tank.level became {NOT_FINITE[manner]} at the time 0 s"
     assert instance.refuses("fmi2NewDiscreteStates", byref(EventInfo())) == text
     instance.refuses("fmi2EnterContinuousTimeMode", names=["error"])
+    text = f"the state tank.level is {NOT_FINITE[manner]}"
+    assert instance.refuses("fmi2GetContinuousStates", reals(0.0, 0.0), 2) == text
 
 
 @pytest.mark.parametrize("manner", NOT_FINITE)
