@@ -333,6 +333,10 @@ def test_which_variables_can_be_set(
         value = another_value(variable)
         setting = refusing.settings({variable.name: value})
         if not settable(variable, state, fmu_type):
+            if state == "Continuous-Time Mode" and is_input(variable) and refusing.get(variable.name) == value:
+                # FMPy sets discrete inputs there, too, to the values that they have.
+                refusing.ok(*setting)
+                continue
             refusing.refuses(*setting, names=[variable.name, state])
             continue
         life = live(state, fmu_type=fmu_type)
