@@ -312,22 +312,28 @@ impl<M: Model> Instance<M> {
         memory.phase = Phase::Error;
         let mut context = Context::new(experiment, &mut log).with_resources(&self.resources);
         memory.model.step(&mut memory.variables, &step, &mut context)?;
-        memory.end = context.end;
+        let asked = context.end;
         check_finite(&memory.variables, end)?;
-        if let Some(asked) = memory.end {
-            if !asked.is_finite() {
-                return Err(Error::new(format!("the model asks for the end at {} s", Shown(asked))));
-            }
-            // It may be off by rounding.
-            memory.time = asked.max(memory.time).min(end);
-            memory.stale = false;
-            return Ok(self.discard_for_end());
+        memory.stale = false;
+        if let Some(asked) = asked {
+            return self.end_step_early(asked, end);
         }
         memory.phase = Phase::StepComplete;
-        memory.stale = false;
         memory.time = end;
         memory.inputs.end_step(size);
         Ok(status)
+    }
+
+    /// The model asks for the end at a time (s) in the step, which would have ended at another.
+    #[cold]
+    fn end_step_early(&mut self, asked: f64, end: f64) -> Answer {
+        if !asked.is_finite() {
+            return Err(Error::new(format!("the model asks for the end at {} s", Shown(asked))));
+        }
+        // It may be off by rounding.
+        self.memory.time = asked.max(self.memory.time).min(end);
+        self.memory.end = Some(asked);
+        Ok(self.discard_for_end())
     }
 
     /// The model asks for the end: the step is not completed (section 4.2.1).

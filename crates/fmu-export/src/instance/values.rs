@@ -185,18 +185,19 @@ impl<M: Model> Instance<M> {
         is_set: impl Fn(&M::Variables, ValueReference, T) -> bool,
         write: impl Fn(&mut M::Variables, ValueReference, T),
     ) -> Answer {
+        let between_events = self.memory.phase == Phase::ContinuousTimeMode;
         // FMPy sets discrete inputs between events, too, to the values that they have.
         let is_kept = |this: &Self, variable: &VariableDescription, reference, value| {
-            this.memory.phase == Phase::ContinuousTimeMode
+            between_events
                 && variable.causality == Causality::Input
                 && is_set(&this.memory.variables, reference, value)
         };
         for (&reference, &value) in references.iter().zip(values) {
             // A shortcut for Real inputs, which may be set to any finite value, and in most states.
-            if !(Self::is_real_input(reference)
-                && requested == DataType::Real
-                && as_number(value).is_finite()
-                && self.memory.phase != Phase::ContinuousTimeMode)
+            if between_events
+                || !Self::is_real_input(reference)
+                || requested != DataType::Real
+                || !as_number(value).is_finite()
             {
                 let variable = Self::variable(reference, requested)?;
                 if !is_kept(self, variable, reference, value) {
@@ -212,7 +213,7 @@ impl<M: Model> Instance<M> {
             }
             let memory = &mut self.memory;
             memory.stale = true;
-            if let Some(state) = variable.state.filter(|_| memory.phase == Phase::ContinuousTimeMode) {
+            if between_events && let Some(state) = variable.state {
                 memory.set_state(state, as_number(value));
                 continue;
             }
