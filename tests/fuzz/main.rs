@@ -112,7 +112,7 @@ fn the_plant_survives_calls_in_any_order() {
     // A running start: with random parameters and inputs, the search for a settled start is long and mostly fails.
     let mode = reference::<BoostPlant>("initialization.mode");
     let running = Call::Set(Type::Integer, vec![(mode, Number::Special(2.0))]);
-    any_order::<BoostPlant>(400, Functions::co_simulation::<BoostPlant>(), &[running]);
+    any_order::<BoostPlant>(400, Functions::both::<BoostPlant>(), &[running]);
 }
 
 #[test]
