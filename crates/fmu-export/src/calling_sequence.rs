@@ -62,6 +62,17 @@ impl fmt::Display for Phase {
     }
 }
 
+impl Phase {
+    /// The interface whose instances alone have the state.
+    pub(crate) const fn interface(self) -> Option<Interface> {
+        match self {
+            StepComplete | StepFailed => Some(Interface::CoSimulation),
+            EventMode | ContinuousTimeMode => Some(Interface::ModelExchange),
+            Instantiated | InitializationMode | Terminated | Error => None,
+        }
+    }
+}
+
 impl Persistent for Phase {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), error::Error> {
         let mut number = *self as u8;

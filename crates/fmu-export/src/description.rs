@@ -68,7 +68,7 @@ pub struct VariableDescription {
     /// For a Real input: its position among the Real inputs.
     pub real_input: Option<usize>,
     /// For a continuous-time state: its position among the states.
-    pub state: Option<usize>,
+    pub state: Option<u16>,
 }
 
 /// The five data types of FMI 2.0.

@@ -128,8 +128,7 @@ impl<M: ModelExchange> Instance<M> {
                 }
                 logger.message(category, message);
             };
-            let experiment = memory.experiment.unwrap_or_default();
-            let mut context = Context::new(experiment, &mut log).with_resources(&self.resources);
+            let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
             // If an error or a panic interrupts the event, the instance remains in this state.
             memory.phase = Phase::Error;
             let event =

@@ -185,24 +185,56 @@ impl<M: Model> Instance<M> {
         is_set: impl Fn(&M::Variables, ValueReference, T) -> bool,
         write: impl Fn(&mut M::Variables, ValueReference, T),
     ) -> Answer {
-        let between_events = self.memory.phase == Phase::ContinuousTimeMode;
-        // FMPy sets discrete inputs between events, too, to the values that they have.
+        if self.memory.phase == Phase::ContinuousTimeMode {
+            return self.set_between_events(references, values, requested, as_number, is_set, write);
+        }
+        for (&reference, &value) in references.iter().zip(values) {
+            // A shortcut for Real inputs, which may be set to any finite value.
+            if !(Self::is_real_input(reference)
+                && requested == DataType::Real
+                && as_number(value).is_finite())
+            {
+                self.check_settable(Self::variable(reference, requested)?, as_number(value))?;
+            }
+        }
+        let mut status = Status::Ok;
+        for (&reference, &value) in references.iter().zip(values) {
+            let variable = Self::checked(reference);
+            let memory = &mut self.memory;
+            write(&mut memory.variables, reference, value);
+            memory.stale = true;
+            if let Some(position) = variable.real_input {
+                if memory.inputs.set_value(position, as_number(value)) {
+                    status = self.warn_of_bounds(variable, as_number(value));
+                }
+            } else if variable.causality == Causality::Input {
+                memory.inputs.set_others(memory.variables.inputs());
+            } else {
+                memory.parameters_changed = true;
+            }
+        }
+        Ok(status)
+    }
+
+    /// The same in Continuous-Time Mode, of states and continuous inputs. Setting discrete inputs to the values that they
+    /// have is not an error, as FMPy does so.
+    #[cold]
+    fn set_between_events<T: Copy>(
+        &mut self,
+        references: &[ValueReference],
+        values: &[T],
+        requested: DataType,
+        as_number: impl Fn(T) -> f64,
+        is_set: impl Fn(&M::Variables, ValueReference, T) -> bool,
+        write: impl Fn(&mut M::Variables, ValueReference, T),
+    ) -> Answer {
         let is_kept = |this: &Self, variable: &VariableDescription, reference, value| {
-            between_events
-                && variable.causality == Causality::Input
-                && is_set(&this.memory.variables, reference, value)
+            variable.causality == Causality::Input && is_set(&this.memory.variables, reference, value)
         };
         for (&reference, &value) in references.iter().zip(values) {
-            // A shortcut for Real inputs, which may be set to any finite value, and in most states.
-            if between_events
-                || !Self::is_real_input(reference)
-                || requested != DataType::Real
-                || !as_number(value).is_finite()
-            {
-                let variable = Self::variable(reference, requested)?;
-                if !is_kept(self, variable, reference, value) {
-                    self.check_settable(variable, as_number(value))?;
-                }
+            let variable = Self::variable(reference, requested)?;
+            if !is_kept(self, variable, reference, value) {
+                self.check_settable(variable, as_number(value))?;
             }
         }
         let mut status = Status::Ok;
@@ -213,19 +245,15 @@ impl<M: Model> Instance<M> {
             }
             let memory = &mut self.memory;
             memory.stale = true;
-            if between_events && let Some(state) = variable.state {
-                memory.set_state(state, as_number(value));
+            if let Some(state) = variable.state {
+                memory.set_state(state.into(), as_number(value));
                 continue;
             }
             write(&mut memory.variables, reference, value);
-            if let Some(position) = variable.real_input {
-                if memory.inputs.set_value(position, as_number(value)) {
-                    status = self.warn_of_bounds(variable, as_number(value));
-                }
-            } else if variable.causality == Causality::Input {
-                memory.inputs.set_others(memory.variables.inputs());
-            } else {
-                memory.parameters_changed = true;
+            if let Some(position) = variable.real_input
+                && memory.inputs.set_value(position, as_number(value))
+            {
+                status = self.warn_of_bounds(variable, as_number(value));
             }
         }
         Ok(status)
