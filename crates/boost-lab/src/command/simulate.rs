@@ -1,5 +1,6 @@
 //! `simulate`: a scenario, to a CSV file and a plot.
 
+use std::ffi::OsStr;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -64,7 +65,7 @@ enum Format {
 impl Format {
     /// By the ending of a file's name.
     fn of(path: &Path) -> Result<Self> {
-        match path.extension().map(|ending| ending.to_ascii_lowercase()).unwrap_or_default().to_str() {
+        match path.extension().map(OsStr::to_ascii_lowercase).unwrap_or_default().to_str() {
             Some("svg") => Ok(Self::Svg),
             Some("png") => Ok(Self::Png),
             Some("html") => Ok(Self::Html),

@@ -16,23 +16,26 @@
     const text = { color: ink, size: 12, family: getComputedStyle(document.body).fontFamily };
     return [data, {
       ...layout, font: text, uirevision: true, paper_bgcolor: "transparent", plot_bgcolor: "transparent",
-      hoverlabel: { bgcolor: paper, bordercolor: rule, font: text }, modebar: { bgcolor: paper, color: faint, activecolor: ink },
+      hoverlabel: { bgcolor: paper, bordercolor: rule, font: text, namelength: -1 }, modebar: { bgcolor: paper, color: faint, activecolor: ink },
       // On a touch screen a finger scrolls the page.
       dragmode: matchMedia("(pointer: coarse)").matches ? false : "zoom",
     }];
   };
   const draw = () => Promise.all(panels.map(panel => Plotly.react(plotOf(panel), ...plotted(panel), buttons)));
 
+  const following = new Set();
   const link = panel => {
     const others = [...panel.closest("figure").querySelectorAll(".panel")]
       .filter(other => other !== panel && panel.dataset.axis && other.dataset.axis === panel.dataset.axis);
     plotOf(panel).on("plotly_relayout", change => {
+      // A panel that follows another one leads none.
+      if (following.delete(panel)) return;
       const range = Object.entries(change).filter(([key]) => key.startsWith("xaxis."));
-      const isNew = other => range.some(([key, value]) => {
-        const axis = plotOf(other).layout.xaxis;
-        return key === "xaxis.autorange" ? axis.autorange !== value : axis.range[Number(key.at(-2))] !== value;
+      if (range.length === 0) return;
+      others.forEach(other => {
+        following.add(other);
+        Plotly.relayout(plotOf(other), Object.fromEntries(range));
       });
-      others.filter(isNew).forEach(other => Plotly.relayout(plotOf(other), Object.fromEntries(range)));
     });
   };
   const serveKeyboard = plot => plot.querySelectorAll(".modebar-btn").forEach(button => {

@@ -97,6 +97,8 @@ impl Axis {
             .mirror(true)
             .ticks(TicksDirection::Inside)
             .zero_line(false)
+            .spike_thickness(1)
+            .spike_color(color::FAINT.name)
             .line_color(color::FAINT.name)
             .tick_color(color::FAINT.name)
             .grid_color(color::RULE.name);

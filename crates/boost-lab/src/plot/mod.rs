@@ -59,24 +59,24 @@ pub mod color {
 
 impl Color {
     /// In the style sheet.
-    pub fn name(&self) -> &'static str {
+    pub fn name(self) -> &'static str {
         self.name
     }
 
-    pub fn day(&self) -> [u8; 3] {
+    pub fn day(self) -> [u8; 3] {
         self.day
     }
 
-    pub fn night(&self) -> [u8; 3] {
+    pub fn night(self) -> [u8; 3] {
         self.night
     }
 }
 
 /// The colours as properties of a style sheet, by day and by night.
 pub fn palette() -> String {
-    let properties = |of: fn(&Color) -> [u8; 3]| {
+    let properties = |of: fn(Color) -> [u8; 3]| {
         let property = |color: &Color| {
-            let [red, green, blue] = of(color);
+            let [red, green, blue] = of(*color);
             format!("{}: #{red:02x}{green:02x}{blue:02x}; ", color.name)
         };
         color::ALL.iter().map(property).collect::<String>()

@@ -37,14 +37,14 @@ const ROOM: f64 = 0.06;
 impl Figure {
     pub fn svg(&self) -> Result<String> {
         let mut text = String::new();
-        self.draw(SVGBackend::with_string(&mut text, self.size(1)).into_drawing_area(), 1)?;
+        self.draw(&SVGBackend::with_string(&mut text, self.size(1)).into_drawing_area(), 1)?;
         Ok(text)
     }
 
     pub fn png(&self) -> Result<Vec<u8>> {
         let (width, height) = self.size(DENSITY);
         let mut pixels = vec![0; 3 * width as usize * height as usize];
-        self.draw(BitMapBackend::with_buffer(&mut pixels, (width, height)).into_drawing_area(), DENSITY)?;
+        self.draw(&BitMapBackend::with_buffer(&mut pixels, (width, height)).into_drawing_area(), DENSITY)?;
         let mut file = vec![];
         let mut encoder = png::Encoder::new(&mut file, width, height);
         encoder.set_color(png::ColorType::Rgb);
@@ -65,7 +65,7 @@ impl Figure {
         TOP + bottom + self.rows[row].iter().map(height).max().unwrap_or(0)
     }
 
-    fn draw<B: DrawingBackend>(&self, area: DrawingArea<B, Shift>, density: u32) -> Result<()>
+    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>, density: u32) -> Result<()>
     where
         B::ErrorType: 'static,
     {
@@ -75,7 +75,7 @@ impl Figure {
 
     fn draw_rows<B: DrawingBackend>(
         &self,
-        area: DrawingArea<B, Shift>,
+        area: &DrawingArea<B, Shift>,
         density: u32,
     ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
         area.fill(&rgb(color::PAPER))?;
@@ -130,7 +130,7 @@ impl Panel {
         let mut mesh = chart.configure_mesh();
         mesh.axis_style(rgb(color::FAINT)).bold_line_style(rgb(color::RULE)).light_line_style(TRANSPARENT);
         mesh.label_style(text(FONT_SIZE, density)).y_desc(&self.y.label);
-        mesh.x_label_formatter(&number).y_label_formatter(&number);
+        mesh.x_label_formatter(&|value| number(*value)).y_label_formatter(&|value| number(*value));
         mesh.y_labels(if self.height < 130 { 4 } else { 6 });
         if has_x_label {
             mesh.x_desc(&self.x.label);
@@ -198,7 +198,7 @@ impl Panel {
 
 impl Line {
     fn style(&self, density: u32) -> ShapeStyle {
-        rgb(self.color).stroke_width(density * if self.width < 1.5 { 1 } else { 2 })
+        rgb(self.color).stroke_width((density * if self.width < 1.5 { 2 } else { 3 }).div_ceil(2))
     }
 
     /// The unbroken parts of the line through points, with the corners of held values.
@@ -215,10 +215,10 @@ impl Line {
 }
 
 /// A tick's number.
-fn number(value: &f64) -> String {
+fn number(value: f64) -> String {
     let allow_scientific = !(1e-3..1e6).contains(&value.abs());
     let printer = FloatPrettyPrinter { allow_scientific, min_decimal: 0, max_decimal: 6 };
-    printer.print(*value).replace('-', "\u{2212}")
+    printer.print(value).replace('-', "\u{2212}")
 }
 
 fn text(size: u32, density: u32) -> TextStyle<'static> {

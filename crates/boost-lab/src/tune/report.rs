@@ -405,7 +405,7 @@ mod tests {
         for of in [Color::day, Color::night] {
             let [low, high, ink, faint, shade, paper] =
                 [color::LOW, color::HIGH, color::INK, color::FAINT, color::SHADE, color::PAPER]
-                    .map(|color| of(&color).map(f64::from));
+                    .map(|color| of(color).map(f64::from));
             for percent in 0..=100 {
                 let strength = f64::from(percent) / 100.0;
                 let cell = [0, 1, 2].map(|index| low[index] + strength * (high[index] - low[index]));
