@@ -6,6 +6,7 @@
 mod boost_steps;
 #[path = "support/random.rs"]
 mod random;
+mod speed_range;
 
 use std::fs;
 use std::ops::Range;
@@ -593,13 +594,20 @@ fn figure_8() {
     assert!((during.1 - before.1 - 1460.0).abs() <= 25.0, "{} Pa", during.1 - before.1);
 }
 
+/// A loop with the strategy by speed.
+fn by_speed(demand: controller::Inputs) -> Loop {
+    Loop::new(demand, Order::ControllerFirst, |controller, _| {
+        controller.strategy = controller::Strategy::BySpeed;
+    })
+}
+
 /// With the high-pressure stage bypassed, the low-pressure wastegate controls boost.
 #[test]
 fn the_low_pressure_stage_follows_alone() {
     for engine_speed in [3500.0, 5000.0] {
         let demand =
             controller::Inputs { boost_reference: 130e3, engine_speed, ..controller::Inputs::default() };
-        let mut control = Loop::new(demand, Order::ControllerFirst, |_, _| {});
+        let mut control = by_speed(demand);
         let answers = follow(&mut control, &[(0.0, 130.0), (20.0, 145.0), (40.0, 120.0)], 60.0, |_| {});
         for answer in &answers[1..] {
             println!("{engine_speed} rpm: {answer:?}");
@@ -609,7 +617,7 @@ fn the_low_pressure_stage_follows_alone() {
     }
 }
 
-/// A ramp of engine speed through the handover at 150 kPa: boost dips by some 30 kPa upwards, varies by -7 to +6 kPa
+/// A ramp of engine speed through the handover by speed at 150 kPa: boost dips by some 30 kPa upwards, varies by -7 to +6 kPa
 /// downwards, and returns in both cases.
 #[test]
 fn the_stages_hand_over() {
@@ -619,7 +627,7 @@ fn the_stages_hand_over() {
             engine_speed: 3000.0,
             ..controller::Inputs::default()
         };
-        let mut control = Loop::new(demand, Order::ControllerFirst, |_, _| {});
+        let mut control = by_speed(demand);
         let mut ramp = |to: f64, hand_over: Option<f64>| -> (f64, f64) {
             let (mut least, mut most): (f64, f64) = (0.0, 0.0);
             let (mut errors, mut hand_overs) = (vec![], vec![]);

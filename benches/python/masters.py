@@ -32,8 +32,8 @@ SCENARIO = ROOT / "crates" / "boost-lab" / "scenarios" / "figure_13.toml"
 LOOPS, REPETITIONS = 5, 20
 """Repetitions of the closed loop and of short runs; the shortest one counts."""
 
-PAPER = 2
-"""The parameter `structure` for the law that was ported to Python."""
+PAPER, BY_SPEED = 2, 2
+"""The parameters `structure` and `strategy` for the law that was ported to Python."""
 
 
 class FMU2ByName(FMU2Slave):
@@ -169,7 +169,7 @@ class Masters:
 
         def rust() -> FMU2ByName:
             slave = self.slave("BoostController")
-            slave.setInteger(slave.references(["structure"]), [PAPER])
+            slave.setInteger(slave.references(["structure", "strategy"]), [PAPER, BY_SPEED])
             return slave.initialize()
 
         def python() -> FMU2ByName:

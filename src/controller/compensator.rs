@@ -66,8 +66,8 @@ impl Compensator {
 /// Limits of a duty at nominal voltage (%).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    least: f64,
-    most: f64,
+    pub least: f64,
+    pub most: f64,
 }
 
 impl Limits {

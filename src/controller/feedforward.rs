@@ -11,8 +11,8 @@ pub fn bounded_reference(parameters: &Parameters, inputs: &Inputs) -> f64 {
     smaller(inputs.boost_reference, parameters.boost_limit)
 }
 
-/// The duty at nominal voltage (%) of a mode without memory: in mode boost the static map of
-/// the paper's fig. 12, in mode position the inverse actuator, in mode `open_loop` the input.
+/// The duty at nominal voltage (%) of a mode without memory: in mode boost, with the strategy by speed, the static map
+/// of the paper's fig. 12, in mode position the inverse actuator, in mode `open_loop` the input.
 pub fn at_rest(parameters: &Parameters, inputs: &Inputs) -> f64 {
     match parameters.mode {
         ControlMode::Boost => {

@@ -3,18 +3,19 @@
 //! ```text
 //!                 ┌───────────── gain schedule ─────────────┐
 //!                 │                    │                    │
-//! reference ──┬── feedforward ─────────│───── + ── limits ── compensator ── duty
-//!             │                        │      │                  │
-//!             └── reference model ── feedback ┘            supply voltage
-//!                                      │
-//!                               boost pressure
+//! reference ──┬── feedforward ─────────│───── + ── limits ──┬── compensator ── duty
+//!             │                        │      │             │        │
+//!             └── reference model ── feedback ┘             │  supply voltage
+//!                                      │                    │
+//!                               boost pressure              └── the other valves
 //! ```
 //!
 //! The feedforward maps the reference to the duty that holds it. The [`feedback`], a PID controller tuned by the
 //! local model of the [`schedule`], corrects what the map does not contain. The compensator converts the duty at
 //! nominal voltage to that at the measured voltage, so that a disturbance of the voltage does not move the
 //! wastegate. Between reference and feedback stands a reference model, unless the structure is that of the paper.
-//! Besides, a relay switches the vacuum pump, and the stage strategy decides which turbocharger works.
+//! This law is common to both strategies: in `split_range` its duty is allocated to all valves, in `by_speed`
+//! it moves the high-pressure wastegate, and engine speed the others. Besides, a relay switches the vacuum pump.
 //!
 //! Two further modes do not control boost pressure: `position` moves the wastegate to a reference
 //! ([`actuator_inverse`]), `open_loop` takes the duty as an input. Both compensate for the voltage.
@@ -22,12 +23,16 @@
 //! Everything is computed at the samples; between them the outputs are held.
 
 pub mod actuator_inverse;
+mod allocation;
+mod by_speed;
 mod compensator;
 pub mod feedback;
 mod feedforward;
+mod law;
 mod reference_model;
 pub mod schedule;
-mod stage;
+mod speed_feedforward;
+mod split_range;
 mod tank_relay;
 
 /// The variables of the controller, generated from `modelDescription/controller.json`.
@@ -38,13 +43,13 @@ pub mod variables {
 use fmu_export::{Context, Error, Persistent, Sample, Sampled, SampledModel};
 
 use crate::LONGEST_STEP;
+use allocation::Openings;
+use by_speed::BySpeed;
 use compensator::{Compensator, Limits, SupplyVoltage};
-use feedback::{FeedbackSettings, Pid};
-use reference_model::ReferenceModel;
-use schedule::OperatingPoint;
-use stage::{LowPressureLoop, StageStrategy};
+use law::{BoostLaw, DutyTerms};
+use split_range::SplitRange;
 use tank_relay::TankRelay;
-use variables::{ControlMode, FeedbackStructure, Inputs, Locals, Outputs, Parameters, Variables};
+use variables::{ControlMode, Inputs, Locals, Outputs, Parameters, Strategy, Variables};
 
 /// The least boost pressure (Pa) that is a measurement. Some masters pass zeros to connected inputs in their
 /// first step, and no engine runs at a fifth of the ambient pressure upstream of its throttle.
@@ -60,54 +65,29 @@ pub type BoostController = SampledModel<ControlLaw>;
 #[derive(Clone, Debug, Default, Persistent)]
 pub struct ControlLaw {
     relay: TankRelay,
-    stage: StageStrategy,
     supply_voltage: SupplyVoltage,
     /// Of mode boost: none before the first measurement.
-    boost: Option<BoostLoop>,
+    law: Option<BoostLaw>,
+    split_range: SplitRange,
+    by_speed: BySpeed,
 }
 
-/// The memory of mode boost.
-#[derive(Clone, Copy, Debug, Default, Persistent)]
-struct BoostLoop {
-    pid: Pid,
-    reference_model: ReferenceModel,
-    low_pressure: LowPressureLoop,
-}
-
-/// A duty at nominal voltage and its terms (%).
+/// What the controller commands.
 #[derive(Clone, Copy, Debug)]
-struct DutyCommand {
-    feedforward: f64,
-    proportional: f64,
-    integral: f64,
-    derivative: f64,
-    /// The boost pressure (Pa) that the feedback compares with.
-    reference_model_pressure: f64,
+struct Command {
+    terms: DutyTerms,
+    /// Of the sum of the terms.
+    limits: Limits,
+    /// The duty of the high-pressure wastegate's valve at nominal voltage (%).
+    hp_duty: f64,
+    openings: Openings,
 }
 
-impl DutyCommand {
-    /// A duty without feedback.
-    fn feedforward(duty: f64, reference_model_pressure: f64) -> Self {
-        Self {
-            feedforward: duty,
-            proportional: 0.0,
-            integral: 0.0,
-            derivative: 0.0,
-            reference_model_pressure,
-        }
+impl Command {
+    /// The sum of the terms is the duty of the high-pressure wastegate's valve.
+    fn new(terms: DutyTerms, limits: Limits, openings: Openings) -> Self {
+        Self { hp_duty: limits.clip(terms.duty()), terms, limits, openings }
     }
-
-    fn duty(&self) -> f64 {
-        self.feedforward + self.proportional + self.integral + self.derivative
-    }
-}
-
-/// What the stage strategy and the relay decide.
-#[derive(Clone, Copy, Debug)]
-struct Valves {
-    vacuum_pump: bool,
-    lp_wastegate: f64,
-    hp_bypass: bool,
 }
 
 impl Sampled for ControlLaw {
@@ -127,8 +107,11 @@ impl Sampled for ControlLaw {
             )));
         }
         tank_relay::check(parameters)?;
-        stage::check(parameters)?;
-        schedule::check(&parameters.schedule)
+        by_speed::check(parameters)?;
+        match (parameters.mode, parameters.strategy) {
+            (ControlMode::Boost, Strategy::SplitRange) => split_range::check(parameters),
+            _ => Ok(()),
+        }
     }
 
     /// The outputs are those of the mode without memory. Initialization leaves no memory, and the
@@ -138,24 +121,19 @@ impl Sampled for ControlLaw {
         &mut self,
         variables: &mut Variables,
         inputs: &Inputs,
-        _context: &mut Context<'_>,
+        context: &mut Context<'_>,
     ) -> Result<(), Error> {
         let Variables { parameters, locals, outputs, .. } = variables;
-        let bypassed = StageStrategy::default().sample(parameters, inputs.engine_speed);
-        let valves = Valves {
-            vacuum_pump: false,
-            lp_wastegate: if bypassed { 0.0 } else { stage::lp_wastegate(parameters, inputs.engine_speed) },
-            hp_bypass: bypassed,
-        };
-        let duty = if bypassed && parameters.mode == ControlMode::Boost {
-            parameters.pwm_max
-        } else {
-            feedforward::at_rest(parameters, inputs)
-        };
-        let command = DutyCommand::feedforward(duty, feedforward::bounded_reference(parameters, inputs));
+        warn_of_ignored_schedule(parameters, context);
         let supply_voltage = SupplyVoltage::default().sample(inputs.supply_voltage_measured);
         let compensator = Compensator::new(parameters, supply_voltage);
-        publish(locals, outputs, &command, compensator, limits(parameters, compensator), valves);
+        let command = match (parameters.mode, parameters.strategy) {
+            (ControlMode::Boost, Strategy::SplitRange) => {
+                split_range::at_rest(parameters, inputs, compensator)
+            }
+            _ => BySpeed::default().without_feedback(parameters, inputs, limits(parameters, compensator)),
+        };
+        publish(locals, outputs, &command, compensator, false);
         locals.sample_count = 0;
         Ok(())
     }
@@ -170,108 +148,48 @@ impl Sampled for ControlLaw {
         let Sample { number, time } = sample;
         variables.locals.sample_count = i32::try_from(number + 1).unwrap_or(i32::MAX);
         let Variables { parameters, locals, outputs, .. } = variables;
-        if parameters.mode == ControlMode::Boost && self.boost.is_none() {
+        if parameters.mode == ControlMode::Boost && self.law.is_none() {
             if inputs.boost_pressure < LEAST_MEASUREMENT {
                 return Ok(());
             }
-            self.boost = Some(BoostLoop::at(inputs.boost_pressure));
+            self.law = Some(BoostLaw::at(inputs.boost_pressure));
             let pressure = inputs.boost_pressure;
             context.event(format_args!("at {time} s: the first measurement of boost, {pressure} Pa"));
         }
-        let (was_on, was_bypassed) = (self.relay, self.stage);
+        let (was_on, was_by_speed) = (self.relay, self.by_speed);
         let vacuum_pump = self.relay.sample(parameters, inputs.tank_pressure);
-        let bypassed = self.stage.sample(parameters, inputs.engine_speed);
         if self.relay != was_on {
             let (does, pressure) = (if vacuum_pump { "on" } else { "off" }, inputs.tank_pressure);
             context.event(format_args!("at {time} s: the vacuum pump goes {does}, tank at {pressure} Pa"));
-        }
-        if self.stage != was_bypassed {
-            let (is, speed) = (if bypassed { "bypassed" } else { "active" }, inputs.engine_speed);
-            context.event(format_args!("at {time} s: the high-pressure stage is {is}, {speed} rpm"));
         }
 
         let supply_voltage = self.supply_voltage.sample(inputs.supply_voltage_measured);
         let compensator = Compensator::new(parameters, supply_voltage);
         let limits = limits(parameters, compensator);
-        let reference = feedforward::bounded_reference(parameters, inputs);
-        // While the high-pressure stage is bypassed, the low-pressure wastegate is shut except in mode boost.
-        let mut lp_wastegate =
-            if bypassed { 0.0 } else { stage::lp_wastegate(parameters, inputs.engine_speed) };
-        let command = match &mut self.boost {
-            Some(boost) if bypassed => {
-                lp_wastegate = boost.bypass(parameters, inputs.boost_pressure, reference);
-                DutyCommand::feedforward(parameters.pwm_max, inputs.boost_pressure)
+        let command = match (&mut self.law, parameters.strategy) {
+            (Some(law), Strategy::SplitRange) => {
+                self.split_range.sample(law, parameters, inputs, compensator)
             }
-            Some(boost) => boost.control(parameters, inputs, reference, limits),
-            None => DutyCommand::feedforward(feedforward::at_rest(parameters, inputs), reference),
+            (Some(law), Strategy::BySpeed) => self.by_speed.sample(law, parameters, inputs, limits),
+            (None, _) => self.by_speed.without_feedback(parameters, inputs, limits),
         };
-        let valves = Valves { vacuum_pump, lp_wastegate, hp_bypass: bypassed };
-        publish(locals, outputs, &command, compensator, limits, valves);
+        self.by_speed.log_since(was_by_speed, inputs, time, context);
+        publish(locals, outputs, &command, compensator, vacuum_pump);
         Ok(())
     }
 }
 
-impl BoostLoop {
-    /// A controller at rest at a boost pressure (Pa).
-    fn at(boost_pressure: f64) -> Self {
-        Self {
-            pid: Pid::at(boost_pressure),
-            reference_model: ReferenceModel::at(boost_pressure),
-            low_pressure: LowPressureLoop::default(),
-        }
-    }
-
-    /// Boost by the high-pressure wastegate, at one sample.
-    fn control(
-        &mut self,
-        parameters: &Parameters,
-        inputs: &Inputs,
-        reference: f64,
-        limits: Limits,
-    ) -> DutyCommand {
-        let &Parameters { sample_time, lambda, derivative_filter, .. } = parameters;
-        let measurement = inputs.boost_pressure;
-        self.low_pressure = LowPressureLoop::default();
-
-        let operating_point = OperatingPoint::new(&parameters.schedule, reference, inputs.engine_speed);
-        let local_model = operating_point.local_model();
-        let tuning = FeedbackSettings::new(&local_model, lambda);
-        self.pid.differentiate(&tuning, derivative_filter, sample_time, measurement);
-
-        let (feedforward, error, reference_model_pressure) = match parameters.structure {
-            FeedbackStructure::Paper => (operating_point.feedforward(), reference - measurement, reference),
-            FeedbackStructure::ModelReference => {
-                let model = &mut self.reference_model;
-                let linearized = model.linearize(operating_point);
-                let feedforward = model.feedforward(&linearized, reference, lambda);
-                let error = model.error(measurement);
-                let pressure = model.pressure;
-                model.advance(&linearized, limits.clip(feedforward), local_model.delay, sample_time);
-                (feedforward, error, pressure)
-            }
-        };
-        let command = DutyCommand {
-            feedforward,
-            proportional: tuning.gain * error,
-            integral: self.pid.integral,
-            derivative: self.pid.derivative,
-            reference_model_pressure,
-        };
-        let duty = command.duty();
-        self.pid.integrate(&tuning, sample_time, error, limits.clip(duty) - duty);
-        command
-    }
-
-    /// Boost by the low-pressure wastegate, at one sample: its opening. The state of the control by the
-    /// high-pressure wastegate follows the boost pressure, so that it starts there when it takes over again.
-    fn bypass(&mut self, parameters: &Parameters, boost_pressure: f64, reference: f64) -> f64 {
-        let low_pressure = self.low_pressure;
-        *self = Self { low_pressure, ..Self::at(boost_pressure) };
-        self.low_pressure.sample(parameters, boost_pressure - reference)
+/// Warns of a schedule that was set for the other strategy.
+fn warn_of_ignored_schedule(parameters: &Parameters, context: &mut Context<'_>) {
+    if parameters.strategy == Strategy::SplitRange && parameters.schedule != Parameters::default().schedule {
+        context.warn(format_args!(
+            "the values of schedule are ignored: they hold with strategy = by_speed only; those of strategy = \
+             split_range are in range_schedule"
+        ));
     }
 }
 
-/// The limits of the duty at nominal voltage.
+/// The limits of the duty at nominal voltage where it moves the high-pressure wastegate alone.
 fn limits(parameters: &Parameters, compensator: Compensator) -> Limits {
     let (least, most) = match parameters.mode {
         ControlMode::Boost => (parameters.pwm_min, parameters.pwm_max),
@@ -284,22 +202,23 @@ fn limits(parameters: &Parameters, compensator: Compensator) -> Limits {
 fn publish(
     locals: &mut Locals,
     outputs: &mut Outputs,
-    command: &DutyCommand,
+    command: &Command,
     compensator: Compensator,
-    limits: Limits,
-    valves: Valves,
+    vacuum_pump: bool,
 ) {
-    let duty = command.duty();
-    outputs.hp_wastegate_pwm = compensator.compensate(limits.clip(duty));
-    outputs.vacuum_pump = f64::from(u8::from(valves.vacuum_pump));
-    outputs.lp_wastegate = valves.lp_wastegate;
-    outputs.hp_bypass = f64::from(u8::from(valves.hp_bypass));
-    locals.feedforward_pwm = command.feedforward;
-    locals.proportional_term = command.proportional;
-    locals.integral_term = command.integral;
-    locals.derivative_term = command.derivative;
+    let Command { terms, limits, hp_duty, openings } = command;
+    let duty = terms.duty();
+    outputs.hp_wastegate_pwm = compensator.compensate(*hp_duty);
+    outputs.vacuum_pump = f64::from(u8::from(vacuum_pump));
+    outputs.lp_wastegate = openings.lp_wastegate;
+    outputs.hp_bypass = openings.hp_bypass;
+    locals.feedforward_pwm = terms.feedforward;
+    locals.proportional_term = terms.proportional;
+    locals.integral_term = terms.integral;
+    locals.derivative_term = terms.derivative;
     locals.unsaturated_pwm = duty;
-    locals.reference_model_pressure = command.reference_model_pressure;
+    locals.virtual_duty = limits.clip(duty);
+    locals.reference_model_pressure = terms.reference_model_pressure;
     locals.voltage_compensation = compensator.factor;
     locals.saturated = !limits.contain(duty);
 }

@@ -36,11 +36,19 @@ impl ReferenceModel {
         Self { pressure, delayed: None }
     }
 
-    /// The model at its boost pressure, given any operating point of the same engine speed.
-    pub fn linearize(&self, operating_point: OperatingPoint<'_>) -> Linearized {
+    /// The model at its boost pressure, given any operating point of the same engine speed, and the duty (%) that
+    /// holds it where that is not the duty at rest.
+    pub fn linearize<const COLUMNS: usize>(
+        &self,
+        operating_point: OperatingPoint<'_, COLUMNS>,
+        holding: Option<f64>,
+    ) -> Linearized {
         let here = operating_point.at_pressure(self.pressure);
         let local = here.local_model();
-        Linearized { holding: here.feedforward(), slope: local.gain / local.time_constant }
+        Linearized {
+            holding: holding.unwrap_or_else(|| here.feedforward()),
+            slope: local.gain / local.time_constant,
+        }
     }
 
     /// The duty at nominal voltage (%) that drives the model to the reference (Pa) with the time constant

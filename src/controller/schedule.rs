@@ -1,4 +1,4 @@
-//! The gain schedule: tables over boost pressure (rows) and engine speed (columns), interpolated
+//! The gain schedules: tables over boost pressure (rows) and engine speed (columns), interpolated
 //! bilinearly and clamped at their edges.
 //!
 //! The paper linearises the engine "across different desired boost pressures and engine speeds" and
@@ -7,7 +7,48 @@
 
 use fmu_export::Error;
 
-use super::variables::ScheduleParameters;
+use super::variables::{RangeScheduleParameters, ScheduleParameters};
+use crate::elementary::{larger, smaller};
+
+/// How many boost pressures a schedule has.
+const ROWS: usize = 16;
+
+/// The maps of a strategy, over the same grid.
+#[derive(Clone, Copy, Debug)]
+pub struct Schedule<'a, const COLUMNS: usize> {
+    engine_speed: &'a [f64; COLUMNS],
+    boost_pressure: &'a [f64; ROWS],
+    duty: &'a [[f64; COLUMNS]; ROWS],
+    gain: &'a [[f64; COLUMNS]; ROWS],
+    time_constant: &'a [[f64; COLUMNS]; ROWS],
+    delay: &'a [[f64; COLUMNS]; ROWS],
+}
+
+impl<'a> From<&'a ScheduleParameters> for Schedule<'a, 7> {
+    fn from(parameters: &'a ScheduleParameters) -> Self {
+        Self {
+            engine_speed: &parameters.engine_speed,
+            boost_pressure: &parameters.boost_reference,
+            duty: &parameters.feedforward,
+            gain: &parameters.gain,
+            time_constant: &parameters.time_constant,
+            delay: &parameters.delay,
+        }
+    }
+}
+
+impl<'a> From<&'a RangeScheduleParameters> for Schedule<'a, 12> {
+    fn from(parameters: &'a RangeScheduleParameters) -> Self {
+        Self {
+            engine_speed: &parameters.engine_speed,
+            boost_pressure: &parameters.boost_reference,
+            duty: &parameters.virtual_duty,
+            gain: &parameters.gain,
+            time_constant: &parameters.time_constant,
+            delay: &parameters.delay,
+        }
+    }
+}
 
 /// The engine near an operating point, as the controller sees it: paper, eq. (10),
 /// `G(s) = K_p / (1 + T_tf s) · e^(-L s)`.
@@ -48,10 +89,17 @@ impl GridPosition {
     }
 }
 
-/// An operating point in the schedule.
+/// Linear interpolation over one axis, clamped at its edges.
+#[must_use]
+pub fn interpolate<const POINTS: usize>(axis: &[f64; POINTS], values: &[f64; POINTS], at: f64) -> f64 {
+    let GridPosition { below, fraction } = GridPosition::on(axis, at);
+    (1.0 - fraction) * values[below] + fraction * values[below + 1]
+}
+
+/// An operating point in a schedule.
 #[derive(Clone, Copy, Debug)]
-pub struct OperatingPoint<'a> {
-    schedule: &'a ScheduleParameters,
+pub struct OperatingPoint<'a, const COLUMNS: usize> {
+    schedule: Schedule<'a, COLUMNS>,
     row: GridPosition,
     column: GridPosition,
     /// How much each of the four grid points around it counts: those of the row below, then those of the
@@ -59,17 +107,18 @@ pub struct OperatingPoint<'a> {
     weights: [f64; 4],
 }
 
-impl<'a> OperatingPoint<'a> {
+impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
     /// The operating point of a boost pressure (Pa) at an engine speed (rpm).
     #[must_use]
     #[inline]
-    pub fn new(schedule: &'a ScheduleParameters, boost_pressure: f64, engine_speed: f64) -> Self {
-        Self::at(schedule, boost_pressure, GridPosition::on(&schedule.engine_speed, engine_speed))
+    pub fn new(schedule: impl Into<Schedule<'a, COLUMNS>>, boost_pressure: f64, engine_speed: f64) -> Self {
+        let schedule = schedule.into();
+        Self::at(schedule, boost_pressure, GridPosition::on(schedule.engine_speed, engine_speed))
     }
 
     #[inline]
-    fn at(schedule: &'a ScheduleParameters, boost_pressure: f64, column: GridPosition) -> Self {
-        let row = GridPosition::on(&schedule.boost_reference, boost_pressure);
+    fn at(schedule: Schedule<'a, COLUMNS>, boost_pressure: f64, column: GridPosition) -> Self {
+        let row = GridPosition::on(schedule.boost_pressure, boost_pressure);
         let (y, x) = (row.fraction, column.fraction);
         let weights = [(1.0 - y) * (1.0 - x), (1.0 - y) * x, y * (1.0 - x), y * x];
         Self { schedule, row, column, weights }
@@ -87,7 +136,17 @@ impl<'a> OperatingPoint<'a> {
     #[must_use]
     #[inline]
     pub fn feedforward(self) -> f64 {
-        self.interpolate(&self.schedule.feedforward)
+        self.interpolate(self.schedule.duty)
+    }
+
+    /// The duty (%) that holds another boost pressure (Pa) at the same engine speed; beyond the rows it goes on with
+    /// the gain of the edge.
+    #[must_use]
+    pub fn extrapolated_feedforward(self, boost_pressure: f64) -> f64 {
+        let [first, .., last] = *self.schedule.boost_pressure;
+        let here = self.at_pressure(boost_pressure);
+        let beyond = boost_pressure - smaller(larger(boost_pressure, first), last);
+        here.feedforward() + beyond / here.interpolate(self.schedule.gain)
     }
 
     /// The engine near this point.
@@ -95,14 +154,16 @@ impl<'a> OperatingPoint<'a> {
     #[inline]
     pub fn local_model(self) -> LocalModel {
         LocalModel {
-            gain: self.interpolate(&self.schedule.gain),
-            time_constant: self.interpolate(&self.schedule.time_constant),
-            delay: self.interpolate(&self.schedule.delay),
+            gain: self.interpolate(self.schedule.gain),
+            time_constant: self.interpolate(self.schedule.time_constant),
+            delay: self.interpolate(self.schedule.delay),
         }
     }
 
+    /// The value of a table over the schedule's grid.
+    #[must_use]
     #[inline]
-    fn interpolate<const ROWS: usize, const COLUMNS: usize>(self, table: &[[f64; COLUMNS]; ROWS]) -> f64 {
+    pub fn interpolate(self, table: &[[f64; COLUMNS]; ROWS]) -> f64 {
         let (below, next) = (&table[self.row.below], &table[self.row.below + 1]);
         let (left, right) = (self.column.below, self.column.below + 1);
         let [a, b, c, d] = self.weights;
@@ -118,14 +179,18 @@ const LEAST_GAIN: f64 = 1e-3;
 /// opposite sign the interpolated one does.
 ///
 /// # Errors
-/// Names the elements and their values.
-pub fn check(schedule: &ScheduleParameters) -> Result<(), Error> {
-    refuse_not_increasing("schedule.engine_speed", &schedule.engine_speed)?;
-    refuse_not_increasing("schedule.boost_reference", &schedule.boost_reference)?;
+/// Names the elements, of the component with that name, and their values.
+pub fn check<'a, const COLUMNS: usize>(
+    component: &str,
+    schedule: impl Into<Schedule<'a, COLUMNS>>,
+) -> Result<(), Error> {
+    let schedule = schedule.into();
+    refuse_not_increasing(component, "engine_speed", schedule.engine_speed)?;
+    refuse_not_increasing(component, "boost_reference", schedule.boost_pressure)?;
     let first = schedule.gain[0][0];
     for (row, gains) in schedule.gain.iter().enumerate() {
         for (column, &gain) in gains.iter().enumerate() {
-            let name = format_args!("schedule.gain[{},{}]", row + 1, column + 1);
+            let name = format_args!("{component}.gain[{},{}]", row + 1, column + 1);
             if gain.abs() < LEAST_GAIN {
                 return Err(Error::new(format!(
                     "{name} is {gain} Pa/%, but the feedback divides by the gain: it must not be 0 (at least {LEAST_GAIN} Pa/% in magnitude)"
@@ -133,7 +198,7 @@ pub fn check(schedule: &ScheduleParameters) -> Result<(), Error> {
             }
             if gain.signum() != first.signum() {
                 return Err(Error::new(format!(
-                    "schedule.gain[1,1] is {first} Pa/% and {name} is {gain} Pa/%, but gains must be of one sign: between them the gain would be 0"
+                    "{component}.gain[1,1] is {first} Pa/% and {name} is {gain} Pa/%, but gains must be of one sign: between them the gain would be 0"
                 )));
             }
         }
@@ -141,11 +206,11 @@ pub fn check(schedule: &ScheduleParameters) -> Result<(), Error> {
     Ok(())
 }
 
-fn refuse_not_increasing(name: &str, axis: &[f64]) -> Result<(), Error> {
+fn refuse_not_increasing(component: &str, name: &str, axis: &[f64]) -> Result<(), Error> {
     match axis.windows(2).position(|pair| pair[0] >= pair[1]) {
         None => Ok(()),
         Some(below) => Err(Error::new(format!(
-            "{name}[{}] is {} and {name}[{}] is {}, but a grid must increase",
+            "{component}.{name}[{}] is {} and {component}.{name}[{}] is {}, but a grid must increase",
             below + 1,
             axis[below],
             below + 2,

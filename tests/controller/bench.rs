@@ -3,7 +3,7 @@
 use std::ops::{Deref, DerefMut};
 
 use boost_fmu::controller::BoostController;
-use boost_fmu::controller::variables::{Inputs, Outputs, Parameters, Variables};
+use boost_fmu::controller::variables::{Inputs, Outputs, Parameters, Strategy, Variables};
 use fmu_export::{Error, Experiment, Model, Simulation};
 
 pub struct Bench(Simulation<BoostController>);
@@ -26,6 +26,14 @@ impl Bench {
     /// A controller with changed parameters, initialized at time 0.
     pub fn new(inputs: &Inputs, change: impl FnOnce(&mut Parameters)) -> Self {
         Self::starting_at(0.0, inputs, change)
+    }
+
+    /// The same with the strategy by speed.
+    pub fn by_speed(inputs: &Inputs, change: impl FnOnce(&mut Parameters)) -> Self {
+        Self::new(inputs, |parameters| {
+            parameters.strategy = Strategy::BySpeed;
+            change(parameters);
+        })
     }
 
     pub fn starting_at(start_time: f64, inputs: &Inputs, change: impl FnOnce(&mut Parameters)) -> Self {

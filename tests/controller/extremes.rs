@@ -29,13 +29,13 @@ fn parameters(random: &mut Random) -> Variables {
                 continue;
             }
             match variable.data_type {
-                DataType::Real if variable.name.starts_with("schedule.gain") => {
+                DataType::Real if variable.name.contains("schedule.gain") => {
                     variables.set_real(reference, -value_within(random, 1e-3, variable.max));
                 }
                 DataType::Real
                     if !["schedule.engine_speed", "schedule.boost_reference"]
                         .iter()
-                        .any(|grid| variable.name.starts_with(grid)) =>
+                        .any(|grid| variable.name.contains(grid)) =>
                 {
                     variables.set_real(reference, value_within(random, variable.min, variable.max));
                 }

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 use boost_fmu::controller::BoostController;
 use boost_fmu::controller::actuator_inverse;
-use boost_fmu::controller::variables::{ControlMode, Inputs, Outputs, Parameters, Variables};
+use boost_fmu::controller::variables::{ControlMode, Inputs, Outputs, Parameters, Strategy, Variables};
 use fmu_export::description::{Causality, DataType};
 use fmu_export::{Inputs as _, Model as _, Variables as _};
 
@@ -29,9 +29,11 @@ fn the_outputs_are_those_of_the_mode_without_memory() {
     assert_eq!(initial_outputs(&inputs, ControlMode::Position).hp_wastegate_pwm, inverse * 1.2);
     assert_eq!(initial_outputs(&inputs, ControlMode::OpenLoop).hp_wastegate_pwm, 55.0 * 1.2);
     assert_eq!((boost.vacuum_pump, boost.lp_wastegate, boost.hp_bypass), (0.0, 0.0, 0.0));
-    let faster = initial_outputs(&Inputs { engine_speed: 2750.0, ..inputs }, ControlMode::Boost);
+    let by_speed =
+        |engine_speed| Bench::by_speed(&Inputs { engine_speed, ..inputs }, |_| {}).variables.outputs;
+    let faster = by_speed(2750.0);
     assert_eq!((faster.lp_wastegate, faster.hp_bypass), (0.5, 0.0));
-    let fast = initial_outputs(&Inputs { engine_speed: 3500.0, ..inputs }, ControlMode::Boost);
+    let fast = by_speed(3500.0);
     assert_eq!((fast.hp_wastegate_pwm, fast.lp_wastegate, fast.hp_bypass), (75.0 * 1.2, 0.0, 1.0));
 }
 
@@ -137,12 +139,10 @@ fn the_other_modes_do_not_wait_for_a_measurement() {
 
 /// The dependencies that `InitialUnknowns` declares for each output, as names.
 fn declared_dependencies() -> Vec<(&'static str, BTreeSet<&'static str>)> {
-    let description = Variables::DESCRIPTION;
+    let variables = Variables::MODEL_DESCRIPTION_XML.split("<ScalarVariable name=\"").skip(1);
+    let names: Vec<_> = variables.map(|element| element.split('"').next().expect("a name")).collect();
     // Indices of the XML begin at 1.
-    let name = |index: &str| {
-        let index: usize = index.parse().expect("an index");
-        description.variables[index - 1].name
-    };
+    let name = |index: &str| names[index.parse::<usize>().expect("an index") - 1];
     let attribute = |element: &'static str, key: &str| {
         let begin = element.find(key).expect("the attribute") + key.len();
         &element[begin..begin + element[begin..].find('"').expect("a quote")]
@@ -171,9 +171,9 @@ fn initialization_depends_on_what_is_declared() {
             moved.push((variable.name, BTreeSet::new()));
         }
     }
-    let outputs = |variables: &Variables, inputs: &Inputs| {
-        let mut bench = Bench::new(inputs, |_| {});
-        bench.variables = variables.clone();
+    let mut bench = Bench::new(&Inputs::default(), |_| {});
+    let mut outputs = |variables: &Variables, inputs: &Inputs| {
+        bench.variables.clone_from(variables);
         bench.initialize(inputs);
         let outputs = bench.variables.outputs;
         [outputs.hp_wastegate_pwm, outputs.vacuum_pump, outputs.lp_wastegate, outputs.hp_bypass]
@@ -185,15 +185,12 @@ fn initialization_depends_on_what_is_declared() {
             }
         }
     };
-    for (mode, boost_reference, engine_speed, map) in operating_points() {
+    for (boost_reference, engine_speed, parameters) in [points_by_speed(), points_of_split_range()].concat() {
         let inputs =
             Inputs { boost_reference, engine_speed, supply_voltage_measured: 11.0, ..Inputs::default() };
         let inputs = Inputs { wastegate_reference: 0.6, ..inputs };
-        let mut variables = Variables::default();
-        variables.parameters.mode = mode;
-        if let Some(duty) = map {
-            variables.parameters.schedule.feedforward = [[duty; 7]; 16];
-        }
+        let variables = Variables { parameters, ..Variables::default() };
+        assert_eq!(BoostController::check_parameters(&variables), Ok(()));
         let before = outputs(&variables, &inputs);
         for (reference, variable) in (0..).zip(description.variables) {
             let changed_to = |value: f64| [value * 1.001, value * 0.999, value * 1.5, value * 0.5];
@@ -204,7 +201,9 @@ fn initialization_depends_on_what_is_declared() {
                     note(variable.name, before, outputs(&variables, &changed));
                 }
             } else if variable.causality == Causality::Parameter {
-                for value in changed_to(variables.real(reference)) {
+                // Of the many elements of maps small changes suffice.
+                let changes = if variable.name.contains('[') { 2 } else { 4 };
+                for value in &changed_to(variables.real(reference))[..changes] {
                     let mut changed = variables.clone();
                     match variable.data_type {
                         DataType::Real => {
@@ -220,30 +219,106 @@ fn initialization_depends_on_what_is_declared() {
             }
         }
     }
-    assert_eq!(moved, declared_dependencies());
+    for ((name, moved), (declared_name, declared)) in moved.iter().zip(declared_dependencies()) {
+        assert_eq!(*name, declared_name);
+        let missing: Vec<_> = moved.difference(&declared).collect();
+        let needless: Vec<_> = declared.difference(moved).collect();
+        assert!(
+            missing.is_empty() && needless.is_empty(),
+            "{name}: {missing:?} missing, {needless:?} needless"
+        );
+    }
 }
 
-/// Modes, boost references, engine speeds and, for some, a constant map: the high-pressure stage bypassed and just
-/// not, a reference above the boost limit, a duty below the least and one above the largest, and a point in each
-/// cell of the map with a duty between.
-fn operating_points() -> Vec<(ControlMode, f64, f64, Option<f64>)> {
-    let schedule = Variables::default().parameters.schedule;
+/// A boost reference (Pa), an engine speed (rpm), and parameters.
+type OperatingPoint = (f64, f64, Parameters);
+
+/// The modes; in mode boost the high-pressure stage bypassed and just not, a reference above the boost limit, a duty
+/// below the least and one above the largest, and a point in each cell of the map with a duty between.
+fn points_by_speed() -> Vec<OperatingPoint> {
+    let parameters = Parameters { strategy: Strategy::BySpeed, ..Parameters::default() };
+    let in_mode = |mode| Parameters { mode, ..parameters };
+    let with_map = |duty| {
+        let mut parameters = parameters;
+        parameters.schedule.feedforward = [[duty; 7]; 16];
+        parameters
+    };
     let mut points = vec![
-        (ControlMode::Boost, 200e3, 3600.0, None),
-        (ControlMode::Boost, 200e3, 3499.0, None),
-        (ControlMode::Boost, 300e3, 2900.0, None),
-        (ControlMode::Boost, 125e3, 1500.0, Some(10.0)),
-        (ControlMode::Boost, 125e3, 1500.0, Some(90.0)),
-        (ControlMode::Position, 125e3, 1500.0, None),
-        (ControlMode::OpenLoop, 125e3, 1500.0, None),
+        (200e3, 3600.0, parameters),
+        (200e3, 3499.0, parameters),
+        (300e3, 2900.0, parameters),
+        (125e3, 1500.0, with_map(10.0)),
+        (125e3, 1500.0, with_map(90.0)),
+        (125e3, 1500.0, in_mode(ControlMode::Position)),
+        (125e3, 1500.0, in_mode(ControlMode::OpenLoop)),
     ];
-    for pressures in schedule.boost_reference.windows(2) {
-        for speeds in schedule.engine_speed.windows(2) {
-            let (pressure, speed) =
-                (f64::midpoint(pressures[0], pressures[1]), f64::midpoint(speeds[0], speeds[1]));
-            points.push((ControlMode::Boost, pressure, speed, None));
-            points.push((ControlMode::Boost, pressure, speed, Some(50.0)));
-        }
+    let schedule = &parameters.schedule;
+    for (pressure, speed) in middles(&schedule.boost_reference, &schedule.engine_speed) {
+        points.push((pressure, speed, parameters));
+        points.push((pressure, speed, with_map(50.0)));
     }
     points
+}
+
+/// With valves that take part from 500 or 600 rpm on: a point in each cell of the map and, beyond its limit, in each
+/// column. Then the branches of the allocation, as each says.
+fn points_of_split_range() -> Vec<OperatingPoint> {
+    let mut early = Parameters { boost_limit: 1e6, ..Parameters::default() };
+    let allocation = &mut early.allocation;
+    (allocation.low_pressure_shut_below, allocation.low_pressure_free_above) = (500.0, 600.0);
+    (allocation.bypass_shut_below, allocation.bypass_free_above) = (500.0, 600.0);
+    early.range_schedule.boost_limit = [239e3; 12];
+    for (i, row) in early.range_schedule.virtual_duty.iter_mut().enumerate() {
+        for (j, duty) in row.iter_mut().enumerate() {
+            // Between 64 and 74 %: no valve is at a limit.
+            *duty = 64.0 + 0.4 * i as f64 + 0.3 * j as f64;
+        }
+    }
+    let changed = |change: fn(&mut Parameters)| {
+        let mut parameters = early;
+        change(&mut parameters);
+        parameters
+    };
+    let mut points = vec![
+        // Speeds between shut and free, and the parameter boost_limit.
+        (125e3, 550.0, early),
+        (300e3, 1500.0, changed(|parameters| parameters.boost_limit = 150e3)),
+        // Above the largest duty of the high-pressure wastegate, and below the least virtual duty.
+        (125e3, 1500.0, changed(|parameters| parameters.pwm_max = 62.0)),
+        (125e3, 1500.0, changed(|parameters| parameters.pwm_min = 74.5)),
+        // The low-pressure wastegate fully open at 40 + 20/3 %.
+        (
+            125e3,
+            520.0,
+            changed(|parameters| {
+                let allocation = &mut parameters.allocation;
+                (allocation.low_pressure_start, allocation.low_pressure_span) = (40.0, 20.0);
+                (allocation.low_pressure_shape, allocation.low_pressure_free_above) = (2.0, 1000.0);
+                (allocation.bypass_start, allocation.bypass_end) = (42.0, 60.0);
+            }),
+        ),
+    ];
+    // The bypass open at a speed where the low-pressure wastegate is shut: up to the largest duty, or to full duty.
+    for pwm_max in [70.0, 100.0] {
+        let mut parameters = Parameters { pwm_max, ..early };
+        parameters.range_schedule.virtual_duty = [[300.0; 12]; 16];
+        parameters.allocation.low_pressure_shut_below = 2000.0;
+        parameters.allocation.low_pressure_free_above = 2500.0;
+        parameters.allocation.bypass_end = 200.0;
+        points.push((125e3, 1500.0, parameters));
+    }
+    let schedule = &early.range_schedule;
+    for (pressure, speed) in middles(&schedule.boost_reference, &schedule.engine_speed) {
+        points.push((pressure, speed, early));
+    }
+    points.extend(schedule.engine_speed.map(|speed| (300e3, speed, early)));
+    points
+}
+
+/// The middles of the cells of a grid.
+fn middles(rows: &[f64], columns: &[f64]) -> Vec<(f64, f64)> {
+    let middle = |pair: &[f64]| f64::midpoint(pair[0], pair[1]);
+    rows.windows(2)
+        .flat_map(|row| columns.windows(2).map(move |column| (middle(row), middle(column))))
+        .collect()
 }

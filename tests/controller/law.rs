@@ -28,6 +28,23 @@ fn tables_are_exact_at_their_points() {
 }
 
 #[test]
+fn tables_of_the_whole_range_are_exact_at_their_points() {
+    let schedule = &Parameters::default().range_schedule;
+    for (i, &pressure) in schedule.boost_reference.iter().enumerate() {
+        for (j, &speed) in schedule.engine_speed.iter().enumerate() {
+            let here = OperatingPoint::new(schedule, pressure, speed);
+            let local = here.local_model();
+            assert_eq!(here.feedforward(), schedule.virtual_duty[i][j]);
+            assert_eq!(here.interpolate(&schedule.speed_sensitivity), schedule.speed_sensitivity[i][j]);
+            assert_eq!(
+                (local.gain, local.time_constant, local.delay),
+                (schedule.gain[i][j], schedule.time_constant[i][j], schedule.delay[i][j])
+            );
+        }
+    }
+}
+
+#[test]
 fn tables_are_bilinear_between_points_and_clamped_outside() {
     let schedule = &Parameters::default().schedule;
     let feedforward = |pressure, speed| OperatingPoint::new(schedule, pressure, speed).feedforward();

@@ -4,6 +4,7 @@
 #![allow(clippy::float_cmp, reason = "where equality is asserted, the law is exact")]
 
 mod bench;
+mod by_speed;
 mod extremes;
 mod initialization;
 mod law;
@@ -11,5 +12,6 @@ mod law;
 mod random;
 mod refusals;
 mod sampling;
+mod split_range;
 mod stages;
 mod transcription;

@@ -1,6 +1,6 @@
 //! Parameters that contradict each other are refused with a message that names them and their values.
 
-use boost_fmu::controller::variables::Parameters;
+use boost_fmu::controller::variables::{ControlMode, Parameters, Strategy};
 
 use crate::bench::refusal;
 
@@ -53,6 +53,61 @@ fn grids_that_do_not_increase() {
         |parameters| parameters.schedule.boost_reference[15] = 1e5,
         &["schedule.boost_reference[15] is 230000", "schedule.boost_reference[16] is 100000"],
     );
+}
+
+type Change = fn(&mut Parameters);
+
+/// Each of the strategy `split_range`; the strategy by speed and the other modes do not read them.
+#[test]
+fn an_allocation_that_contradicts_itself() {
+    let cases: [(Change, [&str; 2]); 8] = [
+        (
+            |parameters| parameters.allocation.low_pressure_shut_below = 2500.0,
+            ["low_pressure_shut_below is 2500 rpm", "low_pressure_free_above is 2500 rpm"],
+        ),
+        (
+            |parameters| parameters.allocation.bypass_free_above = 2999.0,
+            ["bypass_shut_below is 3000 rpm", "bypass_free_above is 2999 rpm"],
+        ),
+        (
+            |parameters| parameters.allocation.bypass_start = 56.0,
+            ["low_pressure_start is 56 %", "bypass_start is 56 %"],
+        ),
+        (
+            |parameters| parameters.allocation.bypass_end = 62.0,
+            ["bypass_start is 62 %", "bypass_end is 62 %"],
+        ),
+        (
+            |parameters| {
+                (parameters.pwm_min, parameters.pwm_max) = (90.0, 95.0);
+                parameters.allocation.low_pressure_span = 40.0;
+            },
+            ["pwm_min is 90 %", "a virtual duty of 86.7"],
+        ),
+        (
+            |parameters| parameters.allocation.bypass_closing_time = 0.0124,
+            ["bypass_closing_time is 0.0124 s", "sample_time is 0.0125 s"],
+        ),
+        (
+            |parameters| parameters.sample_time = 0.2,
+            ["speed_feedforward.filter_time is 0.1 s", "sample_time is 0.2 s"],
+        ),
+        (
+            |parameters| parameters.range_schedule.gain[15][11] = 1e3,
+            ["range_schedule.gain[1,1] is -1140.44", "range_schedule.gain[16,12] is 1000"],
+        ),
+    ];
+    for (change, named) in cases {
+        assert_refused(change, &named);
+        let elsewhere = |mode, strategy| {
+            refusal(|parameters| {
+                change(parameters);
+                (parameters.mode, parameters.strategy) = (mode, strategy);
+            })
+        };
+        assert_eq!(elsewhere(ControlMode::Boost, Strategy::BySpeed), None);
+        assert_eq!(elsewhere(ControlMode::OpenLoop, Strategy::SplitRange), None);
+    }
 }
 
 #[test]

@@ -151,7 +151,8 @@ fn the_first_sample_is_at_the_start_time() {
 #[test]
 fn other_sample_times() {
     for (sample_time, expected) in [(1e-3, 1000), (0.01, 100), (1.0 / 3.0, 3), (1.0, 1)] {
-        let mut bench = Bench::new(&Inputs::default(), |parameters| parameters.sample_time = sample_time);
+        let mut bench =
+            Bench::by_speed(&Inputs::default(), |parameters| parameters.sample_time = sample_time);
         bench.step(0.0, 1.0, &Inputs::default());
         assert_eq!(bench.variables.locals.sample_count, expected, "every {sample_time} s");
     }

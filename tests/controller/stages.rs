@@ -1,4 +1,4 @@
-//! The stage strategy: the active turbocharger, and boost control by the low-pressure wastegate.
+//! The strategy by speed: the active turbocharger, and boost control by the low-pressure wastegate.
 
 use boost_fmu::controller::variables::{ControlMode, Inputs};
 
@@ -8,7 +8,7 @@ use crate::bench::Bench;
 fn the_low_pressure_wastegate_opens_with_speed_and_the_bypass_has_a_hysteresis() {
     for mode in [ControlMode::Boost, ControlMode::Position, ControlMode::OpenLoop] {
         let mut inputs = Inputs { boost_reference: 200e3, ..Inputs::default() };
-        let mut bench = Bench::new(&inputs, |parameters| parameters.mode = mode);
+        let mut bench = Bench::by_speed(&inputs, |parameters| parameters.mode = mode);
         let speeds =
             [0.0, 2000.0, 2375.0, 3499.0, 3500.0, 3499.0, 3401.0, 3400.0, 3450.0, 3500.0, 8000.0, 2000.0];
         let lp_wastegate =
@@ -36,7 +36,7 @@ fn bypassing_opens_the_high_pressure_wastegate_in_mode_boost_only() {
         ..Inputs::default()
     };
     let duty = |mode| {
-        let mut bench = Bench::new(&inputs, |parameters| parameters.mode = mode);
+        let mut bench = Bench::by_speed(&inputs, |parameters| parameters.mode = mode);
         let initial = bench.variables.outputs;
         assert_eq!(bench.sample(0, &inputs).hp_wastegate_pwm, initial.hp_wastegate_pwm);
         assert_eq!((initial.lp_wastegate, initial.hp_bypass), (0.0, 1.0));
@@ -45,7 +45,7 @@ fn bypassing_opens_the_high_pressure_wastegate_in_mode_boost_only() {
     assert_eq!(duty(ControlMode::Boost), 75.0 * 1.2);
     assert_eq!(duty(ControlMode::OpenLoop), 50.0 * 1.2);
     let weak = Inputs { supply_voltage_measured: 7.0, ..inputs };
-    assert_eq!(Bench::new(&weak, |_| {}).variables.outputs.hp_wastegate_pwm, 100.0);
+    assert_eq!(Bench::by_speed(&weak, |_| {}).variables.outputs.hp_wastegate_pwm, 100.0);
 }
 
 /// 10 kPa above the reference: it enters shut, then opens by k Ts/T e = 2e-5 · 0.0125 / 1.5 · 1e4 a sample.
@@ -53,7 +53,7 @@ fn bypassing_opens_the_high_pressure_wastegate_in_mode_boost_only() {
 fn the_low_pressure_loop_by_hand() {
     let mut inputs =
         Inputs { engine_speed: 4000.0, boost_reference: 140e3, boost_pressure: 150e3, ..Inputs::default() };
-    let mut bench = Bench::new(&inputs, |_| {});
+    let mut bench = Bench::by_speed(&inputs, |_| {});
     let rate = 2e-5 * 0.0125 / 1.5 * 1e4;
     for number in 0..400 {
         let opening = bench.sample(number, &inputs).lp_wastegate;
@@ -74,7 +74,7 @@ fn the_low_pressure_loop_by_hand() {
 #[test]
 fn the_low_pressure_loop_survives_an_integral_time_below_the_sample_time() {
     let mut inputs = Inputs { engine_speed: 4000.0, boost_reference: 120e3, ..Inputs::default() };
-    let mut bench = Bench::new(&inputs, |parameters| {
+    let mut bench = Bench::by_speed(&inputs, |parameters| {
         parameters.sample_time = 1.0;
         parameters.low_pressure_integral_time = 1e-3;
         parameters.low_pressure_gain = 1e-2;
@@ -90,7 +90,7 @@ fn the_low_pressure_loop_survives_an_integral_time_below_the_sample_time() {
 #[test]
 fn a_handover_resets_both_loops() {
     let mut inputs = Inputs { boost_reference: 150e3, boost_pressure: 140e3, ..Inputs::default() };
-    let mut bench = Bench::new(&inputs, |_| {});
+    let mut bench = Bench::by_speed(&inputs, |_| {});
     for number in 0..100 {
         bench.sample(number, &inputs);
     }

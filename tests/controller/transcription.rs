@@ -1,4 +1,4 @@
-//! An independent transcription of the published law, compared with the controller over random inputs.
+//! An independent transcription of the published law, with the strategy by speed, compared with the controller over random inputs.
 
 use boost_fmu::controller::variables::{ControlMode, FeedbackStructure, Inputs, Parameters};
 
@@ -182,7 +182,7 @@ fn wander(inputs: &mut Inputs, random: &mut Random) {
 fn compare(seed: u64, change: impl Fn(&mut Parameters)) {
     let mut random = Random(seed);
     let mut inputs = Inputs::default();
-    let mut bench = Bench::new(&inputs, change);
+    let mut bench = Bench::by_speed(&inputs, change);
     let mut transcription = Transcription::default();
     inputs.boost_pressure = 0.0;
     let mut bypassed = 0;

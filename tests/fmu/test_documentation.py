@@ -144,7 +144,7 @@ def test_page_shows_matrices(fmus: dict[str, Fmu], tree: etree._Element, name: s
             for j, cell in enumerate(row.xpath("td"), start=1)
         }
     assert shown == wanted
-    assert len(shown) == {"BoostPlant": 0, "BoostController": 4}[name]
+    assert len(shown) == {"BoostPlant": 0, "BoostController": 9}[name]
 
 
 def test_page_has_equations_and_figures(tree: etree._Element) -> None:

@@ -106,7 +106,7 @@ def test_parameter_set_is_valid(tuned: Path, controller_fmu: Fmu) -> None:
     validate_tree(root, "SystemStructureParameterValues.xsd")
     parameters = root.findall("ssv:Parameters/ssv:Parameter", ns)
     schedule = {name for name in controller_fmu.variables if name.startswith("schedule.")}
-    assert {parameter.get("name") for parameter in parameters} == schedule | {"lambda", "pwm_min"}
+    assert {parameter.get("name") for parameter in parameters} == schedule | {"lambda", "pwm_min", "strategy"}
     for parameter in parameters:
         assert parameter[0].get("unit") == controller_fmu.variables[parameter.get("name")].unit
     # At 1000 rpm 133 kPa is the maximum: filled values are marked, with their source.

@@ -418,6 +418,14 @@ impl Tuning<'_> {
         let least_duty =
             parameter(schedule::LEAST_DUTY.to_owned(), lift_off.to_owned(), self.least_duty(), "%");
         parameters.insert(1, least_duty);
+        let (strategy, by_speed) = schedule::STRATEGY;
+        if schedule.description.variable(strategy).is_some() {
+            parameters.push(Parameter {
+                name: strategy.to_owned(),
+                description: "the strategy whose gain schedule this is".to_owned(),
+                value: Value::Enumeration(by_speed.to_owned()),
+            });
+        }
         for map in ScheduleTable::ALL {
             for cell in &self.cells {
                 let name = map.parameter(cell.row, cell.column);

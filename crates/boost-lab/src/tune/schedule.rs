@@ -14,6 +14,10 @@ pub(super) const LAMBDA: &str = "lambda";
 /// The controller's parameter for the least duty, below which its reference model does not go either.
 pub(super) const LEAST_DUTY: &str = "pwm_min";
 
+/// The controller's choice between strategies, and the one whose schedule this is; a controller with one strategy
+/// needs none.
+pub(super) const STRATEGY: (&str, &str) = ("strategy", "by_speed");
+
 /// A map over the grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ScheduleTable {

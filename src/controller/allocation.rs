@@ -1,0 +1,156 @@
+//! The allocation of the virtual duty to three valves: the split range.
+//!
+//! Up to its largest duty the high-pressure wastegate's valve gets the virtual duty itself. Before that wastegate is
+//! fully open, the low-pressure one begins to open, and a little later the bypass of the high-pressure compressor,
+//! both at engine speeds where the high-pressure stage is too small for the flow. The paper, section 3.1, asks for a
+//! gradual transition between its stages: here it is one, in engine speed and in duty, without a switch.
+
+use fmu_export::{Error, Persistent};
+
+use super::compensator::{Compensator, Limits};
+use super::variables::{AllocationParameters, Parameters};
+use crate::elementary::smaller;
+
+/// The openings of the two valves beside the high-pressure wastegate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Openings {
+    pub lp_wastegate: f64,
+    pub hp_bypass: f64,
+}
+
+/// How far a value is between two bounds: 0 up to the lower, 1 from the upper on.
+pub fn ramp(value: f64, from: f64, to: f64) -> f64 {
+    ((value - from) / (to - from)).clamp(0.0, 1.0)
+}
+
+impl AllocationParameters {
+    /// How far the low-pressure wastegate takes part at an engine speed (rpm).
+    pub(super) fn low_pressure_share(&self, engine_speed: f64) -> f64 {
+        ramp(engine_speed, self.low_pressure_shut_below, self.low_pressure_free_above)
+    }
+
+    /// The limits of the virtual duty: where the low-pressure wastegate takes part, up to where it is fully open.
+    pub(super) fn limits(
+        &self,
+        parameters: &Parameters,
+        engine_speed: f64,
+        compensator: Compensator,
+    ) -> Limits {
+        let (least, most) = (parameters.pwm_min, parameters.pwm_max);
+        if engine_speed > self.low_pressure_shut_below {
+            Limits { least, most: self.low_pressure_open() }
+        } else {
+            compensator.limits(least, most)
+        }
+    }
+
+    /// The virtual duty (%) at which the low-pressure wastegate is fully open.
+    fn low_pressure_open(&self) -> f64 {
+        self.low_pressure_start + self.low_pressure_span / (1.0 + self.low_pressure_shape)
+    }
+
+    /// The openings at rest for a virtual duty (%) within its limits.
+    ///
+    /// The low-pressure wastegate follows a hyperbola, since its effect on boost falls with its opening: the gain
+    /// from virtual duty to boost pressure hardly changes.
+    pub(super) fn openings(&self, virtual_duty: f64, engine_speed: f64) -> Openings {
+        let (span, beyond) = (self.low_pressure_span, virtual_duty - self.low_pressure_start);
+        let curve = if beyond <= 0.0 {
+            0.0
+        } else if beyond >= span {
+            1.0
+        } else {
+            smaller(self.low_pressure_shape * beyond / (span - beyond), 1.0)
+        };
+        Openings {
+            lp_wastegate: self.low_pressure_share(engine_speed) * curve,
+            hp_bypass: ramp(engine_speed, self.bypass_shut_below, self.bypass_free_above)
+                * ramp(virtual_duty, self.bypass_start, self.bypass_end),
+        }
+    }
+}
+
+/// The bypass moves with a lag: each of its movements changes the flow of both compressors at once, before
+/// their shafts can follow.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
+pub struct Bypass {
+    /// As commanded at the last sample; none before the first.
+    opening: Option<f64>,
+}
+
+impl Bypass {
+    /// As commanded at the last sample.
+    pub fn opening(self) -> f64 {
+        self.opening.unwrap_or_default()
+    }
+
+    /// Its opening at a sample, on the way to the one asked for. It begins there.
+    pub fn sample(&mut self, parameters: &Parameters, asked: f64, virtual_duty: f64) -> f64 {
+        let allocation = &parameters.allocation;
+        let before = self.opening.unwrap_or(asked);
+        let shuts_alone = asked < before && virtual_duty <= allocation.low_pressure_start;
+        let lag = if shuts_alone { allocation.bypass_closing_time } else { allocation.bypass_opening_time };
+        let opening = before + parameters.sample_time / lag * (asked - before);
+        self.opening = Some(opening);
+        opening
+    }
+}
+
+/// Rejects an allocation that does not open its valves one after the other.
+pub fn check(parameters: &Parameters) -> Result<(), Error> {
+    let of = &parameters.allocation;
+    refuse_not_below(
+        ("allocation.low_pressure_shut_below", of.low_pressure_shut_below),
+        ("allocation.low_pressure_free_above", of.low_pressure_free_above),
+        "rpm",
+        "the low-pressure wastegate must be shut at a lower speed than free",
+    )?;
+    refuse_not_below(
+        ("allocation.bypass_shut_below", of.bypass_shut_below),
+        ("allocation.bypass_free_above", of.bypass_free_above),
+        "rpm",
+        "the bypass must be shut at a lower speed than free",
+    )?;
+    refuse_not_below(
+        ("allocation.low_pressure_start", of.low_pressure_start),
+        ("allocation.bypass_start", of.bypass_start),
+        "%",
+        "the bypass must open after the low-pressure wastegate",
+    )?;
+    refuse_not_below(
+        ("allocation.bypass_start", of.bypass_start),
+        ("allocation.bypass_end", of.bypass_end),
+        "%",
+        "the bypass must begin to open before it is open",
+    )?;
+    if parameters.pwm_min >= of.low_pressure_open() {
+        return Err(Error::new(format!(
+            "pwm_min is {} %, but with allocation.low_pressure_start, low_pressure_span and low_pressure_shape the low-pressure wastegate is fully open at a virtual duty of {} %, which must be larger",
+            parameters.pwm_min,
+            of.low_pressure_open()
+        )));
+    }
+    for (name, value) in [
+        ("allocation.bypass_opening_time", of.bypass_opening_time),
+        ("allocation.bypass_closing_time", of.bypass_closing_time),
+        ("speed_feedforward.filter_time", parameters.speed_feedforward.filter_time),
+    ] {
+        if value < parameters.sample_time {
+            return Err(Error::new(format!(
+                "{name} is {value} s and sample_time is {} s, but a time constant must not be shorter than a sample",
+                parameters.sample_time
+            )));
+        }
+    }
+    Ok(())
+}
+
+fn refuse_not_below(lower: (&str, f64), upper: (&str, f64), unit: &str, reason: &str) -> Result<(), Error> {
+    if lower.1 < upper.1 {
+        return Ok(());
+    }
+    Err(Error::new(format!(
+        "{} is {} {unit} and {} is {} {unit}, but {reason}",
+        lower.0, lower.1, upper.0, upper.1
+    )))
+}

@@ -1,0 +1,146 @@
+//! The strategy `by_speed`: engine speed decides which of the two turbochargers works (paper, sections 3.1 and 6).
+//!
+//! At low speed the low-pressure wastegate is shut: the small high-pressure stage gives the boost. Above,
+//! the low-pressure wastegate opens with the engine speed. At high speed the high-pressure compressor would
+//! choke: it is bypassed, its wastegate is fully open, and boost is limited by the low-pressure wastegate.
+//!
+//! The modes `position` and `open_loop` set the other valves by it as well.
+
+use fmu_export::{Context, Error, Persistent};
+
+use super::Command;
+use super::allocation::Openings;
+use super::compensator::Limits;
+use super::feedforward;
+use super::law::{BoostLaw, DutyTerms, Task};
+use super::schedule::{self, OperatingPoint};
+use super::variables::{ControlMode, Inputs, Parameters};
+use crate::elementary::smaller;
+
+/// The memory of the strategy, beside the law's.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
+pub struct BySpeed {
+    /// Whether the high-pressure stage is bypassed.
+    bypassed: bool,
+    low_pressure: LowPressureLoop,
+}
+
+impl BySpeed {
+    /// The command of mode boost at one sample.
+    pub fn sample(
+        &mut self,
+        law: &mut BoostLaw,
+        parameters: &Parameters,
+        inputs: &Inputs,
+        limits: Limits,
+    ) -> Command {
+        let &Inputs { engine_speed, boost_pressure: measurement, .. } = inputs;
+        let reference = feedforward::bounded_reference(parameters, inputs);
+        if self.bypasses(parameters, engine_speed) {
+            // The law's memory follows the boost pressure, so that it starts there when it takes over again.
+            *law = BoostLaw::at(measurement);
+            let openings = Openings {
+                lp_wastegate: self.low_pressure.sample(parameters, measurement - reference),
+                hp_bypass: 1.0,
+            };
+            return Command::new(DutyTerms::feedforward(parameters.pwm_max, measurement), limits, openings);
+        }
+        self.low_pressure = LowPressureLoop::default();
+        let terms = law.sample(
+            parameters,
+            Task {
+                reference,
+                measurement,
+                operating_point: OperatingPoint::new(&parameters.schedule, reference, engine_speed),
+                holding: None,
+                feedback_lambda: parameters.lambda,
+                limits,
+            },
+        );
+        let openings = Openings { lp_wastegate: lp_wastegate(parameters, engine_speed), hp_bypass: 0.0 };
+        Command::new(terms, limits, openings)
+    }
+
+    /// The command without feedback, in any mode.
+    pub fn without_feedback(&mut self, parameters: &Parameters, inputs: &Inputs, limits: Limits) -> Command {
+        let reference = feedforward::bounded_reference(parameters, inputs);
+        let bypassed = self.bypasses(parameters, inputs.engine_speed);
+        let duty = if bypassed && parameters.mode == ControlMode::Boost {
+            parameters.pwm_max
+        } else {
+            feedforward::at_rest(parameters, inputs)
+        };
+        // While the high-pressure stage is bypassed, the low-pressure wastegate is shut except in mode boost.
+        let openings = if bypassed {
+            Openings { lp_wastegate: 0.0, hp_bypass: 1.0 }
+        } else {
+            Openings { lp_wastegate: lp_wastegate(parameters, inputs.engine_speed), hp_bypass: 0.0 }
+        };
+        Command::new(DutyTerms::feedforward(duty, reference), limits, openings)
+    }
+
+    /// Whether the high-pressure stage is bypassed at an engine speed (rpm): from the limit on, until the
+    /// speed has fallen below it by the hysteresis.
+    fn bypasses(&mut self, parameters: &Parameters, engine_speed: f64) -> bool {
+        let until = parameters.lp_wastegate_open_above;
+        let from = if self.bypassed { until - parameters.stage_hysteresis } else { until };
+        self.bypassed = engine_speed >= until || engine_speed > from;
+        self.bypassed
+    }
+
+    /// Logs whether the high-pressure stage has begun or ceased to be bypassed since a sample.
+    pub fn log_since(&self, before: Self, inputs: &Inputs, time: f64, context: &mut Context<'_>) {
+        if self.bypassed != before.bypassed {
+            let (is, speed) = (if self.bypassed { "bypassed" } else { "active" }, inputs.engine_speed);
+            context.event(format_args!("at {time} s: the high-pressure stage is {is}, {speed} rpm"));
+        }
+    }
+}
+
+/// The opening of the low-pressure wastegate at an engine speed (rpm) while the high-pressure stage works:
+/// shut up to the one limit, fully open at the other, linear between.
+fn lp_wastegate(parameters: &Parameters, engine_speed: f64) -> f64 {
+    let (shut, open) = (parameters.lp_wastegate_close_below, parameters.lp_wastegate_open_above);
+    if engine_speed <= shut {
+        0.0
+    } else if engine_speed >= open {
+        1.0
+    } else {
+        (engine_speed - shut) / (open - shut)
+    }
+}
+
+/// Control of boost by the low-pressure wastegate: proportional and integral, with tracking against
+/// wind-up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
+struct LowPressureLoop {
+    /// The integral term of the opening; none before the first sample.
+    integral: Option<f64>,
+}
+
+impl LowPressureLoop {
+    /// The opening of the wastegate for a boost pressure above its reference by an error (Pa). It starts
+    /// shut.
+    fn sample(&mut self, parameters: &Parameters, error: f64) -> f64 {
+        let proportional = parameters.low_pressure_gain * error;
+        let integral = self.integral.unwrap_or(-proportional);
+        let unlimited = proportional + integral;
+        let opening = unlimited.clamp(0.0, 1.0);
+        let share = parameters.sample_time / parameters.low_pressure_integral_time;
+        // Tracking in one sample is the fastest there is; a larger share would overshoot, ever further.
+        let tracking = smaller(share, 1.0);
+        self.integral = Some(integral + share * proportional + tracking * (opening - unlimited));
+        opening
+    }
+}
+
+/// Rejects parameters of the strategy that contradict each other.
+pub fn check(parameters: &Parameters) -> Result<(), Error> {
+    let (shut, open) = (parameters.lp_wastegate_close_below, parameters.lp_wastegate_open_above);
+    if shut < open {
+        return schedule::check("schedule", &parameters.schedule);
+    }
+    Err(Error::new(format!(
+        "lp_wastegate_close_below is {shut} rpm and lp_wastegate_open_above is {open} rpm, but the low-pressure wastegate must be shut at a lower speed than open"
+    )))
+}

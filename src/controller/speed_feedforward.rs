@@ -1,0 +1,78 @@
+//! The feedforward from the change of engine speed.
+//!
+//! While engine speed rises with the valves held, the shafts lag behind, and boost is below its value at rest by
+//! about S times the rate of change: the schedule's `speed_sensitivity`. So the duty that holds a pressure on the way
+//! is the one that holds a pressure higher by that at rest.
+
+use fmu_export::Persistent;
+
+use super::schedule::OperatingPoint;
+use super::variables::Parameters;
+use crate::elementary::{larger, smaller};
+
+/// How often the shift of the pressure is computed anew at the shifted pressure. The map is smooth: the third
+/// iteration would change less than the map is accurate to.
+const ITERATIONS: usize = 2;
+
+/// The range of the shifted pressure (Pa), that of the measurement: maps with absurd values stay finite.
+const PRESSURES: (f64, f64) = (0.0, 1e6);
+
+/// The filter of engine speed, from which its rate of change follows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
+pub struct SpeedFilter {
+    /// The filtered engine speed (rpm); none before the first sample.
+    filtered: Option<f64>,
+}
+
+impl SpeedFilter {
+    /// The rate of change of engine speed (rpm/s) at a sample.
+    pub fn sample(&mut self, parameters: &Parameters, engine_speed: f64) -> f64 {
+        let &Parameters { sample_time, speed_feedforward, .. } = parameters;
+        let time_constant = speed_feedforward.filter_time;
+        let before = self.filtered.unwrap_or(engine_speed);
+        let filtered = before + sample_time / (time_constant + sample_time) * (engine_speed - before);
+        self.filtered = Some(filtered);
+        (engine_speed - filtered) / time_constant
+    }
+}
+
+/// The engine speed (rpm) whose sensitivity counts while the bypass is open: that at which it would be open so far at
+/// rest, since it lags behind engine speed.
+pub fn speed_of_bypass(parameters: &Parameters, engine_speed: f64, bypass: f64) -> f64 {
+    let allocation = &parameters.allocation;
+    let (shut, free) = (allocation.bypass_shut_below, allocation.bypass_free_above);
+    if engine_speed < free && bypass > 0.0 {
+        larger(engine_speed, shut + bypass * (free - shut))
+    } else {
+        engine_speed
+    }
+}
+
+/// The virtual duty (%) that holds a boost pressure (Pa) while engine speed (rpm) changes at a rate (rpm/s); none where
+/// it does not change.
+pub fn holding_duty(
+    parameters: &Parameters,
+    boost_pressure: f64,
+    engine_speed: f64,
+    rate: f64,
+    bypass: f64,
+) -> Option<f64> {
+    if rate == 0.0 {
+        return None;
+    }
+    let schedule = &parameters.range_schedule;
+    let of_bypass = speed_of_bypass(parameters, engine_speed, bypass);
+    let sensitive = OperatingPoint::new(schedule, boost_pressure, of_bypass);
+    let shift = |pressure| {
+        let sensitivity = sensitive.at_pressure(pressure).interpolate(&schedule.speed_sensitivity);
+        parameters.speed_feedforward.share * sensitivity * rate
+    };
+    let mut shifted = boost_pressure + shift(boost_pressure);
+    for _ in 0..ITERATIONS {
+        shifted = boost_pressure + shift(shifted);
+    }
+    let (least, most) = PRESSURES;
+    let shifted = smaller(larger(shifted, least), most);
+    let here = OperatingPoint::new(schedule, boost_pressure, engine_speed);
+    Some(here.extrapolated_feedforward(shifted))
+}
