@@ -22,6 +22,7 @@ mod mapping;
 mod master;
 mod measure;
 mod page;
+mod panels;
 mod plot;
 mod record;
 mod reproduce;

@@ -441,6 +441,13 @@ impl Recorder {
                 }
             }
         }
+        for panel in scenario.panels.iter().flatten().flatten() {
+            let mut known = columns.iter().map(|(name, _)| name.as_str());
+            if !known.clone().any(|name| name == panel.name) {
+                let message = format!("{} is not recorded{}", panel.name, like(&panel.name, &mut known));
+                return Err(panel.location.error(message));
+            }
+        }
         let selections = names.iter().zip(fmus).map(|(names, fmu)| {
             let selection = fmu.select(names.iter().map(String::as_str))?;
             Ok((selection, vec![0.0; names.len()]))

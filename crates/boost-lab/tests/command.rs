@@ -220,11 +220,11 @@ fn an_existing_file_stays_when_writing_fails() {
     // More than the FMU, and less than the output.
     const BLOCKS: u32 = 128;
     let bench = Bench::new();
-    bench.succeeds(&["simulate", "scenario.toml", "--out", "good.csv", "--plot", "good.svg"]);
-    let [csv, svg] = ["good.csv", "good.svg"].map(|name| bench.read(name));
+    bench.succeeds(&["simulate", "scenario.toml", "--out", "good.csv", "--plot", "good.html"]);
+    let [csv, html] = ["good.csv", "good.html"].map(|name| bench.read(name));
     bench.scenario(5000.0, "");
     let before = bench.names(".");
-    for options in [["--out", "good.csv"], ["--plot", "good.svg"], ["--out", "new.csv"]] {
+    for options in [["--out", "good.csv"], ["--plot", "good.html"], ["--out", "new.csv"]] {
         let command = bench.command(&[&["simulate", "scenario.toml"], &options[..]].concat());
         let output = limited(&command, BLOCKS).output().unwrap();
         let printed = String::from_utf8(output.stderr).unwrap();
@@ -232,7 +232,7 @@ fn an_existing_file_stays_when_writing_fails() {
         assert_eq!(printed.matches("File too large").count(), 1, "{printed}");
         assert!(printed.starts_with("error: cannot write "), "{printed}");
     }
-    assert_eq!([bench.read("good.csv"), bench.read("good.svg")], [csv, svg]);
+    assert_eq!([bench.read("good.csv"), bench.read("good.html")], [csv, html]);
     assert_eq!(bench.names("."), before);
     // The journal keeps no part of a line either, and the study resumes from it.
     let many = bench.read("study.toml").replace("[1.0, 2.0]", "{ from = 0, to = 1, points = 3000 }");
@@ -248,6 +248,52 @@ fn an_existing_file_stays_when_writing_fails() {
     assert!(bench.read("out/journal.jsonl").ends_with("}\n"));
     bench.succeeds(&["sweep", "study.toml", "--out", "out"]);
     assert_eq!(bench.read("out/results.csv").lines().count(), 3001);
+}
+
+/// What is in a PNG's header, at offsets of its specification.
+fn png_size(png: &[u8]) -> [u32; 2] {
+    assert!(png.starts_with(b"\x89PNG\r\n\x1a\n"));
+    [16, 20].map(|place| u32::from_be_bytes(png[place..place + 4].try_into().unwrap()))
+}
+
+#[test]
+fn a_plot_is_what_its_ending_says_and_has_the_panels_of_the_scenario() {
+    let bench = Bench::new();
+    bench.scenario(1.0, "values = { input = 2 }");
+    let scenario = bench.read("scenario.toml");
+    let with = |more: &str| bench.write("scenario.toml", &format!("{more}\n{scenario}"));
+    with("title = \"A <short> test\"\npanels = [[\"level\"], [\"level\"]]");
+    for name in ["plot.svg", "plot.PNG", "plot.html"] {
+        bench.succeeds(&["simulate", "scenario.toml", "--plot", name]);
+    }
+    let svg = bench.read("plot.svg");
+    assert!(svg.starts_with("<svg ") && svg.contains("A &lt;short&gt; test"), "{svg}");
+    assert_eq!(svg.matches("<polyline").count() % 2, 0, "{svg}");
+    // 900 pixels in the style sheet's measure, twice as many for dense screens.
+    let [width, height] = png_size(&fs::read(bench.path("plot.PNG")).unwrap());
+    assert!(width == 1800 && svg.contains(&format!("height=\"{}\"", height / 2)), "{width} {height}");
+    let html = bench.read("plot.html");
+    assert!(html.contains("<h1>A &lt;short&gt; test</h1>"));
+    assert_eq!(html.matches("<div class=\"panel\"").count(), 2);
+    // 6 MB at most, nearly all of which is the library.
+    assert!(html.len() < 6_000_000, "{}", html.len());
+
+    for (panels, reason) in [
+        ("[[\"level\"], [\"levle\"]]", "line 1, panels[2][1]: levle is not recorded; the nearest is level"),
+        ("[[]]", "line 1, panels[1]: expected at least one name, found a list of 0"),
+        ("[\"level\"]", "line 1, panels[1]: expected a list of names of variables, found the text \"level\""),
+        ("[]", "line 1, panels: expected a list of panels, each a list of names"),
+    ] {
+        with(&format!("panels = {panels}"));
+        let message = bench.refusal(&["simulate", "scenario.toml"]);
+        assert!(message.contains(reason), "{message}");
+    }
+    with("");
+    for name in ["plot.pdf", "plot", "svg"] {
+        let message = bench.refusal(&["simulate", "scenario.toml", "--plot", name, "--out", "none.csv"]);
+        let reason = format!("{name}: a plot is written to a file that ends with .svg, .png or .html");
+        assert!(message.contains(&reason) && !bench.path("none.csv").exists(), "{message}");
+    }
 }
 
 /// It is not replaced by a file.

@@ -48,8 +48,8 @@ enum Command {
         /// The file to write, or a folder to write it to [default: SCENARIO.csv]
         #[arg(long, value_name = "FILE.csv|DIR")]
         out: Option<PathBuf>,
-        /// Draw what is recorded
-        #[arg(long, value_name = "FILE.svg")]
+        /// Draw what is recorded, in the panels of the scenario
+        #[arg(long, value_name = "FILE.svg|png|html")]
         plot: Option<PathBuf>,
     },
     /// Reproduce the paper's figures, and hold its statements against what the FMUs do

@@ -1,13 +1,16 @@
 //! `simulate`: a scenario, to a CSV file and a plot.
 
+use std::ffi::OsStr;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::master::{LoadedFmus, Master};
-use crate::plot::{Figure, Line, Panel, color};
+use crate::page::page;
+use crate::panels;
+use crate::plot::escaped;
 use crate::record::Record;
 use crate::scenario::Scenario;
-use anyhow::Result;
+use anyhow::{Error, Result, bail};
 use fmu_package::terminal::{complain, print};
 use fmu_package::writing;
 
@@ -18,14 +21,16 @@ const STEPS_PER_LOOK: u32 = 256;
 pub fn run(path: &Path, fmus: &super::FmuArguments, out: Option<PathBuf>, plot: Option<&Path>) -> Result<()> {
     let mut scenario = Scenario::read(path, fmus.folder.as_deref())?;
     fmus.give(&mut scenario)?;
-    let name = format!("{}.csv", path.file_stem().unwrap_or_default().to_string_lossy());
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let table = format!("{name}.csv");
     let out = match out {
-        Some(out) if out.is_dir() => out.join(name),
+        Some(out) if out.is_dir() => out.join(table),
         Some(out) => out,
-        None => name.into(),
+        None => table.into(),
     };
     let outputs: Vec<_> = [out.clone()].into_iter().chain(plot.map(Path::to_path_buf)).collect();
     writing::refuse_overlap(&outputs, &fmus.inputs(&scenario))?;
+    let plot = plot.map(|plot| Ok::<_, Error>((plot, Format::of(plot)?))).transpose()?;
     let master = Master::new(&scenario, &mut LoadedFmus::default())?;
     let bar = super::progress_bar(u64::from(scenario.steps), "{percent} %")?;
     let run = master.run(|step| {
@@ -41,41 +46,44 @@ pub fn run(path: &Path, fmus: &super::FmuArguments, out: Option<PathBuf>, plot: 
 
     writing::write(&out, |writer| run.record.write_csv(writer))?;
     print(&format!("{}  {} rows\n", out.display(), run.record.time().len()))?;
-    if let Some(plot) = plot {
-        writing::write(plot, |writer| writer.write_all(draw(&run.record).svg().as_bytes()))?;
+    if let Some((plot, format)) = plot {
+        let drawn = drawn(&scenario, &name, &run.record, format)?;
+        writing::write(plot, |writer| writer.write_all(&drawn))?;
         print(&format!("{}\n", plot.display()))?;
     }
     Ok(())
 }
 
-/// A panel for each unit, over time.
-fn draw(record: &Record) -> Figure {
-    let mut units: Vec<&str> = vec![];
-    for column in record.columns() {
-        if !units.contains(&column.unit.as_str()) {
-            units.push(&column.unit);
-        }
-    }
-    let panel = |unit: &&str| {
-        let of_unit: Vec<_> = record.columns().iter().filter(|column| column.unit == **unit).collect();
-        let (shown, factor) = shown(unit);
-        let height = 110.0_f64.max(20.0 * of_unit.len() as f64);
-        let mut panel = Panel::new("time (s)", &shown).height(height);
-        for (column, color) in of_unit.iter().zip(color::CYCLE.iter().cycle()) {
-            let values = column.values.iter().map(|value| factor * value);
-            panel = panel.line(Line::new(record.time(), values).label(&column.name).color(color));
-        }
-        [panel]
-    };
-    units.iter().map(panel).fold(Figure::new(), Figure::row).shared_x()
+/// What a plot is written as.
+#[derive(Clone, Copy)]
+enum Format {
+    Svg,
+    Png,
+    Html,
 }
 
-/// The unit of the plot, and the factor to it.
-fn shown(unit: &str) -> (String, f64) {
-    match unit {
-        "" | "1" => (String::new(), 1.0),
-        "Pa" => ("kPa".to_owned(), 1e-3),
-        "rpm" => ("1000 rpm".to_owned(), 1e-3),
-        other => (other.to_owned(), 1.0),
+impl Format {
+    /// By the ending of a file's name.
+    fn of(path: &Path) -> Result<Self> {
+        match path.extension().map(OsStr::to_ascii_lowercase).unwrap_or_default().to_str() {
+            Some("svg") => Ok(Self::Svg),
+            Some("png") => Ok(Self::Png),
+            Some("html") => Ok(Self::Html),
+            _ => bail!("{}: a plot is written to a file that ends with .svg, .png or .html", path.display()),
+        }
+    }
+}
+
+fn drawn(scenario: &Scenario, name: &str, record: &Record, format: Format) -> Result<Vec<u8>> {
+    let title = scenario.title.as_deref().unwrap_or(name);
+    let figure = panels::draw(record, title, scenario.panel_names().as_deref());
+    match format {
+        Format::Svg => Ok(figure.svg()?.into_bytes()),
+        Format::Png => figure.png(),
+        Format::Html => {
+            let heading = escaped(title);
+            let body = format!("<h1>{heading}</h1>\n<figure>\n{}</figure>\n", figure.html());
+            Ok(page(title, "", &body).into_bytes())
+        }
     }
 }

@@ -365,11 +365,11 @@ fn results(
         })
         .collect();
     let panel = |all: &[Vec<ResidualPoint>], factor: f64, label: &str| {
-        let mut panel = Panel::new(TIME, label).height(190.0);
+        let mut panel = Panel::new(TIME, label).height(190);
         for (number, &index) in drawn.iter().enumerate() {
             let time: Vec<_> = all[index].iter().map(|point| point.place).collect();
             let computed = all[index].iter().map(|point| factor * (point.measured - point.residual));
-            let line = Line::new(&time, computed).color(color::BLACK).thin();
+            let line = Line::new(&time, computed).color(color::INK).thin();
             panel = panel.line(if number == 0 { line.label("computed") } else { line });
         }
         let scaled = |point: &ResidualPoint| ResidualPoint { measured: factor * point.measured, ..*point };
@@ -380,8 +380,8 @@ fn results(
     let figure = Figure::new()
         .row([panel(&pressure, 1e-3, "chamber pressure (kPa)"), panel(&position, 1.0, "position (mm)")])
         .row([
-            residual_panel(&all_pressures, TIME, "residual (Pa)").height(100.0),
-            residual_panel(&all_positions, TIME, "residual (mm)").height(100.0),
+            residual_panel(&all_pressures, TIME, "residual (Pa)").height(100),
+            residual_panel(&all_positions, TIME, "residual (mm)").height(100),
         ])
         .shared_x();
     let residuals = vec![

@@ -45,9 +45,9 @@ pub fn drawing(
     points: &[ResidualPoint],
     (x, y): (&[f64], &[f64]),
 ) -> Figure {
-    let line = Line::new(x, y.iter().copied()).color(color::BLACK).thin().label("fit");
-    let fit = with_measured(Panel::new(x_label, y_label).height(200.0).line(line), points);
-    Figure::new().row([fit]).row([residual_panel(points, x_label, residual_label).height(90.0)]).shared_x()
+    let line = Line::new(x, y.iter().copied()).color(color::INK).thin().label("fit");
+    let fit = with_measured(Panel::new(x_label, y_label).height(200).line(line), points);
+    Figure::new().row([fit]).row([residual_panel(points, x_label, residual_label).height(90)]).shared_x()
 }
 
 pub fn with_measured(panel: Panel, points: &[ResidualPoint]) -> Panel {

@@ -67,17 +67,17 @@ pub fn html(identification: &Identification) -> String {
         }
         body += "</table>\n<p>These are not in the parameter set: the plant and the fits keep its own values.</p>\n";
     }
-    for (index, fit) in fits.iter().enumerate() {
-        body += &section(fit, index);
+    for fit in fits {
+        body += &section(fit);
     }
     page("The wastegate's actuator, identified", "", &body)
 }
 
-fn section(fit: &Fit, index: usize) -> String {
+fn section(fit: &Fit) -> String {
     let mut text = format!(
         "<h2>{}</h2>\n<figure>\n{}<figcaption>{}</figcaption>\n</figure>\n",
         escaped(&fit.title),
-        fit.drawing.svg_named(&format!("fit-{}", index + 1)),
+        fit.drawing.html(),
         escaped(&fit.method)
     );
     text += "<table>\n<tr><th>Parameter</th><th>Value and standard error</th><th>Unit</th><th>Plant before</th></tr>\n";

@@ -1,44 +1,97 @@
-//! Draws records as SVG, in the manner of a journal: panels in rows, one frame each, thin lines, few colours
-//! (those of Okabe and Ito, which the colour-blind tell apart), and the units at the axes.
+//! Figures: what is drawn, as rows of [`Panel`]s that hold [`Line`]s over their axes. [`interactive`] draws them with
+//! plotly in HTML, [`picture`] with plotters as SVG and PNG.
 //!
-//! A [`Figure`] is rows of [`Panel`]s; a panel holds [`Line`]s over its axes. The text is reproducible.
+//! The colours are those of Okabe and Ito, which the colour-blind tell apart, and lighter ones of the same hues by
+//! night.
 
-mod axis;
-mod legend;
-mod svg;
+mod interactive;
+mod picture;
 
-use self::axis::Scale;
-use self::legend::Legend;
-pub use self::svg::escaped;
-use self::svg::{Anchor, Svg};
+use std::collections::HashSet;
 
-pub mod color {
-    /// For references and texts.
-    pub const BLACK: &str = "#1a1a1a";
-    /// For secondary curves.
-    pub const GRAY: &str = "#8c8c8c";
-    /// For the main curve.
-    pub const BLUE: &str = "#0072b2";
-    /// For comparison.
-    pub const VERMILION: &str = "#d55e00";
-    pub const GREEN: &str = "#009e73";
-    pub const PURPLE: &str = "#aa4499";
-    pub const SKY: &str = "#56b4e9";
-    pub const ORANGE: &str = "#e69f00";
-    pub const CYCLE: [&str; 7] = [BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE, BLACK];
+pub use self::interactive::script;
+use fmu_package::terminal::printable;
+
+/// A colour by day and by night, as RGB; its name is that of the property in the reports' style sheet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Color {
+    name: &'static str,
+    day: [u8; 3],
+    night: [u8; 3],
 }
 
-/// The width of a figure, in CSS pixels.
-const WIDTH: f64 = 720.0;
-const FONT_SIZE: f64 = 12.0;
-/// The mean width of a character, in font sizes: that of digits in Helvetica and its like.
-const CHARACTER: f64 = 0.556;
-/// Between panels.
-const GAP: f64 = 12.0;
+pub mod color {
+    use super::Color;
+
+    const fn color(name: &'static str, day: u32, night: u32) -> Color {
+        let [_, day @ ..] = day.to_be_bytes();
+        let [_, night @ ..] = night.to_be_bytes();
+        Color { name, day, night }
+    }
+
+    /// Behind the figures.
+    pub const PAPER: Color = color("--paper", 0xff_ff_ff, 0x12_16_1b);
+    /// For shaded ranges.
+    pub const SHADE: Color = color("--shade", 0xf0_f3_f7, 0x1d_24_2c);
+    /// For grids and thin borders.
+    pub const RULE: Color = color("--rule", 0xd9_df_e6, 0x2d_36_41);
+    /// For secondary texts.
+    pub const FAINT: Color = color("--faint", 0x5b_67_76, 0x98_a4_b3);
+    /// The least and the greatest value of a map, behind texts.
+    pub const LOW: Color = color("--low", 0xed_f4_fa, 0x1a_24_2e);
+    pub const HIGH: Color = color("--high", 0x6a_b4_e4, 0x1d_5c_91);
+    /// For references and texts.
+    pub const INK: Color = color("--ink", 0x1b_23_2d, 0xdf_e5_ec);
+    /// For secondary curves.
+    pub const GRAY: Color = color("--gray", 0x80_80_80, 0x93_a0_af);
+    /// For the main curve.
+    pub const BLUE: Color = color("--blue", 0x00_72_b2, 0x56_a9_ee);
+    /// For comparison.
+    pub const VERMILION: Color = color("--vermilion", 0xd5_5e_00, 0xf0_85_3c);
+    pub const GREEN: Color = color("--green", 0x00_9e_73, 0x2f_c4_98);
+    pub const PURPLE: Color = color("--purple", 0xaa_44_99, 0xd7_86_c9);
+    pub const SKY: Color = color("--sky", 0x2f_a3_e0, 0x8c_d0_f5);
+    pub const ORANGE: Color = color("--orange", 0xd5_8f_00, 0xe6_b0_3c);
+    pub const CYCLE: [Color; 6] = [BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE];
+    pub const ALL: [Color; 14] =
+        [PAPER, SHADE, RULE, FAINT, LOW, HIGH, INK, GRAY, BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE];
+}
+
+impl Color {
+    /// In the style sheet.
+    pub fn name(self) -> &'static str {
+        self.name
+    }
+
+    pub fn day(self) -> [u8; 3] {
+        self.day
+    }
+
+    pub fn night(self) -> [u8; 3] {
+        self.night
+    }
+}
+
+/// The colours as properties of a style sheet, by day and by night.
+pub fn palette() -> String {
+    let properties = |of: fn(Color) -> [u8; 3]| {
+        let property = |color: &Color| {
+            let [red, green, blue] = of(*color);
+            format!("{}: #{red:02x}{green:02x}{blue:02x}; ", color.name)
+        };
+        color::ALL.iter().map(property).collect::<String>()
+    };
+    format!(
+        ":root {{ {}color-scheme: light dark; }}\n@media (prefers-color-scheme: dark) {{ :root {{ {}}} }}\n",
+        properties(Color::day),
+        properties(Color::night)
+    )
+}
 
 /// Panels in rows.
 #[derive(Clone, Debug, Default)]
 pub struct Figure {
+    title: String,
     rows: Vec<Vec<Panel>>,
     shares_x: bool,
 }
@@ -48,11 +101,10 @@ pub struct Figure {
 pub struct Panel {
     title: Option<String>,
     x: Axis,
-    left: Axis,
-    right: Option<Axis>,
+    y: Axis,
     lines: Vec<Line>,
     bands: Vec<Band>,
-    height: f64,
+    height: u32,
 }
 
 /// The label and range of an axis.
@@ -67,11 +119,10 @@ struct Axis {
 pub struct Line {
     points: Vec<(f64, f64)>,
     label: Option<String>,
-    color: &'static str,
+    color: Color,
     width: f64,
-    dashes: Option<&'static str>,
+    is_dashed: bool,
     is_held: bool,
-    is_right: bool,
     marks: Marks,
 }
 
@@ -83,16 +134,7 @@ enum Marks {
     Dots,
 }
 
-impl Marks {
-    fn have_stroke(self) -> bool {
-        self != Self::Dots
-    }
-
-    fn have_dots(self) -> bool {
-        self != Self::Stroke
-    }
-}
-
+/// A shaded range.
 #[derive(Clone, Debug)]
 struct Band {
     from: f64,
@@ -105,15 +147,26 @@ impl Figure {
         Self::default()
     }
 
+    /// What a picture has above it; in a page that is its heading.
+    pub fn title(mut self, title: &str) -> Self {
+        title.clone_into(&mut self.title);
+        self
+    }
+
     pub fn row(mut self, panels: impl IntoIterator<Item = Panel>) -> Self {
         self.rows.push(panels.into_iter().collect());
         self
     }
 
-    /// Panels in a column share one horizontal axis, at the lowest.
+    /// Panels in a column share one horizontal axis.
     pub fn shared_x(mut self) -> Self {
         self.shares_x = true;
         self
+    }
+
+    /// Whether a row shows the label of its horizontal axis.
+    fn has_x_label(&self, row: usize) -> bool {
+        !self.shares_x || row + 1 == self.rows.len()
     }
 }
 
@@ -123,11 +176,10 @@ impl Panel {
         Self {
             title: None,
             x: Axis { label: x_label.to_owned(), range: None },
-            left: Axis { label: y_label.to_owned(), range: None },
-            right: None,
+            y: Axis { label: y_label.to_owned(), range: None },
             lines: vec![],
             bands: vec![],
-            height: 170.0,
+            height: 170,
         }
     }
 
@@ -136,25 +188,19 @@ impl Panel {
         self
     }
 
-    pub fn height(mut self, height: f64) -> Self {
+    /// The height of the frame, in CSS pixels.
+    pub fn height(mut self, height: u32) -> Self {
         self.height = height;
         self
     }
 
-    /// The range of the horizontal axis.
     pub fn x_range(mut self, from: f64, to: f64) -> Self {
         self.x.range = Some((from, to));
         self
     }
 
-    /// The range of the left axis.
     pub fn y_range(mut self, from: f64, to: f64) -> Self {
-        self.left.range = Some((from, to));
-        self
-    }
-
-    pub fn right(mut self, label: &str, range: Option<(f64, f64)>) -> Self {
-        self.right = Some(Axis { label: label.to_owned(), range });
+        self.y.range = Some((from, to));
         self
     }
 
@@ -163,7 +209,7 @@ impl Panel {
         self
     }
 
-    /// Shades a range of the left axis.
+    /// Shades a range of the vertical axis.
     pub fn band(mut self, from: f64, to: f64) -> Self {
         self.bands.push(Band { from, to, is_of_x: false });
         self
@@ -173,6 +219,27 @@ impl Panel {
     pub fn x_band(mut self, from: f64, to: f64) -> Self {
         self.bands.push(Band { from, to, is_of_x: true });
         self
+    }
+
+    /// The lines, thinned to at most so many columns of pixels.
+    fn thinned_lines(&self, columns: usize) -> impl Iterator<Item = (&Line, Vec<(f64, f64)>)> {
+        let x = self.x_extent();
+        let cells = [(x, columns), (self.y_extent(), self.height as usize)];
+        self.lines.iter().map(move |line| {
+            let points = match line.marks {
+                Marks::Dots => distinct(&line.points, cells),
+                Marks::Stroke | Marks::StrokeAndDots => thinned(&line.points, cells[0]),
+            };
+            (line, points)
+        })
+    }
+
+    fn x_extent(&self) -> (f64, f64) {
+        self.x.range.unwrap_or_else(|| extent(&self.lines, |point| point.0))
+    }
+
+    fn y_extent(&self) -> (f64, f64) {
+        self.y.range.unwrap_or_else(|| extent(&self.lines, |point| point.1))
     }
 }
 
@@ -184,9 +251,8 @@ impl Line {
             label: None,
             color: color::BLUE,
             width: 1.5,
-            dashes: None,
+            is_dashed: false,
             is_held: false,
-            is_right: false,
             marks: Marks::Stroke,
         }
     }
@@ -197,7 +263,7 @@ impl Line {
         self
     }
 
-    pub fn color(mut self, color: &'static str) -> Self {
+    pub fn color(mut self, color: Color) -> Self {
         self.color = color;
         self
     }
@@ -208,18 +274,13 @@ impl Line {
     }
 
     pub fn dashed(mut self) -> Self {
-        self.dashes = Some("6 3");
+        self.is_dashed = true;
         self
     }
 
     /// Each value holds until the next point.
     pub fn held(mut self) -> Self {
         self.is_held = true;
-        self
-    }
-
-    pub fn right(mut self) -> Self {
-        self.is_right = true;
         self
     }
 
@@ -236,244 +297,21 @@ impl Line {
     }
 }
 
-/// A panel's frame and scales.
-struct Frame {
-    left: f64,
-    top: f64,
-    width: f64,
-    height: f64,
-    /// The distance from the frame to the left axis' label.
-    label_distance: f64,
-    x: Scale,
-    y: Scale,
-    right: Option<Scale>,
+/// The column of pixels, or the row, of a value.
+#[allow(clippy::cast_possible_truncation)] // saturates outside of the axis
+fn pixel(value: f64, ((from, to), count): ((f64, f64), usize)) -> i64 {
+    (count as f64 * (value - from) / (to - from)).floor() as i64
 }
 
-impl Frame {
-    fn point(&self, (x, y): (f64, f64), is_right: bool) -> (f64, f64) {
-        let scale = if is_right { self.right.as_ref().unwrap_or(&self.y) } else { &self.y };
-        let across = self.left + self.width * self.x.fraction(x);
-        (across, self.top + self.height * (1.0 - scale.fraction(y)))
-    }
-}
-
-/// The margins of a frame.
-#[derive(Clone, Copy, Default)]
-struct Margins {
-    left: f64,
-    right: f64,
-}
-
-impl Figure {
-    pub fn svg(&self) -> String {
-        self.svg_named("figure")
-    }
-
-    /// The SVG text, with a name that is unique in its page.
-    pub fn svg_named(&self, name: &str) -> String {
-        let mut svg = Svg::new(name);
-        let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
-        let x_scales: Vec<Vec<Scale>> = self.x_scales();
-        // Frames in a column are aligned.
-        let mut margins = vec![Margins::default(); columns];
-        for row in &self.rows {
-            for (margin, panel) in margins.iter_mut().zip(row) {
-                let scales = panel.y_scales();
-                margin.left = margin.left.max(2.2 * FONT_SIZE + label_width(&scales.0));
-                let right = scales.1.as_ref().map_or(10.0, |scale| 2.2 * FONT_SIZE + label_width(scale));
-                margin.right = margin.right.max(right);
-            }
-        }
-        let mut top = 2.0;
-        for (index, row) in self.rows.iter().enumerate() {
-            let is_last = index + 1 == self.rows.len();
-            let has_x = is_last || !self.shares_x;
-            let width = (WIDTH - GAP * (row.len() as f64 - 1.0)) / row.len() as f64;
-            let height = row.iter().map(|panel| panel.height).fold(0.0, f64::max);
-            let frame = |(column, panel): (usize, &Panel)| {
-                let margin = margins[column];
-                let (y, right) = panel.y_scales();
-                let left = column as f64 * (width + GAP) + margin.left;
-                let width = width - margin.left - margin.right;
-                let label_distance = margin.left - 1.1 * FONT_SIZE;
-                let x = x_scales[index][column].clone();
-                Frame { left, top: 0.0, width, height, label_distance, x, y, right }
-            };
-            let mut frames: Vec<_> = row.iter().enumerate().map(frame).collect();
-            let legends: Vec<_> =
-                row.iter().zip(&frames).map(|(panel, frame)| Legend::new(panel, frame)).collect();
-            let legend_height = legends.iter().flatten().map(Legend::height_above).fold(0.0, f64::max);
-            let has_title = row.iter().any(|panel| panel.title.is_some());
-            let title_height = if has_title { 2.0 * FONT_SIZE } else { FONT_SIZE };
-            top += title_height + legend_height;
-            for ((panel, frame), legend) in row.iter().zip(&mut frames).zip(&legends) {
-                frame.top = top;
-                panel.draw(&mut svg, frame, has_x);
-                if let Some(title) = &panel.title {
-                    svg.title(frame.left + frame.width / 2.0, top - legend_height - 0.6 * FONT_SIZE, title);
-                }
-                if let Some(legend) = legend {
-                    legend.draw(&mut svg, frame);
-                }
-            }
-            top += height + if has_x { 3.2 * FONT_SIZE } else { 0.0 };
-        }
-        svg.finish(WIDTH, top + 4.0)
-    }
-
-    fn x_scales(&self) -> Vec<Vec<Scale>> {
-        let own: Vec<Vec<_>> =
-            self.rows.iter().map(|row| row.iter().map(Panel::x_range_drawn).collect()).collect();
-        let shared = |column: usize| {
-            let ranges = own.iter().filter_map(|row| row.get(column));
-            ranges.copied().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))).unwrap_or((0.0, 1.0))
-        };
-        let scale = |(column, range): (usize, &(f64, f64))| {
-            let (from, to) = if self.shares_x { shared(column) } else { *range };
-            Scale::exact(from, to, if own.iter().any(|row| row.len() > 1) { 5 } else { 8 })
-        };
-        own.iter().map(|row| row.iter().enumerate().map(scale).collect()).collect()
-    }
-}
-
-/// The width that a scale's numbers take.
-fn label_width(scale: &Scale) -> f64 {
-    let widest = scale.ticks().iter().map(|(_, text)| text.chars().count()).max().unwrap_or(0);
-    CHARACTER * FONT_SIZE * widest as f64
-}
-
-impl Panel {
-    fn x_range_drawn(&self) -> (f64, f64) {
-        self.x.range.unwrap_or_else(|| extent(self.lines.iter(), |point| point.0))
-    }
-
-    fn y_scales(&self) -> (Scale, Option<Scale>) {
-        let ticks = if self.height < 110.0 { 4 } else { 6 };
-        let scale = |axis: &Axis, is_right: bool| {
-            if let Some((from, to)) = axis.range {
-                return Scale::exact(from, to, ticks);
-            }
-            let lines = self.lines.iter().filter(|line| line.is_right == is_right);
-            let (from, to) = extent(lines, |point| point.1);
-            Scale::around(from, to, ticks)
-        };
-        (scale(&self.left, false), self.right.as_ref().map(|axis| scale(axis, true)))
-    }
-
-    fn draw(&self, svg: &mut Svg, frame: &Frame, has_x: bool) {
-        let Frame { left, top, width, height, .. } = *frame;
-        let (bottom, far) = (top + height, left + width);
-        let clip = svg.clip(left, top, width, height);
-        for band in &self.bands {
-            let (x0, y0, x1, y1) = if band.is_of_x {
-                let [from, to] = [band.from, band.to].map(|x| frame.point((x, 0.0), false).0);
-                (from, top, to, bottom)
-            } else {
-                let [from, to] = [band.from, band.to].map(|y| frame.point((0.0, y), false).1);
-                (left, from.min(to), far, from.max(to))
-            };
-            svg.shade(x0.max(left), y0.max(top), x1.min(far), y1.min(bottom));
-        }
-        for (value, _) in frame.y.ticks() {
-            let y = frame.point((0.0, *value), false).1;
-            svg.grid(left, y, far, y);
-        }
-        for (value, _) in frame.x.ticks() {
-            let x = frame.point((*value, 0.0), false).0;
-            svg.grid(x, top, x, bottom);
-        }
-        for line in &self.lines {
-            line.draw(svg, frame, &clip);
-        }
-        svg.frame(left, top, width, height);
-        self.draw_axes(svg, frame, has_x);
-    }
-
-    fn draw_axes(&self, svg: &mut Svg, frame: &Frame, has_x: bool) {
-        const TICK: f64 = 4.0;
-        let Frame { left, top, width, height, .. } = *frame;
-        let (bottom, far) = (top + height, left + width);
-        let middle = FONT_SIZE * 0.35;
-        for (value, text) in frame.y.ticks() {
-            let y = frame.point((0.0, *value), false).1;
-            svg.tick(left, y, left + TICK, y);
-            svg.text(left - 5.0, y + middle, Anchor::End, text);
-        }
-        if let Some(right) = &frame.right {
-            for (value, text) in right.ticks() {
-                let y = frame.point((0.0, *value), true).1;
-                svg.tick(far, y, far - TICK, y);
-                svg.text(far + 5.0, y + middle, Anchor::Start, text);
-            }
-        }
-        for (value, text) in frame.x.ticks() {
-            let x = frame.point((*value, 0.0), false).0;
-            svg.tick(x, bottom, x, bottom - TICK);
-            if has_x {
-                svg.text(x, bottom + 1.3 * FONT_SIZE, Anchor::Middle, text);
-            }
-        }
-        if has_x {
-            svg.text(left + width / 2.0, bottom + 2.7 * FONT_SIZE, Anchor::Middle, &self.x.label);
-        }
-        let center = top + height / 2.0;
-        svg.upright(left - frame.label_distance, center, &self.left.label);
-        if let (Some(axis), Some(scale)) = (&self.right, &frame.right) {
-            svg.upright(far + 5.0 + label_width(scale) + 1.3 * FONT_SIZE, center, &axis.label);
-        }
-    }
-}
-
-impl Line {
-    /// The points in the drawing, with the corners of held values.
-    fn drawn(&self, frame: &Frame) -> Vec<(f64, f64)> {
-        let mut drawn: Vec<(f64, f64)> = vec![];
-        for &point in &self.points {
-            let point = frame.point(point, self.is_right);
-            if self.is_held
-                && let Some(&(_, before)) = drawn.last()
-                && (before - point.1).abs() > 0.0
-            {
-                drawn.push((point.0, before));
-            }
-            drawn.push(point);
-        }
-        drawn
-    }
-
-    fn draw(&self, svg: &mut Svg, frame: &Frame, clip: &str) {
-        if self.marks.have_stroke() {
-            svg.polyline(&thinned(&self.drawn(frame)), self.color, self.width, self.dashes, Some(clip));
-        }
-        if self.marks.have_dots() {
-            for &point in &self.points {
-                let (x, y) = frame.point(point, self.is_right);
-                svg.marker(x, y, self.color);
-            }
-        }
-    }
-}
-
-/// Keeps the first, lowest, highest and last of many points in a strip, which look the same.
-fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    const STRIP: f64 = 0.5;
-    let mut thinned: Vec<(f64, f64)> = vec![];
-    for strip in points.chunk_by(|a, b| (a.0 / STRIP).floor().total_cmp(&(b.0 / STRIP).floor()).is_eq()) {
-        let extreme = |sign: f64| {
-            let signed = |&(_, a): &(usize, (f64, f64)), &(_, b): &(usize, (f64, f64))| {
-                (sign * a.1).total_cmp(&(sign * b.1))
-            };
-            strip
-                .iter()
-                .enumerate()
-                .map(|(index, &point)| (index, point))
-                .min_by(signed)
-                .map(|(index, _)| index)
-        };
-        let mut kept: Vec<_> = [Some(0), extreme(1.0), extreme(-1.0), strip.len().checked_sub(1)]
-            .into_iter()
-            .flatten()
-            .collect();
+/// Keeps the first, lowest, highest and last of the points in a column of pixels, which look the same.
+fn thinned(points: &[(f64, f64)], columns: ((f64, f64), usize)) -> Vec<(f64, f64)> {
+    let mut thinned = vec![];
+    for strip in points.chunk_by(|a, b| pixel(a.0, columns) == pixel(b.0, columns)) {
+        let finite = || strip.iter().enumerate().filter(|(_, point)| point.1.is_finite());
+        let least = finite().min_by(|(_, a), (_, b)| a.1.total_cmp(&b.1)).map(|(index, _)| index);
+        let greatest = finite().max_by(|(_, a), (_, b)| a.1.total_cmp(&b.1)).map(|(index, _)| index);
+        let ends = [0, strip.len() - 1];
+        let mut kept: Vec<_> = ends.into_iter().chain(least).chain(greatest).collect();
         kept.sort_unstable();
         kept.dedup();
         thinned.extend(kept.into_iter().map(|index| strip[index]));
@@ -481,9 +319,173 @@ fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     thinned
 }
 
-/// The least and the greatest of the values that are drawn.
-fn extent<'a>(lines: impl Iterator<Item = &'a Line>, value: impl Fn(&(f64, f64)) -> f64) -> (f64, f64) {
-    let values = lines.flat_map(|line| &line.points).map(value).filter(|value| value.is_finite());
-    values
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| (least.min(value), most.max(value)))
+/// Keeps one of the points in a pixel.
+fn distinct(points: &[(f64, f64)], [columns, rows]: [((f64, f64), usize); 2]) -> Vec<(f64, f64)> {
+    let mut seen = HashSet::new();
+    let mut is_new = |point: &&(f64, f64)| seen.insert((pixel(point.0, columns), pixel(point.1, rows)));
+    points.iter().filter(&mut is_new).copied().collect()
+}
+
+/// The least and the greatest of the finite values, apart from each other.
+fn extent(lines: &[Line], value: impl Fn(&(f64, f64)) -> f64) -> (f64, f64) {
+    let values = lines.iter().flat_map(|line| &line.points).map(value).filter(|value| value.is_finite());
+    let (least, most) = values
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| (least.min(value), most.max(value)));
+    // Values equal to six digits are shown as constant.
+    let half = match least.abs().max(most.abs()) {
+        size if most - least > 1e-6 * size => return (least, most),
+        size if size > 0.0 && size.is_finite() => 0.05 * size,
+        _ => 1.0,
+    };
+    if least <= most { (least - half, most + half) } else { (-half, half) }
+}
+
+/// A text escaped for HTML.
+pub fn escaped(text: &str) -> String {
+    // Control characters are not allowed.
+    printable(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sine with a spike of one row, upwards and downwards, and a gap.
+    fn long(rows: u32) -> Vec<(f64, f64)> {
+        let value = |row: u32| match row {
+            _ if row == rows / 3 => 7.0,
+            _ if row == rows / 2 => -9.0,
+            _ if (rows / 4..rows / 4 + rows / 50).contains(&row) => f64::NAN,
+            _ => (0.001 * f64::from(row)).sin(),
+        };
+        (0..rows).map(|row| (0.01 * f64::from(row), value(row))).collect()
+    }
+
+    #[test]
+    fn thinning_keeps_the_extremes_of_each_column_the_ends_and_the_gaps() {
+        let points = long(100_000);
+        let columns = ((0.0, 1000.0), 500);
+        let few = thinned(&points, columns);
+        assert!(few.len() <= 4 * 501, "{}", few.len());
+        for column in 0..500 {
+            let of = |points: &[(f64, f64)]| {
+                let values = points.iter().filter(|point| pixel(point.0, columns) == column);
+                let values = values.map(|point| point.1);
+                (values.clone().fold(f64::INFINITY, f64::min), values.fold(f64::NEG_INFINITY, f64::max))
+            };
+            assert_eq!(of(&few), of(&points), "column {column}");
+        }
+        assert_eq!((few[0], few[few.len() - 1]), (points[0], points[99_999]));
+        assert!(few.iter().any(|point| point.1.is_nan()));
+        assert!(few.is_sorted_by(|a, b| a.0 < b.0));
+    }
+
+    #[test]
+    fn short_lines_are_drawn_whole() {
+        let points = [(0.0, 1.0), (0.5, 2.0), (1.0, 1.0)];
+        assert_eq!(thinned(&points, ((0.0, 1.0), 100)), points);
+    }
+
+    #[test]
+    fn dots_in_one_pixel_are_drawn_once() {
+        let points = [(0.0, 0.0), (0.001, 0.001), (0.5, 0.5), (0.5, 1.0)];
+        assert_eq!(
+            distinct(&points, [((0.0, 1.0), 100), ((0.0, 1.0), 100)]),
+            [(0.0, 0.0), (0.5, 0.5), (0.5, 1.0)]
+        );
+    }
+
+    fn figure() -> Figure {
+        let x: Vec<_> = (0..200_000).map(|row| 0.01 * f64::from(row)).collect();
+        let values = long(200_000).into_iter().map(|point| point.1);
+        let panel = Panel::new("time (s)", "pressure (kPa)").title("</script>").band(-1.0, 1.0);
+        let steps =
+            Line::new(&x[..3], [0.0, 5.0, 2.0]).held().dashed().color(color::INK).label("steps & <more>");
+        let panels = [panel.line(Line::new(&x, values).label("long")).line(steps)];
+        let dots = Line::new(&[1.0, 2.0], [f64::NAN, 1e-7]).dots();
+        Figure::new().title("Title").row(panels).row([Panel::new("time (s)", "").line(dots)]).shared_x()
+    }
+
+    /// The data of a panel in HTML.
+    fn data(html: &str, panel: usize) -> serde_json::Value {
+        let text = html.split("<script type=\"application/json\">").nth(panel + 1).unwrap();
+        let plot: serde_json::Value = serde_json::from_str(text.split("</script>").next().unwrap()).unwrap();
+        plot["data"].clone()
+    }
+
+    #[test]
+    fn html_has_the_numbers_of_the_lines_with_their_extremes() {
+        let html = figure().html();
+        let lines = data(&html, 0);
+        let values: Vec<_> =
+            lines[0]["y"].as_array().unwrap().iter().map(serde_json::Value::as_f64).collect();
+        assert!((800..=3204).contains(&values.len()), "{}", values.len());
+        let finite = || values.iter().flatten().copied();
+        assert_eq!((finite().fold(0.0, f64::min), finite().fold(0.0, f64::max)), (-9.0, 7.0));
+        // The gap.
+        assert!(values.contains(&None));
+        assert_eq!(lines[1]["y"], serde_json::json!([0.0, 5.0, 2.0]));
+        assert_eq!((&lines[1]["line"]["shape"], &lines[1]["line"]["dash"]), (&"hv".into(), &"dash".into()));
+        assert_eq!(lines[1]["name"], "steps &amp; &lt;more&gt;");
+        assert_eq!(data(&html, 1)[0]["y"], serde_json::json!([null, 1e-7]));
+        assert_eq!(data(&html, 1)[0]["mode"], "markers");
+        assert_eq!(html.matches("data-axis=\"0\"").count(), 2);
+    }
+
+    /// Every colour by its name in the style sheet, since it differs by night.
+    #[test]
+    fn html_names_colours_that_the_style_sheet_has() {
+        let (html, palette) = (figure().html(), palette());
+        for part in html.split("\"--").skip(1) {
+            let name = part.split('"').next().unwrap();
+            assert_eq!(palette.matches(&format!("--{name}: #")).count(), 2, "{name}");
+        }
+        assert!(html.contains("\"--ink\"") && !html.contains("\"#"));
+    }
+
+    /// The library apart, in which addresses of services stand that these figures do not use.
+    #[test]
+    fn the_script_is_one_library_and_our_own() {
+        let script = script();
+        let parts: Vec<_> = script.split("<script").collect();
+        assert_eq!(parts.len(), 3);
+        assert!(parts[1].contains("plotly.js v3") && parts[1].len() < 5_000_000);
+        assert!(!parts[1].contains("MathJax.js") && !parts[2].contains("http"));
+    }
+
+    #[test]
+    fn svg_has_lines_dashes_bands_and_texts() {
+        let svg = figure().svg().unwrap();
+        for text in ["Title", "pressure (kPa)", "time (s)", "steps &amp; &lt;more&gt;", "\u{2212}5", "2000"] {
+            assert!(svg.contains(text), "{text}");
+        }
+        // Two parts of the line around its gap at least, and a thin rectangle across the frame.
+        assert!(svg.matches("<polyline").count() >= 3, "{svg}");
+        assert!(svg.contains("#F0F3F7"));
+    }
+
+    #[test]
+    fn png_has_the_stated_size_and_each_colour() {
+        let png = figure().png().unwrap();
+        let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut pixels).unwrap();
+        assert_eq!((info.width, info.height), (1800, 2 * (10 + 24 + 10 + 170 + 24 + 20 + 10 + 170 + 38)));
+        for color in [color::INK, color::BLUE, color::SHADE, color::PAPER, color::RULE] {
+            assert!(pixels.chunks(3).any(|pixel| pixel == color.day), "{}", color.name);
+        }
+        // Left of the frames stand the tick labels and the upright label, so the font draws.
+        let is_dark = |pixel: &[u8]| pixel.iter().all(|&value| value < 128);
+        let left = pixels.chunks(3 * 1800).flat_map(|row| row[..3 * 100].chunks(3));
+        assert!(left.filter(|pixel| is_dark(pixel)).count() > 500);
+    }
+
+    #[test]
+    fn constant_and_empty_lines_have_an_extent() {
+        let extent = |y: &[f64]| extent(&[Line::new(&[0.0, 1.0], y.iter().copied())], |point| point.1);
+        assert_eq!(extent(&[12.0, 12.0]), (11.4, 12.6));
+        assert_eq!(extent(&[0.0, 0.0]), (-1.0, 1.0));
+        assert_eq!(extent(&[f64::NAN, f64::INFINITY]), (-1.0, 1.0));
+        assert_eq!(extent(&[-3.0, 5.0]), (-3.0, 5.0));
+    }
 }

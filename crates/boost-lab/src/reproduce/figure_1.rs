@@ -18,12 +18,12 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     let panel = |name, label, factor: f64| {
         let values = record.get(name)?.iter().map(move |value| factor * value);
         let line = Line::new(record.time(), values.collect::<Vec<_>>());
-        Ok::<_, anyhow::Error>(Panel::new("time (s)", label).height(120.0).x_band(DIP.0, DIP.1).line(line))
+        Ok::<_, anyhow::Error>(Panel::new("time (s)", label).height(120).x_band(DIP.0, DIP.1).line(line))
     };
     let voltage =
-        Line::new(record.time(), record.get("supply_voltage")?.iter().copied()).held().color(color::BLACK);
+        Line::new(record.time(), record.get("supply_voltage")?.iter().copied()).held().color(color::INK);
     let figure = Figure::new()
-        .row([Panel::new("time (s)", "supply (V)").height(80.0).x_band(DIP.0, DIP.1).line(voltage)])
+        .row([Panel::new("time (s)", "supply (V)").height(80).x_band(DIP.0, DIP.1).line(voltage)])
         .row([panel("actuator_pressure", "actuator (kPa)", 1e-3)?])
         .row([panel("hp_wastegate_position", "wastegate (%)", 100.0)?])
         .row([panel("boost_pressure", "boost (kPa)", 1e-3)?])

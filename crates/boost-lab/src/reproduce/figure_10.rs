@@ -48,15 +48,15 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     };
     let time = compensated.time();
     let voltage =
-        Line::new(time, compensated.get("supply_voltage")?.iter().copied()).held().color(color::BLACK);
+        Line::new(time, compensated.get("supply_voltage")?.iter().copied()).held().color(color::INK);
     let duty = Line::new(time, compensated.get("hp_wastegate_pwm")?.iter().copied()).held();
     let figure = Figure::new()
-        .row([Panel::new("time (s)", "supply (V)").height(80.0).line(voltage)])
+        .row([Panel::new("time (s)", "supply (V)").height(80).line(voltage)])
         .row([Panel::new("time (s)", "wastegate (%)")
-            .height(190.0)
-            .line(position(&without)?.color(color::BLACK).label("without compensator"))
+            .height(190)
+            .line(position(&without)?.color(color::INK).label("without compensator"))
             .line(position(&compensated)?.dashed().label("with compensator"))])
-        .row([Panel::new("time (s)", "duty (%)").height(80.0).line(duty)])
+        .row([Panel::new("time (s)", "duty (%)").height(80).line(duty)])
         .shared_x();
     Ok(Evidence {
         drawings: vec![(

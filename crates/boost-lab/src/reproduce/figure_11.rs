@@ -57,7 +57,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 .markers()
         };
         Panel::new("engine speed (rpm)", label)
-            .height(150.0)
+            .height(150)
             .line(line(&closed).label("LP wastegate shut"))
             .line(line(&open).dashed().color(color::VERMILION).label("LP wastegate open"))
     };

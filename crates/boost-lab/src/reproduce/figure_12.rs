@@ -37,23 +37,23 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     };
     let figure = Figure::new()
         .row([Panel::new("time (s)", "boost pressure (kPa)")
-            .height(130.0)
-            .line(line("boost_reference", 1e-3)?.thin().color(color::BLACK).label("reference"))
+            .height(130)
+            .line(line("boost_reference", 1e-3)?.thin().color(color::INK).label("reference"))
             .line(
                 line("reference_model_pressure", 1e-3)?.dashed().color(color::GREEN).label("reference model"),
             )
             .line(line("boost_pressure", 1e-3)?.label("actual"))])
         .row([Panel::new("time (s)", "duty at 12 V (%)")
-            .height(150.0)
+            .height(150)
             .line(line("feedforward_pwm", 1.0)?.dashed().color(color::GREEN).label("feedforward"))
-            .line(line("unsaturated_pwm", 1.0)?.color(color::BLACK).thin().label("sum of all terms"))
+            .line(line("unsaturated_pwm", 1.0)?.color(color::INK).thin().label("sum of all terms"))
             .line(
                 line("hp_wastegate_pwm", 1.0)?
                     .color(color::VERMILION)
                     .label("output, limited and compensated for 13 V"),
             )])
         .row([Panel::new("time (s)", "terms (%)")
-            .height(130.0)
+            .height(130)
             .line(line("proportional_term", 1.0)?.label("proportional"))
             .line(line("integral_term", 1.0)?.color(color::VERMILION).label("integral"))
             .line(line("derivative_term", 1.0)?.color(color::PURPLE).label("derivative"))])

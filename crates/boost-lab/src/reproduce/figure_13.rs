@@ -9,24 +9,28 @@ use crate::plot::{Figure, Line, Panel, color};
 use crate::record::Record;
 use crate::scenario::Signal;
 
+/// The error (kPa) that is shown: a step itself is larger, and would hide how it is followed.
+const SHOWN_ERROR: f64 = 7.0;
+
 fn draw(record: &Record, title: &str) -> Result<Figure> {
     let kilo =
         |name| Ok::<_, anyhow::Error>(record.get(name)?.iter().map(|value| 1e-3 * value).collect::<Vec<_>>());
     let time = record.time();
+    let (reference, actual) = (kilo("boost_reference")?, kilo("boost_pressure")?);
+    let error: Vec<_> = actual.iter().zip(&reference).map(|(actual, reference)| actual - reference).collect();
     Ok(Figure::new()
         .row([Panel::new("time (s)", "boost pressure (kPa)")
             .title(title)
-            .height(210.0)
-            .line(
-                Line::new(time, kilo("boost_reference")?)
-                    .held()
-                    .color(color::BLACK)
-                    .thin()
-                    .label("reference"),
-            )
-            .line(Line::new(time, kilo("boost_pressure")?).dashed().label("actual"))])
+            .height(210)
+            .line(Line::new(time, reference).held().color(color::INK).thin().label("reference"))
+            .line(Line::new(time, actual).label("actual"))])
+        .row([Panel::new("time (s)", "error (kPa)")
+            .height(170)
+            .y_range(-SHOWN_ERROR, SHOWN_ERROR)
+            .band(-1.0, 5.0)
+            .line(Line::new(time, error))])
         .row([Panel::new("time (s)", "duty (%)")
-            .height(120.0)
+            .height(120)
             .line(Line::new(time, record.get("hp_wastegate_pwm")?.iter().copied()).held())])
         .shared_x())
 }
@@ -46,7 +50,8 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     Ok(Evidence {
         drawings: vec![
             (
-                "Reference and actual boost pressure, and the duty.".into(),
+                "Reference and actual boost pressure, the error, actual minus reference, and the duty. The band is the \
+                 paper's 5 kPa above a reference that stepped up and 1 kPa below one that stepped down.".into(),
                 draw(&record, "With the reference model (the default)")?.into(),
             ),
             (

@@ -1,6 +1,6 @@
 //! Fig. 14: boost control under steps of the supply voltage.
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use fmu_package::Value;
 
 use super::measure::{at, greatest, range};
@@ -29,48 +29,43 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     let steps = scenario.input("supply_voltage").map_or(&[] as &[_], Signal::points);
     let ends = steps.iter().skip(1).map(|step| step.0).chain([scenario.stop_time]);
     let positions = ends.map(|end| at(&record, "hp_wastegate_position", end)).collect::<Result<Vec<_>>>()?;
-    let reference = *record.get("boost_reference")?.first().context("the record is empty")?;
 
     let time = record.time();
     let kilo = |record: &Record, name| {
         Ok::<_, anyhow::Error>(record.get(name)?.iter().map(|value| 1e-3 * value).collect::<Vec<_>>())
     };
-    let voltage = Line::new(time, record.get("supply_voltage")?.iter().copied()).held().color(color::BLACK);
-    let duty = Line::new(time, record.get("hp_wastegate_pwm")?.iter().copied()).held().color(color::BLACK);
+    let error = |record: &Record| {
+        let errors: Vec<_> = kilo(record, "boost_pressure")?
+            .iter()
+            .zip(kilo(record, "boost_reference")?)
+            .map(|(actual, reference)| actual - reference)
+            .collect();
+        Ok::<_, anyhow::Error>(Line::new(time, errors))
+    };
+    let voltage = Line::new(time, record.get("supply_voltage")?.iter().copied()).held().color(color::INK);
+    let duty = Line::new(time, record.get("hp_wastegate_pwm")?.iter().copied()).held().color(color::INK);
+    let reference = Line::new(time, kilo(&record, "boost_reference")?).thin().color(color::INK);
+    let actual = Line::new(time, kilo(&record, "boost_pressure")?);
     let figure = Figure::new()
-        .row([Panel::new("time (s)", "supply (V)").height(100.0).line(voltage)])
+        .row([Panel::new("time (s)", "supply (V)").height(80).line(voltage)])
         .row([Panel::new("time (s)", "boost pressure (kPa)")
-            .height(210.0)
-            .y_range(119.0, 127.0)
-            .right("duty (%)", Some((36.0, 66.0)))
-            .line(duty.right().thin().label("duty (right)"))
-            .line(Line::new(time, kilo(&record, "boost_reference")?).label("desired"))
-            .line(
-                Line::new(time, kilo(&record, "boost_pressure")?)
-                    .dashed()
-                    .color(color::VERMILION)
-                    .label("actual"),
-            )])
+            .height(170)
+            .line(reference.label("reference"))
+            .line(actual.label("actual"))])
+        .row([Panel::new("time (s)", "error (kPa)")
+            .height(170)
+            .band(-1.0, 1.0)
+            .line(error(&without)?.thin().color(color::VERMILION).label("without compensator"))
+            .line(error(&record)?.label("with compensator"))])
+        .row([Panel::new("time (s)", "duty (%)").height(80).line(duty)])
         .shared_x();
-    let comparison = Figure::new().row([Panel::new("time (s)", "boost pressure (kPa)")
-        .height(170.0)
-        .band(1e-3 * reference - 1.0, 1e-3 * reference + 1.0)
-        .line(
-            Line::new(time, kilo(&without, "boost_pressure")?)
-                .color(color::BLACK)
-                .thin()
-                .label("without compensator"),
-        )
-        .line(
-            Line::new(time, kilo(&record, "boost_pressure")?)
-                .color(color::VERMILION)
-                .label("with compensator"),
-        )]);
     Ok(Evidence {
-        drawings: vec![
-            ("Supply voltage; desired and actual boost pressure, and the duty.".into(), figure.into()),
-            ("The effect of the compensator; the band is the paper's 1 kPa.".into(), comparison.into()),
-        ],
+        drawings: vec![(
+            "Supply voltage, reference and actual boost pressure, the error, actual minus reference, with and without \
+             the compensator, and the duty; the band is the paper's 1 kPa."
+                .into(),
+            figure.into(),
+        )],
         claims: vec![
             Claim {
                 name: "deviation",

@@ -52,7 +52,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     let fine: Vec<f64> = (0..=400).map(|index| 0.25 * f64::from(index)).collect();
     let leakage = Panel::new("duty (%)", "effective area (mm\u{b2})")
         .title("(a) Leakage of the valve")
-        .height(240.0)
+        .height(240)
         .line(Line::new(&fine, fine.iter().map(|&duty| 1e6 * expected_area(duty))).label("eq. (6), Table 1"))
         .line(
             Line::new(&duties, areas.iter().map(|area| 1e6 * area))
@@ -62,7 +62,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         );
     let pressure = Panel::new("duty (%)", "actuator pressure (kPa)")
         .title("(b) Pressure in the actuator")
-        .height(240.0)
+        .height(240)
         .line(
             Line::new(&fine, fine.iter().map(|&duty| 1e-3 * expected_pressure(duty)))
                 .label("eq. (7), Table 1"),

@@ -44,7 +44,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         };
         Panel::new("duty (%)", label)
             .title(title)
-            .height(240.0)
+            .height(240)
             .x_range(0.0, 100.0)
             .line(line(up).label("up"))
             .line(line(down).dashed().color(color::VERMILION).label("down"))

@@ -38,7 +38,7 @@ fn spring(laboratory: &mut Laboratory) -> Result<Evidence> {
     };
     let panel = Panel::new("rod position (mm)", "spring force (N)")
         .title("(a) Spring")
-        .height(200.0)
+        .height(200)
         .line(Line::new(&positions, forces.iter().copied()));
     Ok(Evidence {
         drawings: vec![(
@@ -80,12 +80,12 @@ fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
     };
     let panel = |name, label, factor: f64, color| {
         let line = Line::new(time, record.get(name)?.iter().map(|value| factor * value).collect::<Vec<_>>());
-        let panel = Panel::new("time (s)", label).height(110.0).x_range(60.0, 90.0).x_band(begin, end);
+        let panel = Panel::new("time (s)", label).height(110).x_range(60.0, 90.0).x_band(begin, end);
         Ok::<_, anyhow::Error>(panel.line(line.color(color)))
     };
     let title = "(b) 2000 rpm and a duty of 50 %; the pump runs in the shaded time";
     let figure = Figure::new()
-        .row([panel("valve.voltage", "supply (V)", 1.0, color::BLACK)?.y_range(11.45, 12.15).title(title)])
+        .row([panel("valve.voltage", "supply (V)", 1.0, color::INK)?.y_range(11.45, 12.15).title(title)])
         .row([panel("tank_pressure", "tank (kPa)", 1e-3, color::SKY)?.y_range(28.5, 36.5)])
         .row([panel("hp_wastegate_position", "wastegate (%)", 100.0, color::BLUE)?.y_range(62.5, 71.5)])
         .row([panel("exhaust_manifold_pressure", "exhaust (kPa)", 1e-3, color::VERMILION)?

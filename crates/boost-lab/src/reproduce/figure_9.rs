@@ -26,12 +26,12 @@ fn panels(record: &Record, letter: &str, end: f64) -> Result<[Panel; 3]> {
     };
     let panel = |label, height| Panel::new("time (s)", label).height(height).x_range(0.0, end);
     Ok([
-        panel("duty (%)", 80.0).title(letter).line(line("hp_wastegate_pwm", 1.0)?.color(color::BLACK)),
-        panel("pressure (kPa)", 190.0)
+        panel("duty (%)", 80).title(letter).line(line("hp_wastegate_pwm", 1.0)?.color(color::INK)),
+        panel("pressure (kPa)", 190)
             .line(line("valve.pressure", 1e-3)?.thin().color(color::GRAY).label("eq. (7)"))
             .line(line("actuator_pressure", 1e-3)?.color(color::VERMILION).label("actuator"))
             .line(line("tank_pressure", 1e-3)?.color(color::SKY).label("tank")),
-        panel("wastegate (%)", 120.0).line(line("hp_wastegate_position", 100.0)?.color(color::VERMILION)),
+        panel("wastegate (%)", 120).line(line("hp_wastegate_position", 100.0)?.color(color::VERMILION)),
     ])
 }
 

@@ -8,9 +8,9 @@ use crate::page::{number, page, quantity};
 use crate::plot::escaped;
 
 const STYLE: &str = "
-.how { color: #555; font-size: 0.93em; } svg .third { color: #666; } svg .added { opacity: 0.45; }
-.holds { color: #00704f; font-weight: 600; } .fails { color: #b32d00; font-weight: 600; }
-pre { font-size: 0.8em; background: #f6f6f6; padding: 0.8em; overflow-x: auto; }
+.how { color: var(--faint); font-size: 0.93em; } svg .third { color: var(--faint); } svg .added { opacity: 0.45; } svg .block { fill: var(--shade); }
+.holds, .fails { font-weight: 600; } .fails { color: var(--paper); background: var(--ink); padding: 0 0.3em; }
+pre { font-size: 0.8em; background: var(--shade); padding: 0.8em; overflow-x: auto; }
 ";
 
 #[derive(Serialize)]
@@ -79,12 +79,12 @@ pub fn html(figures: &[Reproduced], fmus: &[String]) -> String {
 fn section(Reproduced { figure, evidence, scenarios }: &Reproduced) -> String {
     let mut text =
         format!("<h2 id=\"figure-{0}\">Fig. {0}: {1}</h2>\n", figure.number, escaped(figure.title));
-    for (index, (caption, drawing)) in evidence.drawings.iter().enumerate() {
-        let svg = match drawing {
-            Drawing::Plot(plot) => plot.svg_named(&format!("figure-{}-{}", figure.number, index + 1)),
+    for (caption, drawing) in &evidence.drawings {
+        let html = match drawing {
+            Drawing::Plot(plot) => plot.html(),
             Drawing::Picture(svg) => svg.clone(),
         };
-        text += &format!("<figure>\n{svg}<figcaption>{}</figcaption>\n</figure>\n", escaped(caption));
+        text += &format!("<figure>\n{html}<figcaption>{}</figcaption>\n</figure>\n", escaped(caption));
     }
     text += "<table>\n<tr><th>The paper</th><th>The FMUs</th><th>Asked for</th><th></th></tr>\n";
     for claim in &evidence.claims {

@@ -96,9 +96,9 @@ impl<'a> TomlTable<'a> {
         Some(self.node(key.get_ref(), value))
     }
 
-    /// Accepts a title, which has no effect.
-    pub fn title(&self) -> Result<()> {
-        self.optional("title").map_or(Ok(()), |title| title.string("a text").map(|_| ()))
+    /// What the file is about.
+    pub fn title(&self) -> Result<Option<&'a str>> {
+        self.optional("title").map(|title| title.string("a text")).transpose()
     }
 
     /// A required value.

@@ -19,6 +19,8 @@ pub use self::signal::Signal;
 /// An experiment with coupled FMUs.
 #[derive(Clone, Debug)]
 pub struct Scenario {
+    /// What the scenario is about.
+    pub title: Option<String>,
     /// The communication step (s).
     pub step: f64,
     /// When it begins (s).
@@ -36,6 +38,8 @@ pub struct Scenario {
     pub noise: Vec<Noise>,
     /// The recorded variables; by default all driven inputs and all outputs.
     pub record: Option<Vec<Recorded>>,
+    /// The recorded variables in each panel of a plot.
+    pub panels: Option<Vec<Vec<Recorded>>>,
     /// All files read, and those of the FMUs.
     pub files: Vec<PathBuf>,
 }
@@ -127,7 +131,7 @@ impl Scenario {
     pub fn parse(file: &str, text: &str, folder: &Path, fmus: &Path) -> Result<Self> {
         let document = Document::parse(file, text)?;
         let root = document.root();
-        root.title()?;
+        let title = root.title()?.map(str::to_owned);
         let start = root.optional("start_time");
         let start_time = start.map_or(Ok(0.0), |node| node.number("a time in s"))?;
         let stop = root.required("stop_time", "a time in s")?;
@@ -137,6 +141,7 @@ impl Scenario {
         }
         let step = root.required("step", "the communication step in s")?.positive("a time above 0 in s")?;
         let mut scenario = Self {
+            title,
             step,
             start_time,
             stop_time,
@@ -153,11 +158,18 @@ impl Scenario {
             inputs: root.optional("inputs").map_or(Ok(vec![]), |node| read_inputs(&node, folder))?,
             noise: root.optional("noise").map_or(Ok(vec![]), |node| read_noise(&node))?,
             record: root.optional("record").map(|node| read_record(&node)).transpose()?,
+            panels: root.optional("panels").map(|node| read_panels(&node)).transpose()?,
             files: vec![],
         };
         root.finish()?;
         scenario.files = document.into_files();
         Ok(scenario)
+    }
+
+    /// The names in each panel of a plot.
+    pub fn panel_names(&self) -> Option<Vec<Vec<String>>> {
+        let names = |panel: &Vec<Recorded>| panel.iter().map(|recorded| recorded.name.clone()).collect();
+        self.panels.as_ref().map(|panels| panels.iter().map(names).collect())
     }
 
     /// The signal that drives an input of every FMU that has it.
@@ -322,6 +334,16 @@ fn read_record(node: &Node<'_>) -> Result<Vec<Recorded>> {
         Ok(Recorded { name, location: node.location().clone() })
     };
     node.list(EXPECTED)?.iter().map(read).collect()
+}
+
+fn read_panels(node: &Node<'_>) -> Result<Vec<Vec<Recorded>>> {
+    const EXPECTED: &str = "a list of panels, each a list of names of recorded variables";
+    let panel = |node: &Node<'_>| {
+        let names = read_record(node)?;
+        if names.is_empty() { Err(node.unexpected("at least one name")) } else { Ok(names) }
+    };
+    let panels = node.list(EXPECTED)?;
+    if panels.is_empty() { Err(node.unexpected(EXPECTED)) } else { panels.iter().map(panel).collect() }
 }
 
 #[cfg(test)]

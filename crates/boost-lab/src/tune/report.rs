@@ -9,13 +9,13 @@ use crate::page::page;
 use crate::plot::{Figure, Line, Panel, color, escaped};
 
 const STYLE: &str = "
-body { max-width: 860px; } sub { line-height: 0; }
-table { width: auto; font: 11.5px/1.35 Helvetica, Arial, 'Liberation Sans', sans-serif; font-variant-numeric: tabular-nums; }
+sub { line-height: 0; }
+table { width: auto; font: 11.5px/1.35 system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif; font-variant-numeric: tabular-nums; }
 .maps { display: grid; grid-template-columns: repeat(auto-fit, minmax(390px, 1fr)); gap: 1.6em 2em; }
-.map { width: 100%; table-layout: fixed; } .map caption { font: 600 15px/1.6 Georgia, 'Times New Roman', serif; text-align: left; }
-.map td { text-align: center; padding: 0.16em 0; border: 1px solid #fff; } .map th { font-weight: 400; color: #444; padding: 0.16em 0.3em; text-align: right; border: none; }
+.map { width: 100%; table-layout: fixed; } .map caption { font-weight: 600; font-size: 1.2em; text-align: left; }
+.map td { text-align: center; padding: 0.16em 0; border: 1px solid var(--paper); } .map th { font-weight: 400; color: var(--faint); padding: 0.16em 0.3em; text-align: right; border: none; }
 .map thead th { text-align: center; } .map .corner { text-align: right; }
-.filled { color: #777; font-style: italic; background: repeating-linear-gradient(135deg, #f1f1f1 0 4px, #fafafa 4px 8px); } .raised { text-decoration: underline; text-underline-offset: 2px; }
+.filled { color: var(--faint); font-style: italic; background: repeating-linear-gradient(135deg, var(--shade) 0 4px, var(--paper) 4px 8px); } .raised { text-decoration: underline; text-underline-offset: 2px; }
 .legend { margin-top: 1.2em; } .legend td { padding: 0.1em 0.7em; border: none; } .settings td { padding: 0.15em 1.2em 0.15em 0; border: none; }
 .points { width: 100%; } .points th, .points td { padding: 0.2em 0.5em 0.2em 0; white-space: nowrap; }
 ";
@@ -271,21 +271,20 @@ fn heat_map(tuning: &Tuning<'_>, title: &str, decimals: usize, shown: impl Fn(&C
     text + "</table>\n"
 }
 
-/// From almost white to the blue of the figures, with a legible text colour.
+/// Between the map's colours of the least and the greatest value, on which texts are legible by day and by night.
 fn shade(strength: f64) -> String {
-    const LIGHT: [f64; 3] = [237.0, 244.0, 250.0];
-    const DARK: [f64; 3] = [0.0, 94.0, 156.0];
-    // Here the black of the figures and white contrast alike, 4.2 and 4.1 by WCAG 2.1.
-    const WHITE_FROM: f64 = 0.75;
-    let [red, green, blue] = [0, 1, 2].map(|index| LIGHT[index] + strength * (DARK[index] - LIGHT[index]));
-    let text = if strength > WHITE_FROM { "#fff" } else { color::BLACK };
-    format!("background:rgb({red:.0},{green:.0},{blue:.0});color:{text}")
+    format!(
+        "background:color-mix(in srgb,var({}) {:.0}%,var({}))",
+        color::HIGH.name(),
+        100.0 * strength,
+        color::LOW.name()
+    )
 }
 
 fn static_maps(tuning: &Tuning<'_>) -> String {
     let schedule = &tuning.task.schedule;
-    let mut panel = Panel::new("duty (%)", "boost pressure (kPa)").height(300.0);
-    for (sweep, color) in tuning.sweeps.iter().zip(color::CYCLE.iter().cycle()) {
+    let mut panel = Panel::new("duty (%)", "boost pressure (kPa)").height(300);
+    for (sweep, &color) in tuning.sweeps.iter().zip(color::CYCLE.iter().cycle()) {
         let duties: Vec<_> = sweep.holds.iter().map(|hold| hold.duty).collect();
         let boost = sweep.holds.iter().map(|hold| 1e-3 * hold.boost_pressure);
         let speed = schedule.engine_speeds[sweep.column];
@@ -296,7 +295,7 @@ fn static_maps(tuning: &Tuning<'_>) -> String {
     format!(
         "<h2>The static map</h2>\n<figure>\n{}<figcaption>Boost pressure at the end of each hold of the sweeps. Shaded: \
          the duties at which steps are taken.</figcaption>\n</figure>\n",
-        Figure::new().row([panel.x_band(least, most)]).svg_named("static-map")
+        Figure::new().row([panel.x_band(least, most)]).html()
     )
 }
 
@@ -331,7 +330,7 @@ fn responses(tuning: &Tuning<'_>) -> String {
                 .line(Line::new(&times, up).label("up").color(color::SKY).thin())
                 .line(Line::new(&times, down).label("down, mirrored").color(color::ORANGE).thin())
                 .line(Line::new(&times, mean).label("mean").color(color::BLUE))
-                .line(Line::new(&times, modelled).label("model").color(color::BLACK).dashed())
+                .line(Line::new(&times, modelled).label("model").color(color::INK).dashed())
         })
         .collect();
     let rows = panels.chunks(2).map(<[Panel]>::to_vec);
@@ -339,7 +338,7 @@ fn responses(tuning: &Tuning<'_>) -> String {
         "<h2>Responses and models</h2>\n<figure>\n{}<figcaption>Changes of boost pressure after a step of the duty, per \
          %: from the worst fit to the best. The plant is of higher order, so it bends where the model has a \
          corner.</figcaption>\n</figure>\n",
-        rows.fold(Figure::new(), Figure::row).svg_named("responses")
+        rows.fold(Figure::new(), Figure::row).html()
     )
 }
 
@@ -378,4 +377,44 @@ fn points(tuning: &Tuning<'_>) -> String {
         );
     }
     text + "</table></details>\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plot::Color;
+
+    /// The relative luminance of WCAG 2.1.
+    fn luminance(color: [f64; 3]) -> f64 {
+        let [red, green, blue] = color.map(|value| {
+            let value = value / 255.0;
+            if value <= 0.03928 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+        });
+        0.2126 * red + 0.7152 * green + 0.0722 * blue
+    }
+
+    fn contrast(one: [f64; 3], other: [f64; 3]) -> f64 {
+        let [one, other] = [luminance(one), luminance(other)];
+        (one.max(other) + 0.05) / (one.min(other) + 0.05)
+    }
+
+    /// 4.5:1, what WCAG 2.1 asks of text (1.4.3), for each colour that a cell may have.
+    #[test]
+    fn texts_in_maps_contrast_with_their_cells_by_day_and_by_night() {
+        assert!((contrast([0.0; 3], [255.0; 3]) - 21.0).abs() < 1e-9);
+        for of in [Color::day, Color::night] {
+            let [low, high, ink, faint, shade, paper] =
+                [color::LOW, color::HIGH, color::INK, color::FAINT, color::SHADE, color::PAPER]
+                    .map(|color| of(color).map(f64::from));
+            for percent in 0..=100 {
+                let strength = f64::from(percent) / 100.0;
+                let cell = [0, 1, 2].map(|index| low[index] + strength * (high[index] - low[index]));
+                assert!(contrast(ink, cell) >= 4.5, "{percent} %: {}", contrast(ink, cell));
+            }
+            // Cells that are filled, and captions.
+            for back in [shade, paper] {
+                assert!(contrast(faint, back) >= 4.5, "{}", contrast(faint, back));
+            }
+        }
+    }
 }

@@ -1,0 +1,62 @@
+"use strict";
+{
+  const night = matchMedia("(prefers-color-scheme: dark)");
+  const buttons = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d"] };
+  const panels = [...document.querySelectorAll(".panel")];
+  const plotOf = panel => panel.querySelector(".plot");
+
+  // The style sheet's colours stand in the data by their names.
+  const plotted = panel => {
+    const style = getComputedStyle(document.documentElement);
+    const colored = (_, value) =>
+      typeof value === "string" && value.startsWith("--") ? style.getPropertyValue(value).trim() : value;
+    const { data, layout } = JSON.parse(panel.querySelector("script").textContent, colored);
+    panel.querySelectorAll("input").forEach(box => { data[box.value].visible = box.checked; });
+    const [ink, faint, paper, rule] = ["--ink", "--faint", "--paper", "--rule"].map(name => style.getPropertyValue(name).trim());
+    const text = { color: ink, size: 12, family: getComputedStyle(document.body).fontFamily };
+    return [data, {
+      ...layout, font: text, uirevision: true, paper_bgcolor: "transparent", plot_bgcolor: "transparent",
+      hoverlabel: { bgcolor: paper, bordercolor: rule, font: text, namelength: -1 }, modebar: { bgcolor: paper, color: faint, activecolor: ink },
+      // On a touch screen a finger scrolls the page.
+      dragmode: matchMedia("(pointer: coarse)").matches ? false : "zoom",
+    }];
+  };
+  const draw = () => Promise.all(panels.map(panel => Plotly.react(plotOf(panel), ...plotted(panel), buttons)));
+
+  const following = new Set();
+  const link = panel => {
+    const others = [...panel.closest("figure").querySelectorAll(".panel")]
+      .filter(other => other !== panel && panel.dataset.axis && other.dataset.axis === panel.dataset.axis);
+    plotOf(panel).on("plotly_relayout", change => {
+      // A panel that follows another one leads none.
+      if (following.delete(panel)) return;
+      const range = Object.entries(change).filter(([key]) => key.startsWith("xaxis."));
+      if (range.length === 0) return;
+      others.forEach(other => {
+        following.add(other);
+        Plotly.relayout(plotOf(other), Object.fromEntries(range));
+      });
+    });
+  };
+  const serveKeyboard = plot => plot.querySelectorAll(".modebar-btn").forEach(button => {
+    button.tabIndex = 0;
+    button.setAttribute("role", "button");
+    button.setAttribute("aria-label", button.dataset.title);
+  });
+
+  draw().then(() => {
+    for (const panel of panels) {
+      const plot = plotOf(panel);
+      link(panel);
+      serveKeyboard(plot);
+      plot.on("plotly_afterplot", () => serveKeyboard(plot));
+      plot.addEventListener("keydown", event => {
+        if (event.key === "Enter" && event.target.matches(".modebar-btn")) event.target.dispatchEvent(new MouseEvent("click"));
+      });
+      panel.querySelectorAll("input").forEach(box =>
+        box.addEventListener("change", () => Plotly.restyle(plot, { visible: box.checked }, [Number(box.value)])));
+    }
+    document.documentElement.dataset.drawn = panels.length;
+  });
+  night.addEventListener("change", draw);
+}

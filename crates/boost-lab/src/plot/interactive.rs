@@ -1,0 +1,171 @@
+//! Figures in HTML: the crate `plotly` describes them and ships plotly.js, which the page contains and which draws them
+//! when the page is opened; `interactive.js` gives it the page's colours and links the axes.
+
+use plotly::common::{DashType, Line as Stroke, LineShape, Marker, Mode, Title};
+use plotly::layout::{
+    Axis as Scale, HoverMode, Layout, Margin, Shape, ShapeLayer, ShapeLine, ShapeType, TicksDirection,
+};
+use plotly::{Plot, Scatter, Trace};
+
+use super::{Axis, Band, Figure, Line, Marks, Panel, color, escaped};
+
+/// The colours of the style sheet are read by name, since plotly.js does not know them.
+const OWN_SCRIPT: &str = include_str!("interactive.js");
+/// A row's frames have so many columns of pixels together, to which lines are thinned.
+const COLUMNS: usize = 800;
+/// All lines of a figure together have at most so many: 60 bytes each, that the page stays below 6 MB.
+const MOST_COLUMNS: usize = 20_000;
+/// A panel has this many significant steps on each axis: ten times its pixels.
+const STEPS: f64 = 1e4;
+/// The frame's distance to the left edge, equal in all panels so that linked axes stand below each other.
+const LEFT: usize = 64;
+/// Half the last tick's label.
+const RIGHT: usize = 24;
+/// The modebar's height.
+const TOP: usize = 28;
+/// Tick labels, and the axis' label.
+const BOTTOM: [usize; 2] = [24, 44];
+
+/// The scripts that draw the figures of a page.
+pub fn script() -> String {
+    // The second script is MathJax, which no figure needs.
+    let sources = Plot::offline_js_sources();
+    let library = sources.split_inclusive("</script>").next().unwrap_or_default();
+    format!("{library}\n<script>{OWN_SCRIPT}</script>\n")
+}
+
+impl Figure {
+    /// The figure, for the `<figure>` of a page with [`script`].
+    pub fn html(&self) -> String {
+        let mut html = String::new();
+        let lines: usize = self.rows.iter().flatten().map(|panel| panel.lines.len()).sum();
+        for (index, row) in self.rows.iter().enumerate() {
+            html += "<div class=\"row\">\n";
+            let columns = (COLUMNS / row.len()).min(MOST_COLUMNS / lines.max(1)).max(1);
+            for (column, panel) in row.iter().enumerate() {
+                let axis = if self.shares_x { format!(" data-axis=\"{column}\"") } else { String::new() };
+                html += &panel.html(&axis, self.has_x_label(index), columns);
+            }
+            html += "</div>\n";
+        }
+        html
+    }
+}
+
+impl Panel {
+    fn html(&self, axis: &str, has_x_label: bool, columns: usize) -> String {
+        let bottom = BOTTOM[usize::from(has_x_label)];
+        let title = self
+            .title
+            .as_deref()
+            .map_or_else(String::new, |title| format!("<p class=\"title\">{}</p>\n", escaped(title)));
+        let entries = self.lines.iter().enumerate().filter_map(|(index, line)| line.entry(index));
+        let round = [self.x_extent(), self.y_extent()].map(|(from, to)| rounding(to - from));
+        let traces: Vec<_> =
+            self.thinned_lines(columns).map(|(line, points)| line.trace(&points, round).to_json()).collect();
+        // No `<` may end the script.
+        let plot =
+            format!("{{\"data\":[{}],\"layout\":{}}}", traces.join(","), self.layout(bottom, has_x_label));
+        format!(
+            "<div class=\"panel\"{axis}>\n{title}<p class=\"legend\">{}</p>\n<div class=\"plot\" style=\"height:{}px\">\
+             </div>\n<script type=\"application/json\">{}</script>\n</div>\n",
+            entries.collect::<String>(),
+            self.height as usize + TOP + bottom,
+            plot.replace('<', "\\u003c"),
+        )
+    }
+
+    fn layout(&self, bottom: usize, has_x_label: bool) -> String {
+        // Along a curve that turns back, one place has several values.
+        let ascends = |line: &Line| line.marks != Marks::Dots && line.points.is_sorted_by(|a, b| a.0 <= b.0);
+        let hover = if self.lines.iter().all(ascends) { HoverMode::XUnified } else { HoverMode::Closest };
+        Layout::new()
+            .margin(Margin::new().left(LEFT).right(RIGHT).top(TOP).bottom(bottom))
+            .show_legend(false)
+            .hover_mode(hover)
+            .x_axis(self.x.scale(has_x_label))
+            .y_axis(self.y.scale(true))
+            .shapes(self.bands.iter().map(Band::shape).collect())
+            .to_json()
+    }
+}
+
+impl Axis {
+    fn scale(&self, has_label: bool) -> Scale {
+        let scale = Scale::new()
+            .show_line(true)
+            .mirror(true)
+            .ticks(TicksDirection::Inside)
+            .zero_line(false)
+            .spike_thickness(1)
+            .spike_color(color::FAINT.name)
+            .line_color(color::FAINT.name)
+            .tick_color(color::FAINT.name)
+            .grid_color(color::RULE.name);
+        let scale = if has_label { scale.title(Title::with_text(escaped(&self.label))) } else { scale };
+        match self.range {
+            Some((from, to)) => scale.range(vec![from, to]),
+            None => scale,
+        }
+    }
+}
+
+impl Line {
+    fn trace(&self, points: &[(f64, f64)], [x, y]: [f64; 2]) -> Box<Scatter<f64, f64>> {
+        let rounded = |value: f64, factor: f64| (value * factor).round() / factor;
+        let (x, y) = points.iter().map(|point| (rounded(point.0, x), rounded(point.1, y))).unzip();
+        let mut stroke = Stroke::new().color(self.color.name).width(self.width);
+        if self.is_dashed {
+            stroke = stroke.dash(DashType::Dash);
+        }
+        if self.is_held {
+            stroke = stroke.shape(LineShape::Hv);
+        }
+        let mode = match self.marks {
+            Marks::Stroke => Mode::Lines,
+            Marks::StrokeAndDots => Mode::LinesMarkers,
+            Marks::Dots => Mode::Markers,
+        };
+        let trace = Scatter::new(x, y).mode(mode).line(stroke);
+        let trace = trace.marker(Marker::new().size(5).color(self.color.name));
+        match &self.label {
+            Some(label) => trace.name(escaped(label)),
+            None => trace.name(""),
+        }
+    }
+
+    /// The entry of the legend, which switches the line on and off.
+    fn entry(&self, index: usize) -> Option<String> {
+        let label = escaped(self.label.as_deref()?);
+        let look = match self.marks {
+            Marks::Dots => "dotted",
+            _ if self.is_dashed => "dashed",
+            _ => "solid",
+        };
+        Some(format!(
+            "<label><input type=\"checkbox\" checked value=\"{index}\"><span style=\"border-top:3px {look} \
+             var({})\"></span>{label}</label>\n",
+            self.color.name
+        ))
+    }
+}
+
+impl Band {
+    fn shape(&self) -> Shape {
+        let shape = Shape::new()
+            .shape_type(ShapeType::Rect)
+            .layer(ShapeLayer::Below)
+            .fill_color(color::SHADE.name)
+            .line(ShapeLine::new().width(0.0));
+        if self.is_of_x {
+            shape.y_ref("paper").x0(self.from).x1(self.to).y0(0).y1(1)
+        } else {
+            shape.x_ref("paper").x0(0).x1(1).y0(self.from).y1(self.to)
+        }
+    }
+}
+
+/// The power of ten that makes a range so many whole numbers long, at least.
+fn rounding(range: f64) -> f64 {
+    10_f64.powf((STEPS / range).log10().ceil())
+}

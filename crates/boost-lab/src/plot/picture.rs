@@ -1,0 +1,231 @@
+//! Figures as SVG and PNG, drawn by `plotters`, in the colours of the day. The texts of a PNG are in a font that the
+//! crate `epaint_default_fonts` ships, so that a machine without fonts draws the same.
+
+use anyhow::{Context, Result, anyhow};
+use epaint_default_fonts::UBUNTU_LIGHT;
+use plotters::coord::Shift;
+use plotters::data::float::FloatPrettyPrinter;
+use plotters::element::DashedPathElement;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::{FontStyle, register_font};
+
+use super::{Figure, Line, Marks, Panel, color};
+
+/// The size of a figure, in CSS pixels.
+const WIDTH: u32 = 900;
+const FONT: &str = "sans-serif";
+const FONT_SIZE: u32 = 13;
+/// Tick labels and label of the vertical axis, which frames of one column have in common.
+const LEFT: u32 = 64;
+/// Half the last tick's label.
+const RIGHT: u32 = 22;
+const TOP: u32 = 10;
+const TITLE: u32 = 24;
+/// Tick labels, and the axis' label.
+const BOTTOM: [u32; 2] = [20, 38];
+/// The length of a line's sample in the legend.
+const SAMPLE: u32 = 26;
+const DASH: u32 = 6;
+/// Between a line's sample and its label, and at the left edge.
+const GAP: u32 = 10;
+/// A PNG has so many pixels in each CSS pixel, for dense screens and paper.
+const DENSITY: u32 = 2;
+/// The share of a range above and below the curves.
+const ROOM: f64 = 0.06;
+
+impl Figure {
+    pub fn svg(&self) -> Result<String> {
+        let mut text = String::new();
+        self.draw(&SVGBackend::with_string(&mut text, self.size(1)).into_drawing_area(), 1)?;
+        Ok(text)
+    }
+
+    pub fn png(&self) -> Result<Vec<u8>> {
+        let (width, height) = self.size(DENSITY);
+        let mut pixels = vec![0; 3 * width as usize * height as usize];
+        self.draw(&BitMapBackend::with_buffer(&mut pixels, (width, height)).into_drawing_area(), DENSITY)?;
+        let mut file = vec![];
+        let mut encoder = png::Encoder::new(&mut file, width, height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.write_header()?.write_image_data(&pixels)?;
+        Ok(file)
+    }
+
+    /// In pixels.
+    fn size(&self, density: u32) -> (u32, u32) {
+        let heights = (0..self.rows.len()).map(|row| self.row_height(row));
+        let title = if self.title.is_empty() { 0 } else { TITLE };
+        (density * WIDTH, density * (TOP + title + heights.sum::<u32>()))
+    }
+
+    fn row_height(&self, row: usize) -> u32 {
+        let height = |panel: &Panel| panel.height + if panel.title.is_some() { TITLE } else { 0 };
+        let bottom = BOTTOM[usize::from(self.has_x_label(row))];
+        TOP + bottom + self.rows[row].iter().map(height).max().unwrap_or(0)
+    }
+
+    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>, density: u32) -> Result<()>
+    where
+        B::ErrorType: 'static,
+    {
+        register_font(FONT, FontStyle::Normal, UBUNTU_LIGHT).map_err(|_| anyhow!("the font is damaged"))?;
+        self.draw_rows(area, density).context("the figure cannot be drawn")
+    }
+
+    fn draw_rows<B: DrawingBackend>(
+        &self,
+        area: &DrawingArea<B, Shift>,
+        density: u32,
+    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+        area.fill(&rgb(color::PAPER))?;
+        let mut rest = area.margin(density * TOP, 0, 0, 0);
+        if !self.title.is_empty() {
+            rest = rest.titled(&self.title, text(FONT_SIZE + 2, density))?;
+        }
+        let mut legend = 0;
+        for line in self.rows.iter().flatten().flat_map(|panel| &panel.lines) {
+            if let Some(label) = &line.label {
+                let width = area.estimate_text_size(label, &text(FONT_SIZE, density))?.0;
+                legend = legend.max(width + density * (SAMPLE + 2 * GAP));
+            }
+        }
+        for (index, row) in self.rows.iter().enumerate() {
+            let (upper, lower) = rest.split_vertically(density * self.row_height(index));
+            rest = lower;
+            for (panel, area) in row.iter().zip(upper.split_evenly((1, row.len()))) {
+                let width = area.dim_in_pixel().0.saturating_sub(legend);
+                let (frame, legend) = area.split_horizontally(width);
+                panel.draw(&frame, density, self.has_x_label(index))?;
+                panel.draw_legend(&legend, density)?;
+            }
+        }
+        area.present()
+    }
+}
+
+impl Panel {
+    fn draw<B: DrawingBackend>(
+        &self,
+        area: &DrawingArea<B, Shift>,
+        density: u32,
+        has_x_label: bool,
+    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+        let [x, y] = [self.x_extent(), self.y_drawn()];
+        let mut chart = ChartBuilder::on(area);
+        chart.margin_top(density * TOP).margin_left(density * GAP).margin_right(density * RIGHT);
+        chart.y_label_area_size(density * LEFT).x_label_area_size(density * BOTTOM[usize::from(has_x_label)]);
+        if let Some(title) = &self.title {
+            chart.caption(title, text(FONT_SIZE, density));
+        }
+        let mut chart = chart.build_cartesian_2d(x.0..x.1, y.0..y.1)?;
+        for band in &self.bands {
+            let corners = if band.is_of_x {
+                [(band.from, y.0), (band.to, y.1)]
+            } else {
+                [(x.0, band.from), (x.1, band.to)]
+            };
+            chart.draw_series([Rectangle::new(corners, rgb(color::SHADE).filled())])?;
+        }
+        let mut mesh = chart.configure_mesh();
+        mesh.axis_style(rgb(color::FAINT)).bold_line_style(rgb(color::RULE)).light_line_style(TRANSPARENT);
+        mesh.label_style(text(FONT_SIZE, density)).y_desc(&self.y.label);
+        mesh.x_label_formatter(&|value| number(*value)).y_label_formatter(&|value| number(*value));
+        mesh.y_labels(if self.height < 130 { 4 } else { 6 });
+        if has_x_label {
+            mesh.x_desc(&self.x.label);
+        }
+        mesh.draw()?;
+        for (line, points) in self.thinned_lines((WIDTH * density) as usize) {
+            let style = line.style(density);
+            let is_inside = |point: &(f64, f64)| (x.0..=x.1).contains(&point.0);
+            let points: Vec<_> = points.into_iter().filter(is_inside).collect();
+            for part in line.parts(&points) {
+                if line.marks != Marks::Stroke {
+                    let dots = part.iter().map(|&point| Circle::new(point, 2 * density, style.filled()));
+                    chart.draw_series(dots)?;
+                }
+                if line.marks == Marks::Dots {
+                    continue;
+                }
+                if line.is_dashed {
+                    let dash = DASH * density;
+                    chart.draw_series(DashedLineSeries::new(part, dash, dash / 2, style))?;
+                } else if density == 1 {
+                    chart.draw_series(LineSeries::new(part, style))?;
+                } else {
+                    // At a spike the joint of two segments would be longer than the spike.
+                    let segments = part.windows(2).map(|pair| PathElement::new(pair.to_vec(), style));
+                    chart.draw_series(segments)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Beside the frame, where it hides no line.
+    fn draw_legend<B: DrawingBackend>(
+        &self,
+        area: &DrawingArea<B, Shift>,
+        density: u32,
+    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+        let [sample, gap, row] = [SAMPLE, GAP, FONT_SIZE + 6].map(|size| (density * size).cast_signed());
+        let mut middle = (density * TOP).cast_signed() + row / 2;
+        for line in &self.lines {
+            let Some(label) = &line.label else { continue };
+            let style = line.style(density);
+            if line.marks == Marks::Dots {
+                area.draw(&Circle::new((sample / 2, middle), 2 * density, style.filled()))?;
+            } else {
+                let (dash, space) = if line.is_dashed { (DASH, DASH / 2) } else { (SAMPLE, 0) };
+                let ends = [(0, middle), (sample, middle)];
+                area.draw(&DashedPathElement::new(ends, density * dash, density * space, style))?;
+            }
+            let font = text(FONT_SIZE, density).pos(Pos::new(HPos::Left, VPos::Center));
+            area.draw(&Text::new(label.as_str(), (sample + gap / 2, middle), font))?;
+            middle += row;
+        }
+        Ok(())
+    }
+
+    /// The vertical range, with room around the curves if it is not given.
+    fn y_drawn(&self) -> (f64, f64) {
+        let (from, to) = self.y_extent();
+        let room = if self.y.range.is_some() { 0.0 } else { ROOM * (to - from) };
+        (from - room, to + room)
+    }
+}
+
+impl Line {
+    fn style(&self, density: u32) -> ShapeStyle {
+        rgb(self.color).stroke_width((density * if self.width < 1.5 { 2 } else { 3 }).div_ceil(2))
+    }
+
+    /// The unbroken parts of the line through points, with the corners of held values.
+    fn parts(&self, points: &[(f64, f64)]) -> Vec<Vec<(f64, f64)>> {
+        let is_finite = |point: &(f64, f64)| point.0.is_finite() && point.1.is_finite();
+        let parts = points.split(|point| !is_finite(point)).filter(|part| !part.is_empty());
+        let with_corners = |part: &[(f64, f64)]| {
+            let first = part.first().copied();
+            let rest = part.windows(2).flat_map(|pair| [(pair[1].0, pair[0].1), pair[1]]);
+            first.into_iter().chain(rest).collect()
+        };
+        parts.map(|part| if self.is_held { with_corners(part) } else { part.to_vec() }).collect()
+    }
+}
+
+/// A tick's number.
+fn number(value: f64) -> String {
+    let allow_scientific = !(1e-3..1e6).contains(&value.abs());
+    let printer = FloatPrettyPrinter { allow_scientific, min_decimal: 0, max_decimal: 6 };
+    printer.print(value).replace('-', "\u{2212}")
+}
+
+fn text(size: u32, density: u32) -> TextStyle<'static> {
+    (FONT, density * size).into_font().color(&rgb(color::INK))
+}
+
+fn rgb(color: super::Color) -> RGBColor {
+    let [red, green, blue] = color.day;
+    RGBColor(red, green, blue)
+}

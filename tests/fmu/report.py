@@ -1,0 +1,55 @@
+"""Reads a report of the laboratory as a browser does."""
+
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+
+class Report(HTMLParser):
+    """What a report contains, without its library."""
+
+    def __init__(self, file: Path) -> None:
+        super().__init__()
+        self.maps = self.cells = 0
+        self.names: list[str] = []
+        self.plots: list[dict[str, Any]] = []
+        self.loads: list[str] = []
+        self._script: str | None = None
+        text = file.read_text()
+        self.feed(text)
+        self.size = len(text.encode())
+        library = re.compile(r'<script type="text/javascript">.*?</script>', re.DOTALL)
+        self.text = library.sub("", text)
+        assert len(library.findall(text)) == 1
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        named = dict(attributes)
+        self.maps += tag == "table" and named.get("class") == "map"
+        self.cells += tag == "td" and "title" in named
+        self.names += [value for name, value in attributes if name == "id"]
+        self.loads += [value for name, value in attributes if name in ("src", "href")]
+        self._script = named.get("type") if tag == "script" else None
+
+    def handle_data(self, data: str) -> None:
+        if self._script == "application/json":
+            self.plots.append(json.loads(data))
+
+    def handle_endtag(self, tag: str) -> None:
+        self._script = None
+
+    def assert_complete(self) -> None:
+        """It fetches nothing, has no name twice, and fits into 6 MB."""
+        assert self.loads == []
+        assert "@import" not in self.text
+        assert "http" not in self.text.replace("http://www.w3.org/2000/svg", "")
+        assert len(self.names) == len(set(self.names))
+        assert self.size < 6e6
+
+    def line(self, name: str) -> dict[str, Any]:
+        """The first line of a name."""
+        lines = [line for plot in self.plots for line in plot["data"]]
+        return next(line for line in lines if line["name"] == name)
