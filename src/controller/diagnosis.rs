@@ -22,9 +22,9 @@ use super::variables::{
 };
 use crate::elementary::larger;
 
-/// The time constant (s) of the virtual duty before a demand: longer than the duty needs for a step of the reference,
-/// shorter than a driver waits between two.
-const DUTY_MEMORY: f64 = 1.0;
+/// The time constant (s) of the virtual duty and of the reference before a demand: longer than the duty needs for a step
+/// of the reference, shorter than a driver waits between two.
+const MEMORY: f64 = 1.0;
 /// The change of engine speed (rpm) within which the loop is judged: beyond it, the duty moves to keep the pressure.
 const STEADY_SPEED: f64 = 100.0;
 /// The sum of the changes of the duty (%) up to which it rests: 1 % more empties 0.9 kPa of the actuator's chamber into the
@@ -282,12 +282,13 @@ impl Signal {
 /// Whether boost answers the virtual duty.
 ///
 /// While boost is far from its reference, the duty is expected to move it: to the pressure at which the schedule has
-/// that duty at rest, with the schedule's time constant. A loop that answers goes at least a share of that way. One that
-/// cannot reach its reference, as in thin air, has answered when its duty moved there, and is left alone.
+/// that duty at rest, with the schedule's time constant. A loop that answers moves at least a little that way. One that
+/// cannot reach its reference, as in thin air, has answered when its duty moved there, and is left alone. So is a lack of
+/// boost under a reference that did not rise: a shut throttle takes the boost as a stuck wastegate would.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 struct Answer {
-    /// The virtual duty (%), filtered; none before the first sample.
-    duty_before: Option<f64>,
+    /// Virtual duty (%) and reference (Pa), filtered; none before the first sample.
+    before: Option<[f64; 2]>,
     demand: Option<Demand>,
 }
 
@@ -296,9 +297,12 @@ struct Answer {
 struct Demand {
     /// Above 0 where more boost is asked for.
     sign: f64,
-    /// Boost pressure (Pa) and engine speed (rpm) at the beginning.
-    boost_pressure: f64,
+    /// The boost pressure (Pa) that was farthest from the reference.
+    farthest: f64,
+    /// The engine speed (rpm) at the beginning.
     engine_speed: f64,
+    /// The reference (Pa) before.
+    reference_before: f64,
     /// The pressure (Pa) that the schedule has for the duty before.
     held_before: f64,
     /// How far boost ought to have moved (Pa).
@@ -319,9 +323,10 @@ impl Answer {
     ) -> bool {
         let &Inputs { boost_pressure, engine_speed, .. } = inputs;
         let &Parameters { sample_time, diagnosis: ref limits, .. } = parameters;
-        let duty_before = self.duty_before.unwrap_or(virtual_duty);
-        self.duty_before =
-            Some(duty_before + sample_time / larger(DUTY_MEMORY, sample_time) * (virtual_duty - duty_before));
+        let now = [virtual_duty, reference];
+        let before = self.before.unwrap_or(now);
+        let share = sample_time / larger(MEMORY, sample_time);
+        self.before = Some([0, 1].map(|i| before[i] + share * (now[i] - before[i])));
 
         let error = reference - boost_pressure;
         if error.abs() < limits.answer_error {
@@ -334,9 +339,10 @@ impl Answer {
         });
         let demand = self.demand.insert(lasting.unwrap_or_else(|| Demand {
             sign: error.signum(),
-            boost_pressure,
+            farthest: boost_pressure,
             engine_speed,
-            held_before: here.pressure_held_by(duty_before),
+            reference_before: before[1],
+            held_before: here.pressure_held_by(before[0]),
             ..Demand::default()
         }));
         let local = here.local_model();
@@ -345,12 +351,14 @@ impl Answer {
         demand.expected += sample_time / lag * (goal - demand.expected);
 
         let expected = demand.sign * demand.expected;
-        if expected < limits.answer_error {
+        let moved = larger(demand.sign * (boost_pressure - demand.farthest), 0.0);
+        demand.farthest = boost_pressure - demand.sign * moved;
+        let may_be_throttled = error > 0.0 && reference - demand.reference_before < limits.answer_error;
+        if expected < limits.answer_error || may_be_throttled {
             demand.unanswered = 0.0;
             return false;
         }
-        let moved = demand.sign * (boost_pressure - demand.boost_pressure);
-        demand.has_answered |= moved >= limits.answer_share * expected;
+        demand.has_answered |= moved >= limits.answer_movement;
         demand.unanswered = if demand.has_answered { 0.0 } else { demand.unanswered + sample_time };
         demand.unanswered >= limits.answer_time
     }
