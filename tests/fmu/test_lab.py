@@ -249,7 +249,7 @@ file = "{file}"
 
 
 def test_failing_step_ends_with_time_and_the_fmus_message(lab: Run, tmp_path: Path) -> None:
-    shutil.copy(TARGET / "test-model" / "TestModel.fmu", tmp_path)
+    shutil.copy(TARGET / "test-model" / "cs" / "TestModel.fmu", tmp_path)
     more = 'run_in = { duration = 1, after = { "fault.place" = "step", "fault.manner" = "error" } }'
     file = tmp_path / "alone.toml"
     # Not all outputs of this FMU are numbers.

@@ -8,7 +8,7 @@ use fmu_export::c_api;
 use fmu_export::c_types::{FmuState, Status, status_kind};
 use fmu_export::description::ValueReference;
 
-use super::importer::Importer;
+use super::importer::{Functions, Importer, Interface};
 use super::{opening, reference};
 
 /// An importer's memory, aligned as a whole, in which every argument is unaligned.
@@ -28,8 +28,9 @@ struct Arguments {
 #[test]
 fn arguments_may_lie_at_any_address() {
     type Model = BoostController;
-    let mut importer = Importer::<Model>::new();
-    importer.run(&opening(vec![])).unwrap();
+    let interface = Interface::CoSimulation;
+    let mut importer = Importer::<Model>::new(interface, Functions::co_simulation::<Model>());
+    importer.run(&opening(interface, &[])).unwrap();
     let names = ["boost_reference", "boost_pressure"];
     let mut memory = Memory(Arguments {
         offset: 0,

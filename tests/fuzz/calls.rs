@@ -62,6 +62,18 @@ pub enum Call {
         size: f64,
     },
     CancelStep,
+    EnterEventMode,
+    NewDiscreteStates,
+    EnterContinuousTimeMode,
+    CompletedIntegratorStep,
+    SetTime(Time),
+    /// Values for the states, and how many more than there are states, or fewer.
+    SetContinuousStates(Vec<f64>, isize),
+    GetVector(Vector, isize),
+    /// A step of explicit Euler.
+    Integrate(f64),
+    /// An event, iterated to its end.
+    HaveEvent,
     GetStatus {
         function: &'static str,
         kind: i32,
@@ -74,6 +86,24 @@ pub enum Call {
         from: usize,
         to: usize,
     },
+}
+
+/// A time to set.
+#[derive(Clone, Copy, Debug)]
+pub enum Time {
+    Later(f64),
+    /// The next time event, earlier by a part of it.
+    NextEvent(f64),
+    Any(f64),
+}
+
+/// What there are arrays of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Vector {
+    ContinuousStates,
+    Derivatives,
+    EventIndicators,
+    Nominals,
 }
 
 /// The number of slots for states.
@@ -172,8 +202,49 @@ fn step() -> impl Strategy<Value = Call> {
     (late, size).prop_map(|(late, size)| Call::DoStep { late, size })
 }
 
+/// A call that only Model Exchange has.
+fn of_model_exchange() -> impl Strategy<Value = Call> {
+    let time = prop_oneof![
+        8 => (0.0..0.1).prop_map(Time::Later),
+        4 => select(vec![0.0, 0.0, 1e-10, 1e-8, -1e-3]).prop_map(Time::NextEvent),
+        1 => (-1e3..1e3).prop_map(Time::Any),
+        1 => odd_number().prop_map(Time::Any),
+    ];
+    let size = prop_oneof![10 => 1e-3..0.1, 1 => -0.01..0.0, 1 => select(vec![1.0, 1e3, 1e300])];
+    let more = || prop_oneof![12 => Just(0), 1 => select(vec![-1, 1, 5])];
+    let state = prop_oneof![12 => -2.0..2.0, 1 => odd_number()];
+    let vector = select(vec![
+        Vector::ContinuousStates,
+        Vector::Derivatives,
+        Vector::EventIndicators,
+        Vector::EventIndicators,
+        Vector::Nominals,
+    ]);
+    prop_oneof![
+        3 => Just(Call::EnterEventMode),
+        4 => Just(Call::NewDiscreteStates),
+        4 => Just(Call::EnterContinuousTimeMode),
+        1 => Just(Call::CompletedIntegratorStep),
+        4 => time.prop_map(Call::SetTime),
+        2 => (vec(state, 8), more()).prop_map(|(states, more)| Call::SetContinuousStates(states, more)),
+        6 => (vector, more()).prop_map(|(vector, more)| Call::GetVector(vector, more)),
+        10 => size.prop_map(Call::Integrate),
+        6 => Just(Call::HaveEvent),
+    ]
+}
+
 /// A call without saved states.
-pub fn without_states(description: &'static ModelDescription) -> impl Strategy<Value = Call> {
+pub fn without_states(description: &'static ModelDescription) -> BoxedStrategy<Call> {
+    let others = of_every_fmu_or_co_simulation(description);
+    if description.interfaces.model_exchange {
+        prop_oneof![2 => others, 1 => of_model_exchange()].boxed()
+    } else {
+        others.boxed()
+    }
+}
+
+/// A call that every FMU has, or only co-simulation.
+fn of_every_fmu_or_co_simulation(description: &'static ModelDescription) -> impl Strategy<Value = Call> {
     let input = || settable(description, Type::Real);
     let output = || readable(description, Type::Real);
     let experiment = (

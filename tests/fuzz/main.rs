@@ -17,7 +17,9 @@ use std::env;
 use boost_fmu::controller::BoostController;
 use boost_fmu::plant::BoostPlant;
 use fmu_export::c_types::Status;
-use fmu_export::{Model, Variables as _};
+use fmu_export::{Integrated, Model, Variables as _};
+use fmu_export_equations::test_model::TestModel;
+use fmu_export_equations::{BouncingBall, Stairs};
 use proptest::prelude::*;
 use proptest::test_runner::{RngSeed, TestRunner};
 
@@ -27,7 +29,7 @@ mod importer;
 mod standard;
 
 use calls::{Call, Damage, Number, Type};
-use importer::Importer;
+use importer::{Functions, Importer, Interface};
 
 /// So many cases, always the same, unless the environment sets another number.
 fn runner(cases: u32) -> TestRunner {
@@ -39,10 +41,17 @@ fn runner(cases: u32) -> TestRunner {
     TestRunner::new(config)
 }
 
-/// Random calls, after an opening that makes steps likely.
-fn any_order<M: Model>(cases: u32, opening: impl Fn() -> Vec<Call>) {
+/// Random calls, after an opening that makes steps likely, of each interface that the model has.
+fn any_order<M: Model>(cases: u32, functions: Functions, before: &[Call]) {
+    any_order_of::<M>(Interface::CoSimulation, cases, functions, before);
+    if M::Variables::DESCRIPTION.interfaces.model_exchange {
+        any_order_of::<M>(Interface::ModelExchange, cases, functions, before);
+    }
+}
+
+fn any_order_of<M: Model>(interface: Interface, cases: u32, functions: Functions, before: &[Call]) {
     let description = M::Variables::DESCRIPTION;
-    let fresh = Importer::<M>::new().snapshot();
+    let fresh = Importer::<M>::new(interface, functions).snapshot();
     let (sequences, made) = (Cell::new(0), Cell::new(0));
     let strategy = (
         calls::settings(description),
@@ -52,8 +61,8 @@ fn any_order<M: Model>(cases: u32, opening: impl Fn() -> Vec<Call>) {
     );
     // One in five importers starts at once, the others after a part of the opening.
     let outcome = runner(cases).run(&strategy, |(settings, skipped, head, tail)| {
-        let mut importer = Importer::<M>::new();
-        let opening = opening();
+        let mut importer = Importer::<M>::new(interface, functions);
+        let opening = opening(interface, before);
         let opened = opening.len() - skipped.index(opening.len() * 5 / 4).saturating_sub(opening.len());
         importer.run(settings.iter().chain(opening.iter().take(opened)).chain(&head))?;
         let saved = importer.snapshot();
@@ -62,7 +71,7 @@ fn any_order<M: Model>(cases: u32, opening: impl Fn() -> Vec<Call>) {
         importer.restore(&saved)?;
         prop_assert!(importer.snapshot() == saved, "a restored state has other bytes");
         prop_assert_eq!(&importer.run(&tail)?, &expected, "the restored instance goes on");
-        let mut other = Importer::<M>::new();
+        let mut other = Importer::<M>::new(interface, functions);
         other.restore(&saved)?;
         prop_assert_eq!(&other.run(&tail)?, &expected, "another instance goes on");
 
@@ -73,7 +82,8 @@ fn any_order<M: Model>(cases: u32, opening: impl Fn() -> Vec<Call>) {
         Ok(())
     });
     outcome.unwrap_or_else(|failure| panic!("{failure}"));
-    println!("{}: {} sequences, {} calls", description.model_identifier, sequences.get(), made.get());
+    let name = description.model_identifier;
+    println!("{name}, {interface:?}: {} sequences, {} calls", sequences.get(), made.get());
 }
 
 /// The value reference of a variable.
@@ -83,14 +93,17 @@ fn reference<M: Model>(name: &str) -> u32 {
 }
 
 /// The opening.
-fn opening(more: Vec<Call>) -> Vec<Call> {
-    let mut calls = more;
+fn opening(interface: Interface, before: &[Call]) -> Vec<Call> {
+    let mut calls = before.to_vec();
     calls.extend([
         Call::SetupExperiment { tolerance: None, start_time: 0.0, stop_time: None },
         Call::EnterInitializationMode,
         Call::ExitInitializationMode,
-        Call::DoStep { late: 0.0, size: 0.0125 },
     ]);
+    match interface {
+        Interface::CoSimulation => calls.push(Call::DoStep { late: 0.0, size: 0.0125 }),
+        Interface::ModelExchange => calls.extend([Call::HaveEvent, Call::Integrate(0.0125)]),
+    }
     calls
 }
 
@@ -98,21 +111,36 @@ fn opening(more: Vec<Call>) -> Vec<Call> {
 fn the_plant_survives_calls_in_any_order() {
     // A running start: with random parameters and inputs, the search for a settled start is long and mostly fails.
     let mode = reference::<BoostPlant>("initialization.mode");
-    any_order::<BoostPlant>(400, || {
-        opening(vec![Call::Set(Type::Integer, vec![(mode, Number::Special(2.0))])])
-    });
+    let running = Call::Set(Type::Integer, vec![(mode, Number::Special(2.0))]);
+    any_order::<BoostPlant>(400, Functions::both::<BoostPlant>(), &[running]);
 }
 
 #[test]
 fn the_controller_survives_calls_in_any_order() {
-    any_order::<BoostController>(1000, || opening(vec![]));
+    any_order::<BoostController>(1000, Functions::both::<BoostController>(), &[]);
+}
+
+#[test]
+fn the_test_model_survives_calls_in_any_order() {
+    let period = reference::<TestModel>("events.period");
+    let ticks = Call::Set(Type::Real, vec![(period, Number::Special(0.0625))]);
+    any_order::<TestModel>(1000, Functions::both::<TestModel>(), &[ticks]);
+}
+
+#[test]
+fn models_of_equations_survive_calls_in_any_order() {
+    type Ball = Integrated<BouncingBall>;
+    type Steps = Integrated<Stairs>;
+    any_order::<Ball>(200, Functions::both::<Ball>(), &[]);
+    any_order::<Steps>(200, Functions::both::<Steps>(), &[]);
 }
 
 /// Any bytes as a serialized state.
 fn any_bytes<M: Model>(cases: u32) {
     let description = M::Variables::DESCRIPTION;
-    let mut importer = Importer::<M>::new();
-    importer.run(&opening(vec![])).unwrap();
+    let interface = Interface::CoSimulation;
+    let mut importer = Importer::<M>::new(interface, Functions::co_simulation::<M>());
+    importer.run(&opening(interface, &[])).unwrap();
     let sound = importer.snapshot();
     let tried = Cell::new(0);
     let strategy = (proptest::collection::vec(any::<Damage>(), 0..6), any::<bool>());

@@ -2,36 +2,53 @@
 
 use std::sync::LazyLock;
 
-/// The table of the functions that are allowed in each state (FMI 2.0.5, section 4.2.4).
-static TABLE: LazyLock<Vec<Vec<&str>>> = LazyLock::new(|| {
-    include_str!("../../crates/fmu-export/tests/calling_sequence.csv")
-        .lines()
-        .map(|line| line.split(',').collect())
-        .collect()
+use super::importer::Interface;
+
+type Table = Vec<Vec<&'static str>>;
+
+fn table(text: &'static str) -> Table {
+    text.lines().map(|line| line.split(',').collect()).collect()
+}
+
+/// The tables of the functions that are allowed in each state (FMI 2.0.5, sections 4.2.4 and 3.2.3).
+static CO_SIMULATION: LazyLock<Table> =
+    LazyLock::new(|| table(include_str!("../../crates/fmu-export/tests/calling_sequence.csv")));
+static MODEL_EXCHANGE: LazyLock<Table> = LazyLock::new(|| {
+    table(include_str!("../../crates/fmu-export/tests/calling_sequence_model_exchange.csv"))
 });
 
-/// The states of a slave that never runs a step in the background and never discards one.
+/// The states of an instance that never runs a step in the background.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
     Instantiated,
     InitializationMode,
     StepComplete,
+    StepFailed,
+    EventMode,
+    ContinuousTimeMode,
     Terminated,
     Error,
 }
 
-/// Whether a function is allowed in a state, at least for some of its arguments.
-pub fn allows(function: &str, state: State) -> bool {
+/// Whether a function is allowed in a state of an interface, at least for some of its arguments.
+pub fn allows(interface: Interface, function: &str, state: State) -> bool {
+    let table = match interface {
+        Interface::CoSimulation => &*CO_SIMULATION,
+        Interface::ModelExchange => &*MODEL_EXCHANGE,
+    };
     let heading = match state {
         State::Instantiated => "instantiated",
         State::InitializationMode => "Initialization Mode",
         State::StepComplete => "stepComplete",
+        State::StepFailed => "stepFailed",
+        State::EventMode => "Event Mode",
+        State::ContinuousTimeMode => "Continuous-Time Mode",
         State::Terminated => "terminated",
         State::Error => "error",
     };
-    let column = TABLE[0].iter().position(|cell| *cell == heading).unwrap();
-    let row = TABLE.iter().find(|row| row[0] == function).unwrap();
-    !row[column].is_empty()
+    let column = table[0].iter().position(|cell| *cell == heading).unwrap();
+    // A function of the other interface is not in the table.
+    table.iter().find(|row| row[0] == function).is_some_and(|row| !row[column].is_empty())
 }
 
 /// Ends bytes with their checksum (64-bit FNV-1a), instead of their last eight.

@@ -45,10 +45,10 @@ Exit status:
   130  it was interrupted
 
 Examples:
-  cargo fmu new lag                   # a package with a model
+  cargo fmu new decay                 # a package with a model
   cargo fmu export                    # its FMU, in target/fmu
   cargo fmu export --target win64     # the same for Windows
-  cargo fmu validate target/fmu/lag.fmu";
+  cargo fmu validate target/fmu/decay.fmu";
 
 /// Creates, exports, inspects, validates and merges Functional Mock-up Units (FMI).
 #[derive(Parser)]
@@ -62,17 +62,18 @@ struct Arguments {
 enum Command {
     #[command(after_help = "\
 Examples:
-  cargo fmu new lag
+  cargo fmu new decay
+  cargo fmu new ball --template bouncing_ball
   cargo fmu new pi-controller --template sampled --vcs none")]
     New(New),
     /// Compile the models of this workspace and write their .fmu files
     #[command(after_help = "\
 Examples:
   cargo fmu export                                      # all models, for this platform, into target/fmu
-  cargo fmu export -p lag --target linux64 --target win64
+  cargo fmu export -p decay --target linux64 --target win64
   cargo fmu export --interfaces cs,me                   # for co-simulation and Model Exchange
-  cargo fmu export --target linux64 --binary darwin64=liblag.dylib
-  cargo fmu export --parameters slow.ssv                # and lag.ssp, in which the set is bound")]
+  cargo fmu export --target linux64 --binary darwin64=libdecay.dylib
+  cargo fmu export --parameters slow.ssv                # and decay.ssp, in which the set is bound")]
     Export {
         #[command(flatten)]
         export: Export,
@@ -82,21 +83,21 @@ Examples:
     },
     #[command(after_help = "\
 Example:
-  cargo fmu merge linux/lag.fmu windows/lag.fmu --out lag.fmu --ran win64='Windows 11, FMPy'")]
+  cargo fmu merge linux/decay.fmu windows/decay.fmu --out decay.fmu --ran win64='Windows 11, FMPy'")]
     Merge(Merge),
     #[command(after_help = "\
 Example:
-  cargo fmu info target/fmu/lag.fmu")]
+  cargo fmu info target/fmu/decay.fmu")]
     Info(Info),
     #[command(after_help = "\
 Examples:
-  cargo fmu validate target/fmu/lag.fmu
-  cargo fmu validate target/fmu/lag.fmu --format json
+  cargo fmu validate target/fmu/decay.fmu
+  cargo fmu validate target/fmu/decay.fmu --format json
   cargo fmu validate --rules                            # the table of all rules")]
     Validate(Validate),
     #[command(after_help = "\
 Example:
-  cargo fmu parameters target/fmu/lag.fmu --out slow.ssv")]
+  cargo fmu parameters target/fmu/decay.fmu --out slow.ssv")]
     Parameters(Parameters),
     /// Print the completions for a shell
     #[command(after_help = "\

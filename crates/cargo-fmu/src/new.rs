@@ -18,23 +18,32 @@ pub struct New {
     /// The package's name [default: the folder's]
     #[arg(long)]
     name: Option<String>,
-    /// The kind of model
-    #[arg(long, value_enum, default_value_t = Template::Equations)]
+    /// The model to begin with
+    #[arg(long, value_enum, default_value_t = Template::Dahlquist)]
     template: Template,
     /// The version control system to set up, as `cargo new` has it
     #[arg(long)]
     vcs: Option<String>,
 }
 
-/// The kinds of model.
+/// The models to begin with: the ladder of `docs/ladder.md` in the repository, and a controller.
 #[derive(Clone, Copy, Debug, ValueEnum)]
+#[value(rename_all = "snake_case")]
 enum Template {
-    /// A lag, of whose equation the exporter makes everything else
-    Equations,
+    /// An equation, of which the exporter makes everything else
+    Dahlquist,
+    /// Two equations, in forty lines
+    VanDerPol,
+    /// Events where a quantity crosses a limit, at which states jump
+    BouncingBall,
+    /// Events at known times, and an end that the model asks for
+    Stair,
+    /// Outputs that follow from inputs of each type
+    Feedthrough,
+    /// Data from a file of the FMU
+    Resource,
     /// A controller, which samples its inputs and remembers
     Sampled,
-    /// Outputs that follow from the inputs alone
-    Algebraic,
 }
 
 /// The files of a template.
@@ -43,31 +52,35 @@ struct Files {
     source: &'static str,
     /// Features of `fmu-export`.
     features: &'static [&'static str],
+    /// Further files by their names.
+    others: &'static [(&'static str, &'static str)],
     /// The variables to plot.
     plotted: &'static str,
+}
+
+/// The files in a template's folder.
+macro_rules! files {
+    ($folder:literal, plot $plotted:literal, features $features:expr $(, $other:literal)*) => {
+        Files {
+            declaration: include_str!(concat!("../templates/", $folder, "/model.json")),
+            source: include_str!(concat!("../templates/", $folder, "/lib.rs")),
+            features: &$features,
+            others: &[$(($other, include_str!(concat!("../templates/", $folder, "/", $other))))*],
+            plotted: $plotted,
+        }
+    };
 }
 
 impl Template {
     fn files(self) -> Files {
         match self {
-            Self::Equations => Files {
-                declaration: include_str!("../templates/equations/model.json"),
-                source: include_str!("../templates/equations/lib.rs"),
-                features: &[],
-                plotted: "voltage lagged_voltage",
-            },
-            Self::Sampled => Files {
-                declaration: include_str!("../templates/sampled/model.json"),
-                source: include_str!("../templates/sampled/lib.rs"),
-                features: &["derive"],
-                plotted: "command",
-            },
-            Self::Algebraic => Files {
-                declaration: include_str!("../templates/algebraic/model.json"),
-                source: include_str!("../templates/algebraic/lib.rs"),
-                features: &[],
-                plotted: "voltage power",
-            },
+            Self::Dahlquist => files!("dahlquist", plot "x", features []),
+            Self::VanDerPol => files!("van_der_pol", plot "x0 x1", features []),
+            Self::BouncingBall => files!("bouncing_ball", plot "h", features ["derive"]),
+            Self::Stair => files!("stair", plot "counter", features []),
+            Self::Feedthrough => files!("feedthrough", plot "Float64_continuous_output", features []),
+            Self::Resource => files!("resource", plot "y", features [], "resources/y.txt"),
+            Self::Sampled => files!("sampled", plot "command", features ["derive"]),
         }
     }
 }
@@ -121,6 +134,13 @@ impl New {
         write("model.json", files.declaration)?;
         write("model.schema.json", fmu_export_build::SCHEMA)?;
         write("src/lib.rs", &files.source.replace("{Type}", &type_name(name)))?;
+        for (file, content) in files.others {
+            let folder = Path::new(file).parent().map(|folder| self.path.join(folder));
+            if let Some(folder) = folder {
+                fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
+            }
+            write(file, content)?;
+        }
         let readme = include_str!("../templates/README.md")
             .replace("{name}", name)
             .replace("{identifier}", &identifier)
@@ -156,12 +176,35 @@ fn checkout() -> Option<&'static Path> {
     crates.join("fmu-export/Cargo.toml").is_file().then_some(crates)
 }
 
+/// Types that the templates use, after which no model can be named.
+const USED_TYPES: [&str; 18] = [
+    "Context",
+    "Equations",
+    "Error",
+    "Event",
+    "Inputs",
+    "Integrated",
+    "Locals",
+    "Number",
+    "Option",
+    "Outputs",
+    "Parameters",
+    "Persistent",
+    "Sample",
+    "Sampled",
+    "SampledModel",
+    "Simulation",
+    "States",
+    "Variables",
+];
+
 /// The name of the model's type: the package's in upper camel case.
 fn type_name(package: &str) -> String {
     let words = package.split(['-', '_']);
-    words
+    let name: String = words
         .map(|word| word.get(..1).unwrap_or_default().to_uppercase() + word.get(1..).unwrap_or_default())
-        .collect()
+        .collect();
+    if USED_TYPES.contains(&name.as_str()) { name + "Fmu" } else { name }
 }
 
 #[cfg(test)]
@@ -172,5 +215,6 @@ mod tests {
     fn types_are_named_after_packages() {
         assert_eq!(type_name("lag"), "Lag");
         assert_eq!(type_name("two_stage-lag"), "TwoStageLag");
+        assert_eq!(type_name("sampled"), "SampledFmu");
     }
 }

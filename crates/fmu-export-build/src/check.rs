@@ -59,7 +59,11 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
         if enumeration.items.is_empty() {
             refusals.add(format!("{key}.items"), format!("{name}: it has no items"));
         }
-        field_names(&format!("{key}.items"), &described(&enumeration.items), refusals);
+        for (number, item) in enumeration.items.iter().enumerate() {
+            if let Err(reason) = mixed_name(&item.name, "letters, digits, underscores and spaces") {
+                refusals.add(format!("{key}.items[{number}].name"), reason);
+            }
+        }
         let variants = enumeration.items.iter().map(|item| rust::pascal_case(&item.name));
         unique(&format!("{key}.items"), variants, refusals);
     }
@@ -193,6 +197,22 @@ fn field_name(name: &str) -> Result<(), String> {
     Ok(())
 }
 
+/// A name that is written differently in Rust; it is made of what is said in words.
+fn mixed_name(name: &str, made_of: &str) -> Result<(), String> {
+    let allowed = |character: char| {
+        character.is_ascii_alphanumeric()
+            || character == '_'
+            || character == ' ' && made_of.contains("spaces")
+    };
+    if !name.starts_with(|first: char| first.is_ascii_alphabetic()) || !name.chars().all(allowed) {
+        return Err(format!("'{name}' is not made of {made_of}"));
+    }
+    if RESERVED.contains(&rust::snake_case(name).as_str()) {
+        return Err(format!("'{name}' is a reserved word of Rust"));
+    }
+    Ok(())
+}
+
 /// What the checks of one variable find out about it.
 pub(crate) struct Checked {
     pub(crate) place: Place,
@@ -212,7 +232,7 @@ pub(crate) fn variable(
     variable: &VariableDeclaration,
     start: Option<&Value>,
 ) -> Result<Checked, Blame> {
-    field_name(&variable.name).map_err(|reason| ("name", reason))?;
+    mixed_name(&variable.name, "letters, digits and underscores").map_err(|reason| ("name", reason))?;
     if let Some(description) = &variable.description {
         one_line(description).map_err(|reason| ("description", reason))?;
     }
@@ -222,17 +242,19 @@ pub(crate) fn variable(
     }
     let data_type = data_type(declaration, variable).map_err(|reason| ("type", reason))?;
     let (place, variability) = place(variable, data_type)?;
-    let initial = initial(variable, place).map_err(|reason| ("initial", reason))?;
-    reads(variable, place, initial)?;
+    let initial = initial(variable, place, variability).map_err(|reason| ("initial", reason))?;
+    reads(variable, place, variability, initial)?;
     unit(variable, data_type)?;
     bounds(variable, data_type)?;
     if variable.dimensions.contains(&0) {
         return Err(("dimensions", "a dimension is 0".to_owned()));
     }
-    let has_start = matches!(place, Place::Parameters | Place::Inputs | Place::States);
+    let has_start = matches!(place, Place::Inputs | Place::States) || initial == Some(Initial::Exact);
     let starts = match start {
         Some(_) if !has_start => {
-            return Err(("start", "it is calculated, so it has no start value".to_owned()));
+            let unless =
+                if variability == Variability::Discrete { ", unless 'initial' is 'exact'" } else { "" };
+            return Err(("start", format!("it is calculated, so it has no start value{unless}")));
         }
         None if has_start => return Err(("start", "it needs a start value".to_owned())),
         None => None,
@@ -278,8 +300,11 @@ fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, 
     let variability = variable.variability.unwrap_or(default);
     let changes = matches!(variability, Variability::Discrete | Variability::Continuous);
     let allowed = match causality {
-        Causality::Parameter | Causality::CalculatedParameter => !changes,
-        Causality::Input | Causality::Output => changes,
+        Causality::Parameter | Causality::CalculatedParameter => {
+            matches!(variability, Variability::Fixed | Variability::Tunable)
+        }
+        Causality::Input => changes,
+        Causality::Output => changes || variability == Variability::Constant,
         Causality::Local => true,
     };
     if !allowed {
@@ -310,9 +335,13 @@ fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, 
     Ok((place, variability))
 }
 
-/// How the start comes about: for all but states there is only one possibility. The standard's default,
-/// `calculated`, is not for a variable with a start value, which every state has.
-fn initial(variable: &VariableDeclaration, place: Place) -> Result<Option<Initial>, String> {
+/// How the start comes about: there is a choice for states, and for discrete variables that events change. The
+/// standard's default, `calculated`, is not for a variable with a start value, which every state has.
+fn initial(
+    variable: &VariableDeclaration,
+    place: Place,
+    variability: Variability,
+) -> Result<Option<Initial>, String> {
     let (default, allowed, reason): (_, &[_], _) = match place {
         Place::Inputs => (None, &[], "an input has none"),
         Place::Parameters => (Some(Initial::Exact), &[Initial::Exact], "a parameter's is 'exact'"),
@@ -321,10 +350,18 @@ fn initial(variable: &VariableDeclaration, place: Place) -> Result<Option<Initia
             let default = if computed { Initial::Approx } else { Initial::Exact };
             (Some(default), &[Initial::Approx, Initial::Exact], "a state's is 'approx' or 'exact'")
         }
+        _ if variability == Variability::Constant => {
+            (Some(Initial::Exact), &[Initial::Exact], "a constant's is 'exact'")
+        }
+        _ if variability == Variability::Discrete => (
+            Some(Initial::Calculated),
+            &[Initial::Calculated, Initial::Exact],
+            "that of a discrete variable is 'calculated' or 'exact'",
+        ),
         _ => (
             Some(Initial::Calculated),
             &[Initial::Calculated],
-            "that of a calculated variable other than a state is 'calculated'",
+            "that of a calculated variable that is neither a state nor discrete is 'calculated'",
         ),
     };
     match variable.initial {
@@ -335,7 +372,12 @@ fn initial(variable: &VariableDeclaration, place: Place) -> Result<Option<Initia
 }
 
 /// Whether dependencies are declared only where there are any.
-fn reads(variable: &VariableDeclaration, place: Place, initial: Option<Initial>) -> Result<(), Blame> {
+fn reads(
+    variable: &VariableDeclaration,
+    place: Place,
+    variability: Variability,
+    initial: Option<Initial>,
+) -> Result<(), Blame> {
     let (reads, initial_reads) = (variable.reads.is_some(), variable.initial_reads.is_some());
     let blame = match place {
         Place::Parameters | Place::Inputs if reads => {
@@ -347,7 +389,8 @@ fn reads(variable: &VariableDeclaration, place: Place, initial: Option<Initial>)
         Place::States if reads => {
             ("reads", "of a state, what its equation reads belongs to its 'derivative'")
         }
-        Place::States if initial == Some(Initial::Exact) && initial_reads => {
+        _ if reads && variability == Variability::Constant => ("reads", "a constant reads nothing"),
+        _ if initial == Some(Initial::Exact) && initial_reads => {
             ("initial_reads", "its start is exact, so it reads nothing in initialization")
         }
         _ => return Ok(()),

@@ -134,7 +134,7 @@ pub(crate) struct EnumerationDeclaration {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct VariableDeclaration {
-    /// Written like this: `lower_case`.
+    /// Letters, digits and underscores. In Rust it is written like this: `lower_case`.
     pub(crate) name: String,
     /// What it is.
     pub(crate) description: Option<String>,
@@ -143,8 +143,9 @@ pub(crate) struct VariableDeclaration {
     pub(crate) causality: Causality,
     /// When its value may change. Default: fixed for parameters, continuous for other Reals, otherwise discrete.
     pub(crate) variability: Option<Variability>,
-    /// How its start value comes about. To be chosen for states alone: exact (the default), or approx where
-    /// initialization computes it (the default with `initial_reads`).
+    /// How its start value comes about. To be chosen for states: exact (the default), or approx where initialization
+    /// computes it (the default with `initial_reads`); and for other discrete variables that are calculated (the
+    /// default): exact where they begin at a start value, and events change them.
     pub(crate) initial: Option<Initial>,
     /// Real (the default), Integer, Boolean, String or the name of an enumeration.
     #[serde(rename = "type", default = "real")]
@@ -159,7 +160,8 @@ pub(crate) struct VariableDeclaration {
     pub(crate) max: Option<f64>,
     /// A typical magnitude, for solvers.
     pub(crate) nominal: Option<f64>,
-    /// The value of a parameter, input or state to begin with; for an array a list, row by row.
+    /// The value of a parameter, input, state or exact variable to begin with, and that of a constant; for an array a
+    /// list, row by row.
     #[serde(default)]
     #[cfg_attr(test, schemars(schema_with = "start_schema"))]
     pub(crate) start: Option<Value>,
@@ -237,6 +239,7 @@ pub(crate) enum Causality {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "camelCase")]
 pub(crate) enum Variability {
+    Constant,
     Fixed,
     Tunable,
     Discrete,

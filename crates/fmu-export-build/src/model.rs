@@ -16,6 +16,7 @@ use crate::declaration::{
 use crate::dependencies;
 use crate::error::{Refusal, Refusals, nearest};
 use crate::interfaces::Interfaces;
+use crate::rust;
 use crate::units::{self, Unit, Units};
 
 /// A model that is ready to be printed.
@@ -54,6 +55,18 @@ pub(crate) struct Field<'a> {
     pub(crate) data_type: DataType,
     /// The positions of its scalars, row by row.
     pub(crate) positions: Vec<usize>,
+}
+
+impl Field<'_> {
+    /// Its name in Rust.
+    pub(crate) fn name(&self) -> String {
+        rust::snake_case(&self.declaration.name)
+    }
+
+    /// Whether another field of the component would be called the same.
+    fn has_name_of(&self, other: &Self) -> bool {
+        self.place == other.place && self.name() == other.name()
+    }
 }
 
 /// The field of the generated `Variables` that holds a value; time is in none.
@@ -323,8 +336,14 @@ impl<'a> Flattening<'a> {
                 Some(_) => (own, format!("{}.start.{}", part.key, variable.name)),
                 None => (variable.start.as_ref(), format!("{key}.start")),
             };
+            let name_key = format!("{key}.name");
             let field = self.add_field(&part, component, variable, start, [key, start_key]);
-            part.fields.extend(self.refusals.take(field));
+            let Some(field) = self.refusals.take(field) else { continue };
+            if let Some(other) = part.fields.iter().find(|other| other.has_name_of(&field)) {
+                let (name, other) = (&variable.name, &other.declaration.name);
+                self.refusals.add(name_key, format!("{name}: in Rust it has the name of '{other}'"));
+            }
+            part.fields.push(field);
         }
         self.parts.push(part);
     }
@@ -369,7 +388,7 @@ impl<'a> Flattening<'a> {
                 nominal: declaration.nominal,
                 reinit: declaration.reinit,
                 start: checked.starts.as_ref().map(|starts| starts[number].clone()),
-                path: format!("{name}{indices}"),
+                path: format!("{prefix}{}{indices}", rust::snake_case(&declaration.name)),
                 ..Scalar::time()
             };
             let rate = declaration.derivative.as_ref().map(|derivative| Scalar {
@@ -388,8 +407,11 @@ impl<'a> Flattening<'a> {
                 path: state.path.clone(),
                 ..Scalar::time()
             });
-            let calculated = !matches!(checked.place, Place::Inputs | Place::Parameters)
-                && checked.initial != Some(Initial::Exact);
+            let calculated = match checked.place {
+                Place::Inputs | Place::Parameters => false,
+                Place::States => checked.initial != Some(Initial::Exact),
+                _ => checked.variability != Variability::Constant,
+            };
             self.add_scalar(state)?;
             if calculated {
                 self.equations.push(Equation {

@@ -91,9 +91,23 @@ fn states_name(group: &str) -> String {
     pascal_case(group) + Place::States.type_name()
 }
 
-/// `hp_compressor` as `HpCompressor`.
+/// `hpCompressor` and `HP compressor` as `hp_compressor`.
+pub(crate) fn snake_case(name: &str) -> String {
+    let mut snake = String::new();
+    let mut after_lower = false;
+    for character in name.chars() {
+        if character.is_ascii_uppercase() && after_lower {
+            snake.push('_');
+        }
+        after_lower = character.is_ascii_lowercase() || character.is_ascii_digit();
+        snake.push(if character == ' ' { '_' } else { character.to_ascii_lowercase() });
+    }
+    snake
+}
+
+/// `hp_compressor` and `hp compressor` as `HpCompressor`.
 pub(crate) fn pascal_case(name: &str) -> String {
-    name.split('_')
+    name.split(['_', ' '])
         .flat_map(|word| {
             let mut characters = word.chars();
             let first = characters.next().map(|first| first.to_ascii_uppercase());
@@ -114,7 +128,7 @@ pub use generated::*;
 #[allow(unused_imports)]
 pub use ::fmu_export::{} as export_fmi2;
 
-#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+#[allow(dead_code, unused_variables, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 mod generated {{
 use ::fmu_export::description as fmi;
 ",
@@ -248,7 +262,7 @@ impl Generator<'_, '_> {
             data_type = format!("[{data_type}; {size}]");
         }
         StructField {
-            name: declaration.name.clone(),
+            name: field.name(),
             description: described(declaration.description.as_deref(), &declaration.name) + &unit,
             data_type,
             kind: if field.data_type == DataType::Real {
@@ -309,7 +323,7 @@ impl Generator<'_, '_> {
             }
         });
         let places = ["parameters", "inputs", "start", "states", "derivatives", "locals", "outputs"];
-        let starts = places.map(|place| format!("{place}: Default::default()"));
+        let starts = places.map(|place| format!("{place}: ::core::default::Default::default()"));
         structure("Variables", "All variables of the model.", fields.into())
             + &default("Variables", &starts.join(",\n            "))
     }
@@ -363,7 +377,7 @@ impl Generator<'_, '_> {
             let _ = write!(
                 text,
                 "
-impl<T: Copy> {name}<T> {{
+impl<T: ::core::marker::Copy> {name}<T> {{
     /// Those among all states.
     #[must_use]
     pub fn of(states: &States<T>) -> Self {{
@@ -389,7 +403,7 @@ impl<T: Copy> {name}<T> {{
 pub struct {STATE_GROUPS}<T = f64> {{
 {members}}}
 
-impl<T: Copy> States<T> {{
+impl<T: ::core::marker::Copy> States<T> {{
     /// All states, from their groups.
     #[must_use]
     pub fn from_groups(groups: {STATE_GROUPS}<T>) -> Self {{
@@ -417,7 +431,8 @@ impl<T: Copy> States<T> {{
         };
         let fields = nested_values(Place::States, parts, element);
         let argument = if states.is_empty() { "_" } else { "values" };
-        let (of, to, real) = if states.is_empty() { ("", "", "f64") } else { ("<T: Copy>", "<T>", "T") };
+        let (of, to, real) =
+            if states.is_empty() { ("", "", "f64") } else { ("<T: ::core::marker::Copy>", "<T>", "T") };
         let count = states.len();
         format!(
             "
@@ -455,7 +470,7 @@ impl{of} {name}{to} {{
 fn values(place: Place, part: &Part<'_>, value: impl Fn(usize) -> String) -> String {
     let fields = place.fields(part).map(|field| {
         let values: Vec<_> = field.positions.iter().map(|&position| value(position)).collect();
-        format!("{}: {}", field.declaration.name, nest(&field.declaration.dimensions, &values))
+        format!("{}: {}", field.name(), nest(&field.declaration.dimensions, &values))
     });
     fields.collect::<Vec<_>>().join(", ")
 }
@@ -528,7 +543,7 @@ pub struct {name}{parameter} {{
 fn default(name: &str, fields: &str) -> String {
     format!(
         "
-impl Default for {name} {{
+impl ::core::default::Default for {name} {{
     fn default() -> Self {{
         Self {{
             {fields}

@@ -281,6 +281,7 @@ pub(crate) fn causality(causality: Option<Causality>) -> &'static str {
 
 pub(crate) fn variability(variability: Variability) -> &'static str {
     match variability {
+        Variability::Constant => "constant",
         Variability::Fixed => "fixed",
         Variability::Tunable => "tunable",
         Variability::Discrete => "discrete",

@@ -143,6 +143,15 @@ unsafe fn write_elements<T: Copy>(
     answer
 }
 
+/// Checks the number of an array's elements, before it is accessed.
+fn check_count(argument: &str, found: usize, elements: &[&str]) -> Result<(), Error> {
+    if found == elements.len() {
+        Ok(())
+    } else {
+        Err(Error::new(format!("{argument} is {found}; this FMU has {}", elements.len())))
+    }
+}
+
 /// An argument that must not be null.
 fn not_null<T>(name: &str, argument: *mut T) -> Result<*mut T, Error> {
     if argument.is_null() { Err(Error::new(format!("the argument {name} is NULL"))) } else { Ok(argument) }
@@ -210,9 +219,13 @@ pub unsafe fn instantiate<M: Model>(
             other => Err(Error::new(format!("the argument fmuType is {other}, which is not an fmi2Type"))),
         }
     };
-    // SAFETY: the importer passes null or a string.
-    let resource_location = unsafe { c_string("fmuResourceLocation", resource_location) };
-    let resources = Resources::new(resource_location.ok().map(CStr::to_bytes));
+    let resources = if description.has_resources {
+        // SAFETY: the importer passes null or a string.
+        let location = unsafe { c_string("fmuResourceLocation", resource_location) };
+        Resources::at(location.ok().map(CStr::to_bytes))
+    } else {
+        Resources::none()
+    };
     match check().and_then(Instance::<M>::new_memory) {
         Ok(memory) => {
             let instance = Instance::new(logger, memory, resources);
@@ -728,6 +741,7 @@ pub unsafe fn set_continuous_states<M: ModelExchange>(
     // SAFETY: the component and the array are the importer's (see the module).
     unsafe {
         call::<M>(component, Function::SetContinuousStates, |instance| {
+            check_count("nx", count, M::Variables::STATE_NAMES)?;
             instance.set_continuous_states(&elements("x", states, count)?)
         })
     }
@@ -735,12 +749,13 @@ pub unsafe fn set_continuous_states<M: ModelExchange>(
 
 /// Defines functions that get an array for all states or event indicators.
 macro_rules! arrays {
-    ($($name:ident: $function:ident, $argument:literal;)*) => {$(
+    ($($name:ident: $function:ident, $argument:literal, $count:literal, $elements:ident;)*) => {$(
         #[doc = concat!("`fmi2", stringify!($function), "`.")]
         pub unsafe fn $name<M: ModelExchange>(component: Component, values: *mut f64, count: usize) -> Status {
             // SAFETY: the component and the array are the importer's (see the module).
             unsafe {
                 call::<M>(component, Function::$function, |instance| {
+                    check_count($count, count, M::Variables::$elements)?;
                     write_elements($argument, values, count, |values| instance.$name(values))
                 })
             }
@@ -749,10 +764,10 @@ macro_rules! arrays {
 }
 
 arrays! {
-    get_derivatives: GetDerivatives, "derivatives";
-    get_event_indicators: GetEventIndicators, "eventIndicators";
-    get_continuous_states: GetContinuousStates, "x";
-    get_nominals_of_continuous_states: GetNominalsOfContinuousStates, "x_nominal";
+    get_derivatives: GetDerivatives, "derivatives", "nx", STATE_NAMES;
+    get_event_indicators: GetEventIndicators, "eventIndicators", "ni", EVENT_INDICATORS;
+    get_continuous_states: GetContinuousStates, "x", "nx", STATE_NAMES;
+    get_nominals_of_continuous_states: GetNominalsOfContinuousStates, "x_nominal", "nx", STATE_NAMES;
 }
 
 /// Makes the 34 C functions of FMI 2.0 Co-Simulation for a [`Model`], in a library of the crate type `cdylib`.

@@ -62,6 +62,17 @@ impl fmt::Display for Phase {
     }
 }
 
+impl Phase {
+    /// The interface whose instances alone have the state.
+    pub(crate) const fn interface(self) -> Option<Interface> {
+        match self {
+            StepComplete | StepFailed => Some(Interface::CoSimulation),
+            EventMode | ContinuousTimeMode => Some(Interface::ModelExchange),
+            Instantiated | InitializationMode | Terminated | Error => None,
+        }
+    }
+}
+
 impl Persistent for Phase {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), error::Error> {
         let mut number = *self as u8;
@@ -96,7 +107,7 @@ const WRITABLE: &[Phase] = &[Instantiated, InitializationMode, StepComplete, Eve
 /// The states in which the status of a step can be asked for.
 const STEPPED: &[Phase] = &[StepComplete, StepFailed, Terminated];
 /// The states in which what a solver needs can be read.
-const SOLVABLE: &[Phase] = &[InitializationMode, EventMode, ContinuousTimeMode, Terminated];
+const SOLVABLE: &[Phase] = &[InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error];
 
 /// Declares the functions that take an instance: the interface that each belongs to, if only one has it, and the states
 /// in which it may be called.
@@ -187,6 +198,6 @@ functions! {
         GetEventIndicators: SOLVABLE,
         GetContinuousStates: SOLVABLE,
         GetNominalsOfContinuousStates:
-            &[Instantiated, InitializationMode, EventMode, ContinuousTimeMode, Terminated],
+            &[Instantiated, InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error],
     }
 }

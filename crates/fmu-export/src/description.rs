@@ -19,6 +19,8 @@ pub struct ModelDescription {
     pub log_categories: &'static [&'static str],
     /// The interfaces that the FMU offers.
     pub interfaces: Interfaces,
+    /// Whether the FMU has files for the model.
+    pub has_resources: bool,
     /// The optional functions that this model supports.
     pub capabilities: Capabilities,
 }
@@ -66,7 +68,7 @@ pub struct VariableDescription {
     /// For a Real input: its position among the Real inputs.
     pub real_input: Option<usize>,
     /// For a continuous-time state: its position among the states.
-    pub state: Option<usize>,
+    pub state: Option<u16>,
 }
 
 /// The five data types of FMI 2.0.

@@ -17,6 +17,8 @@ const HYSTERESIS: f64 = 1e-12;
 pub(crate) struct Events {
     /// When the next time event is due, in s.
     pub(crate) next: Option<f64>,
+    /// The time of the last event, in s.
+    reached: f64,
     /// Which indicators were positive at the last event.
     positive: Box<[bool]>,
     /// Which have changed since.
@@ -37,6 +39,7 @@ pub(crate) enum Side {
 impl Persistent for Events {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         self.next.persist(archive)?;
+        self.reached.persist(archive)?;
         self.positive.persist(archive)
     }
 }
@@ -46,6 +49,7 @@ impl Events {
     pub(crate) fn new(indicators: usize) -> Self {
         Self {
             next: None,
+            reached: f64::NEG_INFINITY,
             positive: vec![false; indicators].into(),
             changed: vec![false; indicators].into(),
             indicators: vec![0.0; indicators].into(),
@@ -59,20 +63,45 @@ impl Events {
     }
 
     /// Takes the present signs of the indicators as those of the last event.
-    pub(crate) fn begin(&mut self, compute: impl FnOnce(&mut [f64])) {
-        self.find_changes(compute);
+    ///
+    /// # Errors
+    /// As [`Events::find_changes`].
+    pub(crate) fn begin(
+        &mut self,
+        time: f64,
+        names: &[&str],
+        compute: impl FnOnce(&mut [f64]),
+    ) -> Result<(), Error> {
+        self.find_changes(time, names, compute)?;
         self.accept();
+        Ok(())
     }
 
-    /// Finds which indicators have changed. Whether any has.
-    pub(crate) fn find_changes(&mut self, compute: impl FnOnce(&mut [f64])) -> bool {
+    /// Finds which indicators have changed at a time in s; `names` are theirs. Whether any has.
+    ///
+    /// # Errors
+    /// Where an indicator is not finite, and so has no sign.
+    pub(crate) fn find_changes(
+        &mut self,
+        time: f64,
+        names: &[&str],
+        compute: impl FnOnce(&mut [f64]),
+    ) -> Result<bool, Error> {
         compute(&mut self.indicators);
+        if let Some(wrong) = self.indicators.iter().position(|indicator| !indicator.is_finite()) {
+            return Err(Error::new(format!(
+                "the event indicator {} is {} at the time {} s",
+                names[wrong],
+                Shown(self.indicators[wrong]),
+                Shown(time)
+            )));
+        }
         for ((changed, positive), indicator) in
             self.changed.iter_mut().zip(&self.positive).zip(&self.indicators)
         {
             *changed = (*indicator > 0.0) != *positive;
         }
-        self.changed.contains(&true)
+        Ok(self.changed.contains(&true))
     }
 
     /// Notes the indicators that were computed last as those on a side of a crossing.
@@ -102,19 +131,31 @@ impl Events {
         }
     }
 
+    /// The last event's time in s, if it is at most so much later than the importer's, and otherwise that one: a time
+    /// event is had a little early, and the model must not be asked for it again.
+    pub(crate) fn time(&self, time: f64, tolerance: f64) -> f64 {
+        if self.reached > time && self.reached <= time + tolerance { self.reached } else { time }
+    }
+
     /// Sets the time of the next event, asked for at a time in s; only the event at the start may be due at once.
+    /// Infinity is never.
+    ///
+    /// # Errors
+    /// Where the model does not answer with a time after the present one.
     pub(crate) fn set_next(&mut self, next: Option<f64>, time: f64, is_initial: bool) -> Result<(), Error> {
-        self.next = next;
-        match next {
-            Some(next) if next.is_nan() || next < time || next <= time && !is_initial => {
-                Err(Error::new(format!(
-                    "the next event is due at {} s, which is not after that at {} s",
-                    Shown(next),
-                    Shown(time)
-                )))
-            }
-            _ => Ok(()),
+        let next = next.filter(|next| *next != f64::INFINITY);
+        if let Some(next) = next
+            && !(next > time || next >= time && is_initial)
+        {
+            return Err(Error::new(format!(
+                "the next event is due at {} s, which is not after that at {} s",
+                Shown(next),
+                Shown(time)
+            )));
         }
+        self.reached = time;
+        self.next = next;
+        Ok(())
     }
 
     /// The event at a time in s does not end; `names` are those of the indicators.
@@ -122,10 +163,14 @@ impl Events {
     pub(crate) fn endless(&self, time: f64, names: &[&str]) -> Error {
         let changing: Vec<_> =
             names.iter().zip(&self.changed).filter(|(_, changed)| **changed).map(|(name, _)| *name).collect();
+        let still = if changing.is_empty() {
+            "time events are still due".to_owned()
+        } else {
+            format!("the event indicators still change ({})", changing.join(", "))
+        };
         Error::new(format!(
-            "the event at {} s does not end: after {MOST_ITERATIONS} iterations the event indicators still change ({})",
-            Shown(time),
-            changing.join(", ")
+            "the event at {} s does not end: after {MOST_ITERATIONS} iterations {still}",
+            Shown(time)
         ))
     }
 }

@@ -43,7 +43,9 @@ pub(crate) struct Memory<M: Model> {
     model: M,
     variables: M::Variables,
     inputs: InputSignal<InputsOf<M>>,
-    experiment: Option<Experiment>,
+    /// As it was set up, if it was.
+    experiment: Experiment,
+    is_set_up: bool,
     time: f64,
     /// Whether something was set since the values were computed.
     stale: bool,
@@ -72,7 +74,8 @@ impl<M: Model> Memory<M> {
             model: M::default(),
             inputs: InputSignal::constant(variables.inputs().clone()),
             variables,
-            experiment: None,
+            experiment: Experiment::default(),
+            is_set_up: false,
             time: 0.0,
             stale: true,
             parameters_changed: true,
@@ -104,6 +107,7 @@ impl<M: Model> Persistent for Memory<M> {
             variables,
             inputs,
             experiment,
+            is_set_up,
             time,
             stale,
             parameters_changed,
@@ -117,6 +121,7 @@ impl<M: Model> Persistent for Memory<M> {
         variables.persist(archive)?;
         inputs.persist(archive)?;
         experiment.persist(archive)?;
+        is_set_up.persist(archive)?;
         time.persist(archive)?;
         stale.persist(archive)?;
         parameters_changed.persist(archive)?;
@@ -151,20 +156,22 @@ impl<M: Model> Instance<M> {
     /// Runs the body of a function, if the calling sequence allows it; catches panics and logs errors.
     pub(crate) fn call(&mut self, function: Function, body: impl FnOnce(&mut Self) -> Answer) -> Status {
         let (phase, interface) = (self.memory.phase, self.memory.interface);
-        let error = if function.interface().is_some_and(|only| only != interface) {
-            Error::new(format!("this instance is for {interface}, which does not have this function"))
-        } else if function.phases().contains(&phase) {
-            match contain(|| body(self)) {
-                Ok(Ok(status)) => return status,
-                Ok(Err(error)) => error,
-                Err(panic) => {
-                    self.memory.phase = Phase::Error;
-                    Error::new(format!("{panic}; reset the instance"))
+        let is_of_interface = || function.interface().is_none_or(|only| only == interface);
+        let error =
+            if function.phases().contains(&phase) && (phase.interface().is_some() || is_of_interface()) {
+                match contain(|| body(self)) {
+                    Ok(Ok(status)) => return status,
+                    Ok(Err(error)) => error,
+                    Err(panic) => {
+                        self.memory.phase = Phase::Error;
+                        Error::new(format!("{panic}; reset the instance"))
+                    }
                 }
-            }
-        } else {
-            Error::new(format!("must not be called in the state {phase}"))
-        };
+            } else if is_of_interface() {
+                Error::new(format!("must not be called in the state {phase}"))
+            } else {
+                Error::new(format!("this instance is for {interface}, which does not have this function"))
+            };
         self.logger.error(format_args!("{}: {error}", function.name()));
         Status::Error
     }
@@ -205,7 +212,8 @@ impl<M: Model> Instance<M> {
             Some(tolerance) if tolerance <= 0.0 => (None, Some(tolerance)),
             tolerance => (tolerance, None),
         };
-        self.memory.experiment = Some(Experiment { tolerance, ..experiment });
+        self.memory.experiment = Experiment { tolerance, ..experiment };
+        self.memory.is_set_up = true;
         self.memory.time = start_time;
         Ok(not_positive.map_or(Status::Ok, |tolerance| {
             self.warn(format_args!(
@@ -216,7 +224,7 @@ impl<M: Model> Instance<M> {
     }
 
     pub(crate) fn enter_initialization_mode(&mut self) -> Answer {
-        if self.memory.experiment.is_none() {
+        if !self.memory.is_set_up {
             return Err(Error::new("fmi2SetupExperiment was not called before"));
         }
         self.memory.phase = Phase::InitializationMode;
@@ -267,16 +275,15 @@ impl<M: Model> Instance<M> {
                         }
                     }
                 };
-                let mut context = Context::new(memory.experiment.unwrap_or_default(), &mut log)
-                    .with_resources(&self.resources);
+                let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
                 memory.model.initialize(&mut memory.variables, memory.inputs.initial(), &mut context)?;
                 memory.end = context.end;
                 check_finite(&memory.variables, memory.time)?;
             }
-            Phase::StepComplete | Phase::EventMode | Phase::ContinuousTimeMode => {
+            Phase::StepComplete | Phase::EventMode | Phase::ContinuousTimeMode | Phase::Terminated => {
                 memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.latest());
             }
-            Phase::Instantiated | Phase::StepFailed | Phase::Terminated | Phase::Error => {}
+            Phase::Instantiated | Phase::StepFailed | Phase::Error => {}
         }
         memory.stale = false;
         Ok(status)
@@ -292,7 +299,6 @@ impl<M: Model> Instance<M> {
         if memory.end.is_some() {
             return Ok(self.discard_for_end());
         }
-        let experiment = memory.experiment.unwrap_or_default();
         memory.inputs.update();
         if memory.parameters_changed {
             M::check_parameters(&memory.variables)?;
@@ -310,19 +316,30 @@ impl<M: Model> Instance<M> {
         let step = Step { start, size, inputs: &memory.inputs };
         // If an error or a panic interrupts the step, the instance remains in this state.
         memory.phase = Phase::Error;
-        let mut context = Context::new(experiment, &mut log).with_resources(&self.resources);
+        let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
         memory.model.step(&mut memory.variables, &step, &mut context)?;
-        memory.end = context.end;
+        let asked = context.end;
         check_finite(&memory.variables, end)?;
-        memory.phase = Phase::StepComplete;
         memory.stale = false;
-        if let Some(end) = memory.end {
-            memory.time = end;
-            return Ok(self.discard_for_end());
+        if let Some(asked) = asked {
+            return self.end_step_early(asked, end);
         }
+        memory.phase = Phase::StepComplete;
         memory.time = end;
         memory.inputs.end_step(size);
         Ok(status)
+    }
+
+    /// The model asks for the end at a time (s) in the step, which would have ended at another.
+    #[cold]
+    fn end_step_early(&mut self, asked: f64, end: f64) -> Answer {
+        if !asked.is_finite() {
+            return Err(Error::new(format!("the model asks for the end at {} s", Shown(asked))));
+        }
+        // It may be off by rounding.
+        self.memory.time = asked.max(self.memory.time).min(end);
+        self.memory.end = Some(asked);
+        Ok(self.discard_for_end())
     }
 
     /// The model asks for the end: the step is not completed (section 4.2.1).
@@ -363,7 +380,7 @@ impl<M: Model> Instance<M> {
     }
 
     fn stop_time(&self) -> Option<f64> {
-        self.memory.experiment.and_then(|experiment| experiment.stop_time)
+        self.memory.experiment.stop_time
     }
 
     /// Why a step is rejected.

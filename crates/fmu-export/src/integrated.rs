@@ -84,7 +84,9 @@ impl<E: Equations> Model for Integrated<E> {
             self.equations.initialize::<f64>(variables);
             self.equations.evaluate::<f64>(self.time, variables);
             let Self { equations, events, time, .. } = self;
-            events.begin(|indicators| equations.event_indicators(*time, variables, indicators));
+            events.begin(*time, E::Variables::EVENT_INDICATORS, |indicators| {
+                equations.event_indicators(*time, variables, indicators);
+            })?;
             self.happen(variables, true, false, context)
         })
     }
@@ -196,7 +198,7 @@ impl<E: Equations> Integrated<E> {
         let mut trials = 0;
         // Inputs and tunable parameters may have jumped since the last step.
         self.equations.evaluate::<f64>(self.time, variables);
-        let mut crossed = self.find_changes(variables);
+        let mut crossed = self.find_changes(variables)?;
         loop {
             let due = self.events.next.filter(|&due| due <= last_event);
             let is_due = due.is_some_and(|due| due <= self.time || self.time >= end);
@@ -226,7 +228,7 @@ impl<E: Equations> Integrated<E> {
                     .integrator
                     .step(&mut system, (self.time, target), states, &limits, &mut trials)
                     .map_err(|failure| self.not_integrable(failure, tolerance))?;
-                crossed = self.find_event(variables, step, reached, states);
+                crossed = self.find_event(variables, step, reached, states)?;
             }
             if trials > MOST_TRIALS {
                 return Err(Error::new(format!(
@@ -249,7 +251,7 @@ impl<E: Equations> Integrated<E> {
         step: &Step<'_, InputsOf<Self>>,
         end: f64,
         states: &mut [f64],
-    ) -> bool {
+    ) -> Result<bool, Error> {
         let begin = self.time;
         let mut go_to = |model: &mut Self, time: f64| {
             model.time = time;
@@ -271,7 +273,7 @@ impl<E: Equations> Integrated<E> {
         for place in 1..=SEARCHED {
             let share = f64::from(place) / f64::from(SEARCHED);
             let time = if place == SEARCHED { end } else { begin + share * (end - begin) };
-            if go_to(self, time) {
+            if go_to(self, time)? {
                 self.events.note(Side::After);
                 after = time;
                 break;
@@ -280,7 +282,7 @@ impl<E: Equations> Integrated<E> {
             before = time;
         }
         if before >= end {
-            return false;
+            return Ok(false);
         }
         // Straight lines from side to side lead close to the crossing; a little beyond them, on the side that has not
         // moved, both sides close in. Halving ends the search, when no number is between.
@@ -299,7 +301,7 @@ impl<E: Equations> Integrated<E> {
                 Side::After => line - beyond,
             };
             let time = if before < time && time < after { time } else { middle };
-            moved = if go_to(self, time) { Side::After } else { Side::Before };
+            moved = if go_to(self, time)? { Side::After } else { Side::Before };
             self.events.note(moved);
             match moved {
                 Side::Before => before = time,
@@ -310,9 +312,11 @@ impl<E: Equations> Integrated<E> {
     }
 
     /// Finds which indicators have changed since the last event. Whether any has.
-    fn find_changes(&mut self, variables: &E::Variables) -> bool {
+    fn find_changes(&mut self, variables: &E::Variables) -> Result<bool, Error> {
         let Self { equations, events, time, .. } = self;
-        events.find_changes(|indicators| equations.event_indicators(*time, variables, indicators))
+        events.find_changes(*time, E::Variables::EVENT_INDICATORS, |indicators| {
+            equations.event_indicators(*time, variables, indicators);
+        })
     }
 
     /// Has an event happen now, and those that it brings about at once.
@@ -329,7 +333,7 @@ impl<E: Equations> Integrated<E> {
             self.equations.event(&event, variables, context)?;
             self.equations.evaluate::<f64>(self.time, variables);
             self.events.accept();
-            if !self.find_changes(variables) {
+            if !self.find_changes(variables)? {
                 self.integrator.restart();
                 let next = self.equations.next_event(self.time, variables);
                 return self.events.set_next(next, self.time, is_initial);

@@ -1,5 +1,6 @@
 //! The files of an FMU's folder `resources`, which an importer names by a URI (FMI 2.0.5, section 2.1.5).
 
+use std::borrow::Cow;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -7,28 +8,33 @@ use crate::error::Error;
 
 /// Where the files are: the path, or why there is none.
 #[derive(Debug)]
-pub(crate) struct Resources(Result<PathBuf, Error>);
+pub(crate) struct Resources(Result<PathBuf, Cow<'static, str>>);
 
 impl Resources {
+    /// Of an FMU without files.
+    pub(crate) fn none() -> Self {
+        Self(Err("the model's JSON names no folder of them (\"resources\")".into()))
+    }
+
     /// The folder of a URI, which some importers replace by a path, or leave out.
-    pub(crate) fn new(location: Option<&[u8]>) -> Self {
+    pub(crate) fn at(location: Option<&[u8]>) -> Self {
         Self(match location {
-            None => Err(Error::new("fmuResourceLocation was NULL")),
+            None => Err("fmuResourceLocation was NULL".into()),
             Some(location) => path(location).ok_or_else(|| {
-                Error::new(format!(
+                format!(
                     "fmuResourceLocation {:?} is not a URI of a folder of this computer (file:///...)",
                     String::from_utf8_lossy(location)
-                ))
+                )
+                .into()
             }),
         })
     }
 
     /// The content of a file, by its path in the folder.
     pub(crate) fn read(&self, name: &str) -> Result<Vec<u8>, Error> {
-        let unreadable = |why: String| Error::new(format!("the resource {name} cannot be read: {why}"));
-        let folder = self.0.as_ref().map_err(|error| unreadable(error.to_string()))?;
-        let file = folder.join(name);
-        fs::read(&file).map_err(|error| unreadable(format!("{}: {error}", file.display())))
+        let unreadable = |why: &str| Error::new(format!("the resource {name} cannot be read: {why}"));
+        let file = self.0.as_ref().map_err(|why| unreadable(why))?.join(name);
+        fs::read(&file).map_err(|error| unreadable(&format!("{}: {error}", file.display())))
     }
 }
 
@@ -98,8 +104,7 @@ mod tests {
 
     #[test]
     fn what_cannot_be_read_is_named_with_the_reason() {
-        let reason =
-            |location: Option<&[u8]>| Resources::new(location).read("y.txt").unwrap_err().to_string();
+        let reason = |location: Option<&[u8]>| Resources::at(location).read("y.txt").unwrap_err().to_string();
         assert_eq!(reason(None), "the resource y.txt cannot be read: fmuResourceLocation was NULL");
         assert!(reason(Some(b"https://example.org")).contains("\"https://example.org\""));
         assert!(reason(Some(b"file:///nowhere")).starts_with("the resource y.txt cannot be read: /nowhere"));

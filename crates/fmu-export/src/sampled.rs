@@ -9,6 +9,7 @@
 
 use crate::error::Error;
 use crate::events::Event;
+use crate::logger::Shown;
 use crate::model::{Context, InputsOf, Model, Step, Variables};
 use crate::model_exchange::ModelExchange;
 use crate::persistence::Persistent;
@@ -100,6 +101,16 @@ impl<S: Sampled> Persistent for SampledModel<S> {
 }
 
 impl<S: Sampled> SampledModel<S> {
+    /// The period in s.
+    fn period(variables: &S::Variables) -> Result<f64, Error> {
+        let period = S::period(variables);
+        if period > 0.0 {
+            Ok(period)
+        } else {
+            Err(Error::new(format!("the period of the samples is {} s; it must be above 0", Shown(period))))
+        }
+    }
+
     fn next_sample(&self, period: f64) -> Sample {
         Sample { number: self.executed, time: self.start_time + self.executed as f64 * period }
     }
@@ -140,7 +151,7 @@ impl<S: Sampled> Model for SampledModel<S> {
         step: &Step<'_, InputsOf<Self>>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let period = S::period(variables);
+        let period = Self::period(variables)?;
         let until = self.end_of_samples(step, period);
         loop {
             let sample = self.next_sample(period);

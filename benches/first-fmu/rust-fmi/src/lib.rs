@@ -4,22 +4,20 @@ use fmi_export::fmi3::{CSDoStepResult, Context, DefaultLoggingCategory, UserMode
 
 #[derive(FmuModel, Default, Debug)]
 #[model(co_simulation = true, user_model = false)]
-struct Lag {
-    #[variable(causality = Input, variability = Continuous, start = 1.0)]
-    voltage: f64,
-    #[variable(causality = Parameter, variability = Fixed, start = 0.5, initial = Exact)]
-    time_constant: f64,
-    #[variable(causality = Output, variability = Continuous, start = 0.0, initial = Exact)]
-    lagged_voltage: f64,
-    #[variable(causality = Local, variability = Continuous, derivative = lagged_voltage, initial = Calculated)]
+struct Decay {
+    #[variable(causality = Output, variability = Continuous, start = 1.0, initial = Exact)]
+    x: f64,
+    #[variable(causality = Local, variability = Continuous, derivative = x, initial = Calculated)]
     rate: f64,
+    #[variable(causality = Parameter, variability = Fixed, start = 1.0, initial = Exact)]
+    k: f64,
 }
 
-impl UserModel for Lag {
+impl UserModel for Decay {
     type LoggingCategory = DefaultLoggingCategory;
 
     fn calculate_values(&mut self, _context: &dyn Context<Self>) -> Result<Fmi3Res, Fmi3Error> {
-        self.rate = (self.voltage - self.lagged_voltage) / self.time_constant;
+        self.rate = -self.k * self.x;
         Ok(Fmi3Res::OK)
     }
 
@@ -30,12 +28,12 @@ impl UserModel for Lag {
         size: f64,
         _no_set_fmu_state_prior_to_current_point: bool,
     ) -> Result<CSDoStepResult, Fmi3Error> {
-        let decay = (-size / self.time_constant).exp();
-        self.lagged_voltage = self.voltage + (self.lagged_voltage - self.voltage) * decay;
+        let decay = (-size * self.k).exp();
+        self.x *= decay;
         context.set_time(time + size);
         self.calculate_values(context)?;
         Ok(CSDoStepResult::completed(time + size))
     }
 }
 
-fmi_export::export_fmu!(Lag);
+fmi_export::export_fmu!(Decay);

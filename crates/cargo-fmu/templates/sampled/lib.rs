@@ -1,8 +1,8 @@
-//! A PI controller: a model that samples its inputs and remembers.
+//! A PI controller: a model that computes at its samples, and remembers from one to the next.
 
-use fmu_export::{Context, Error, Model, Persistent, Step};
+use fmu_export::{Context, Error, Persistent, Sample, Sampled};
 
-fmu_export::fmu!({Type});
+fmu_export::fmu!(sampled {Type});
 
 /// What the actuator takes, in V.
 const LIMITS: [f64; 2] = [-10.0, 10.0];
@@ -13,32 +13,27 @@ struct {Type} {
     integral: f64,
 }
 
-impl Model for {Type} {
+impl Sampled for {Type} {
     type Variables = Variables;
 
-    fn initialize(
-        &mut self,
-        _variables: &mut Variables,
-        _inputs: &Inputs,
-        _context: &mut Context<'_>,
-    ) -> Result<(), Error> {
-        *self = Self::default();
-        Ok(())
+    fn period(variables: &Variables) -> f64 {
+        variables.parameters.sample_time
     }
 
-    fn step(
+    fn sample(
         &mut self,
+        _sample: Sample,
         variables: &mut Variables,
-        step: &Step<'_, Inputs>,
+        inputs: &Inputs,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let Variables { parameters, outputs, .. } = variables;
-        let inputs = step.inputs.initial();
+        let parameters = &variables.parameters;
         let proportional = parameters.gain * (inputs.reference - inputs.measurement);
-        outputs.command = (self.integral + proportional).clamp(LIMITS[0], LIMITS[1]);
+        let command = self.integral + proportional;
+        variables.outputs.command = command.clamp(LIMITS[0], LIMITS[1]);
+        let rise = proportional * parameters.sample_time / parameters.integral_time;
         // At a limit the integral term stays there.
-        let integral = self.integral + proportional * step.size / parameters.integral_time;
-        self.integral = integral.clamp(LIMITS[0], LIMITS[1]);
+        self.integral = (self.integral + rise).clamp(LIMITS[0], LIMITS[1]);
         Ok(())
     }
 }
@@ -46,16 +41,18 @@ impl Model for {Type} {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmu_export::Simulation;
+    use fmu_export::{SampledModel, Simulation};
 
     #[test]
-    fn the_command_rises_with_the_error_up_to_its_limit() -> Result<(), Error> {
-        let mut simulation = Simulation::<{Type}>::default();
+    fn the_command_rises_at_samples_up_to_its_limit() -> Result<(), Error> {
+        let mut simulation = Simulation::<SampledModel<{Type}>>::default();
         simulation.initialize()?;
-        simulation.step(0.1)?;
-        let first = simulation.variables.outputs.command;
-        simulation.step(0.1)?;
-        assert!(first > 0.0 && simulation.variables.outputs.command > first);
+        simulation.step(0.15)?;
+        // Two samples: proportional 0.5 V, and 0.05 V of the integral term.
+        let two_samples = simulation.variables.outputs;
+        assert!((two_samples.command - 0.55).abs() < 1e-12);
+        simulation.step(0.05)?;
+        assert_eq!(simulation.variables.outputs, two_samples);
         simulation.inputs.reference = 100.0;
         simulation.step(0.1)?;
         assert!(simulation.variables.outputs.command >= LIMITS[1]);

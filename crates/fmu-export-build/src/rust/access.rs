@@ -4,6 +4,7 @@
 use std::fmt::Write as _;
 
 use super::{Generator, PLACES};
+use crate::declaration::{Initial, Variability};
 use crate::model::{DataType, Place, Scalar};
 use crate::xml;
 
@@ -116,15 +117,15 @@ impl ::fmu_export::Variables for Variables {{
         Self {{ start: self.derivatives, ..Self::zero() }}
     }}
 
-    fn first_non_finite(&self) -> Option<fmi::ValueReference> {{
+    fn first_non_finite(&self) -> ::core::option::Option<fmi::ValueReference> {{
         // Quickly, where their sum is finite; in four parts, which do not wait for each other.
         let sums: [f64; 4] = [
 {sums}        ];
         if ((sums[0] + sums[1]) + (sums[2] + sums[3])).is_finite() {{
-            return None;
+            return ::core::option::Option::None;
         }}
         #[cold]
-        fn find(variables: &Variables) -> Option<fmi::ValueReference> {{
+        fn find(variables: &Variables) -> ::core::option::Option<fmi::ValueReference> {{
             let reals: &[(_, f64)] = &[
 {reals}            ];
             reals.iter().find(|(_, value)| !value.is_finite()).map(|&(reference, _)| reference)
@@ -270,6 +271,8 @@ impl ::fmu_export::Variables for Variables {{
             let to = match scalar.place {
                 Place::States => Some(format!("start.{}", scalar.path)),
                 Place::Parameters | Place::Inputs => Some(from.clone()),
+                _ if scalar.variability == Variability::Constant => None,
+                _ if scalar.initial == Some(Initial::Exact) => Some(from.clone()),
                 _ => None,
             };
             let (get, set) = match scalar.data_type {
@@ -332,6 +335,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
 {variables}    ],
     log_categories: &[{categories}],
     interfaces: fmi::Interfaces {{ co_simulation: {}, model_exchange: {} }},
+    has_resources: {},
     capabilities: fmi::Capabilities {{
         interpolate_inputs: {},
         get_and_set_state: {},
@@ -343,6 +347,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
             model.identifier,
             model.interfaces.co_simulation(),
             model.interfaces.model_exchange(),
+            model.declaration.resources.is_some(),
             capabilities.interpolate_inputs,
             capabilities.get_and_set_state,
             capabilities.serialize_state,

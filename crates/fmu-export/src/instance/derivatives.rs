@@ -105,8 +105,7 @@ impl<M: Model> Instance<M> {
 
     /// Checks a known: an input, in initialization mode also a parameter or exact start value, later a state.
     fn check_known(&self, variable: &VariableDescription) -> Result<(), Error> {
-        let is_state = matches!(variable.causality, Causality::Local | Causality::Output)
-            && matches!(variable.initial, Initial::Exact | Initial::Approx);
+        let is_state = variable.state.is_some();
         let initializing = self.memory.phase == Phase::InitializationMode;
         let known = match variable.causality {
             Causality::Input => true,
@@ -145,8 +144,7 @@ impl<M: Model> Instance<M> {
         let initializing = self.memory.phase == Phase::InitializationMode;
         for (&reference, value) in references.iter().zip(values) {
             let variable = Self::checked(reference);
-            let is_given = variable.causality == Causality::Output && variable.initial != Initial::Calculated;
-            let from = if is_given && !initializing { &direction } else { derivatives };
+            let from = if variable.state.is_some() && !initializing { &direction } else { derivatives };
             *value = from.real(reference);
             if !value.is_finite() {
                 return Err(Error::new(format!("the derivative of {} is {}", variable.name, Shown(*value))));

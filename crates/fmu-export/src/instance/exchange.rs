@@ -5,7 +5,7 @@ use crate::c_types::Status;
 use crate::calling_sequence::{Interface, Phase};
 use crate::error::Error;
 use crate::events::{Event, MOST_ITERATIONS};
-use crate::logger::{Shown, WARNING};
+use crate::logger::{EVENT, Shown, WARNING};
 use crate::model::{Context, Variables};
 use crate::model_exchange::ModelExchange;
 
@@ -40,17 +40,21 @@ impl<M: ModelExchange> Memory<M> {
     }
 
     /// Whether an event indicator has changed since the last event.
-    fn find_changes(&mut self) -> bool {
+    fn find_changes(&mut self) -> Result<bool, Error> {
         let Self { model, variables, inputs, time, events, .. } = self;
-        events.find_changes(|indicators| {
+        events.find_changes(*time, M::Variables::EVENT_INDICATORS, |indicators| {
             model.event_indicators(*time, variables, inputs.latest(), indicators);
         })
     }
 
+    /// By how much later, in s, an event may be due that is reached.
+    fn tolerance(&self) -> f64 {
+        TIME_TOLERANCE * self.time.abs()
+    }
+
     /// When the time event that is reached was due.
     fn due(&self) -> Option<f64> {
-        let tolerance = TIME_TOLERANCE * self.time.abs();
-        self.events.next.filter(|next| *next <= self.time + tolerance)
+        self.events.next.filter(|next| *next <= self.time + self.tolerance())
     }
 
     /// Asks the model for the next event after a time (s).
@@ -66,10 +70,12 @@ impl<M: ModelExchange> Instance<M> {
         let status = self.exit_initialization_mode()?;
         let memory = &mut self.memory;
         if memory.interface == Interface::ModelExchange {
-            // If an error or a panic interrupts it, the instance remains in this state.
-            memory.phase = Phase::Error;
+            // After an error it can be repeated.
+            memory.phase = Phase::InitializationMode;
             let Memory { model, variables, inputs, time, events, .. } = memory;
-            events.begin(|indicators| model.event_indicators(*time, variables, inputs.latest(), indicators));
+            events.begin(*time, M::Variables::EVENT_INDICATORS, |indicators| {
+                model.event_indicators(*time, variables, inputs.latest(), indicators);
+            })?;
             memory.announce_next(memory.time, true)?;
             memory.phase = Phase::EventMode;
         }
@@ -104,8 +110,9 @@ impl<M: ModelExchange> Instance<M> {
         self.check_changed_parameters()?;
         let mut status = self.compute_values()?;
         let memory = &mut self.memory;
-        let has_changed = memory.find_changes();
+        let has_changed = memory.find_changes()?;
         let due = memory.due();
+        let time = due.unwrap_or_else(|| memory.events.time(memory.time, memory.tolerance()));
         let mut info = EventInfo::default();
         if has_changed || due.is_some() {
             memory.iterations += 1;
@@ -121,11 +128,9 @@ impl<M: ModelExchange> Instance<M> {
                 }
                 logger.message(category, message);
             };
-            let experiment = memory.experiment.unwrap_or_default();
-            let mut context = Context::new(experiment, &mut log).with_resources(&self.resources);
+            let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
             // If an error or a panic interrupts the event, the instance remains in this state.
             memory.phase = Phase::Error;
-            let time = due.unwrap_or(memory.time);
             let event =
                 Event { time, is_initial: false, is_due: due.is_some(), indicators: memory.events.changed() };
             memory.model.event(&event, &mut memory.variables, memory.inputs.latest(), &mut context)?;
@@ -134,12 +139,24 @@ impl<M: ModelExchange> Instance<M> {
             memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.latest());
             check_finite(&memory.variables, memory.time)?;
             memory.announce_next(time, false)?;
-            memory.phase = Phase::EventMode;
             info.states_changed = memory.states() != before;
-            info.again = memory.find_changes() || memory.due().is_some();
+            info.again = memory.find_changes()? || memory.due().is_some();
+            memory.phase = Phase::EventMode;
+        } else {
+            // Inputs and parameters that were set may have moved it.
+            memory.announce_next(time, false)?;
         }
-        info.terminate = memory.end.is_some();
-        info.next = memory.events.next;
+        if let Some(end) = self.memory.end {
+            info.terminate = true;
+            self.logger.message(
+                EVENT,
+                format_args!(
+                    "fmi2NewDiscreteStates: the model asks for the end of the simulation, at {} s",
+                    Shown(end)
+                ),
+            );
+        }
+        info.next = self.memory.events.next;
         Ok((status, info))
     }
 
@@ -161,7 +178,6 @@ impl<M: ModelExchange> Instance<M> {
     }
 
     pub(crate) fn set_continuous_states(&mut self, states: &[f64]) -> Answer {
-        check_count("nx", states.len(), M::Variables::STATE_NAMES.len())?;
         if let Some(wrong) = states.iter().position(|state| !state.is_finite()) {
             let name = M::Variables::STATE_NAMES[wrong];
             return Err(Error::new(format!("{} for the state {name}", Shown(states[wrong]))));
@@ -172,22 +188,24 @@ impl<M: ModelExchange> Instance<M> {
     }
 
     pub(crate) fn get_continuous_states(&mut self, states: &mut [f64]) -> Answer {
-        check_count("nx", states.len(), M::Variables::STATE_NAMES.len())?;
         let status = self.compute_values()?;
         M::Variables::each_state(&self.memory.variables, |state, value| states[state] = value);
+        // After an event that failed they may be anything.
+        if let Some(wrong) = states.iter().position(|state| !state.is_finite()) {
+            let name = M::Variables::STATE_NAMES[wrong];
+            return Err(Error::new(format!("the state {name} is {}", Shown(states[wrong]))));
+        }
         Ok(status)
     }
 
-    #[expect(clippy::unused_self, reason = "as the other functions")]
+    #[expect(clippy::unused_self, clippy::unnecessary_wraps, reason = "as the other functions")]
     pub(crate) fn get_nominals_of_continuous_states(&mut self, nominals: &mut [f64]) -> Answer {
-        check_count("nx", nominals.len(), M::Variables::STATE_NAMES.len())?;
         nominals.copy_from_slice(M::Variables::STATE_NOMINALS);
         Ok(Status::Ok)
     }
 
     /// Derivatives that are not finite are discarded, so that the solver tries a shorter step.
     pub(crate) fn get_derivatives(&mut self, derivatives: &mut [f64]) -> Answer {
-        check_count("nx", derivatives.len(), M::Variables::STATE_NAMES.len())?;
         let status = self.compute_values()?;
         let variables = &self.memory.variables;
         let mut wrong = None;
@@ -210,7 +228,6 @@ impl<M: ModelExchange> Instance<M> {
     }
 
     pub(crate) fn get_event_indicators(&mut self, indicators: &mut [f64]) -> Answer {
-        check_count("ni", indicators.len(), M::Variables::EVENT_INDICATORS.len())?;
         let status = self.compute_values()?;
         self.memory.compute_indicators(indicators);
         if let Some(wrong) = indicators.iter().position(|indicator| !indicator.is_finite()) {
@@ -224,14 +241,5 @@ impl<M: ModelExchange> Instance<M> {
         }
         self.memory.events.shift(indicators);
         Ok(status)
-    }
-}
-
-/// Checks the number of an array's elements.
-fn check_count(argument: &str, found: usize, expected: usize) -> Result<(), Error> {
-    if found == expected {
-        Ok(())
-    } else {
-        Err(Error::new(format!("{argument} is {found}; this FMU has {expected}")))
     }
 }

@@ -70,7 +70,15 @@ impl<M: Model> Instance<M> {
             }
             Ok(())
         })?;
-        no_number.map(|()| status)
+        match no_number {
+            Ok(()) => Ok(status),
+            // A solver has tried states of which there is no such value; it can try others.
+            Err(error) if self.memory.phase == Phase::ContinuousTimeMode => {
+                self.log_discarded(format_args!("fmi2GetReal: {error}"));
+                Ok(Status::Discard)
+            }
+            Err(error) => Err(error),
+        }
     }
 
     pub(crate) fn get_integer(&mut self, references: &[ValueReference], values: &mut [i32]) -> Answer {
@@ -106,7 +114,10 @@ impl<M: Model> Instance<M> {
             _ => self.is_settable_now(variable),
         };
         // Real inputs are limited to their bounds later.
-        let within = variable.real_input.is_some() || (variable.min..=variable.max).contains(&value);
+        let within = variable.real_input.is_some()
+            // A solver tries states beyond their bounds, which are the model's to bear, as in fmi2SetContinuousStates.
+            || self.memory.phase == Phase::ContinuousTimeMode
+            || (variable.min..=variable.max).contains(&value);
         if settable && value.is_finite() && within {
             Ok(())
         } else {
@@ -174,23 +185,56 @@ impl<M: Model> Instance<M> {
         is_set: impl Fn(&M::Variables, ValueReference, T) -> bool,
         write: impl Fn(&mut M::Variables, ValueReference, T),
     ) -> Answer {
-        // FMPy sets discrete inputs between events, too, to the values that they have.
-        let is_kept = |this: &Self, variable: &VariableDescription, reference, value| {
-            this.memory.phase == Phase::ContinuousTimeMode
-                && variable.causality == Causality::Input
-                && is_set(&this.memory.variables, reference, value)
-        };
+        if self.memory.phase == Phase::ContinuousTimeMode {
+            return self.set_between_events(references, values, requested, as_number, is_set, write);
+        }
         for (&reference, &value) in references.iter().zip(values) {
-            // A shortcut for Real inputs, which may be set to any finite value, and in most states.
+            // A shortcut for Real inputs, which may be set to any finite value.
             if !(Self::is_real_input(reference)
                 && requested == DataType::Real
-                && as_number(value).is_finite()
-                && self.memory.phase != Phase::ContinuousTimeMode)
+                && as_number(value).is_finite())
             {
-                let variable = Self::variable(reference, requested)?;
-                if !is_kept(self, variable, reference, value) {
-                    self.check_settable(variable, as_number(value))?;
+                self.check_settable(Self::variable(reference, requested)?, as_number(value))?;
+            }
+        }
+        let mut status = Status::Ok;
+        for (&reference, &value) in references.iter().zip(values) {
+            let variable = Self::checked(reference);
+            let memory = &mut self.memory;
+            write(&mut memory.variables, reference, value);
+            memory.stale = true;
+            if let Some(position) = variable.real_input {
+                if memory.inputs.set_value(position, as_number(value)) {
+                    status = self.warn_of_bounds(variable, as_number(value));
                 }
+            } else if variable.causality == Causality::Input {
+                memory.inputs.set_others(memory.variables.inputs());
+            } else {
+                memory.parameters_changed = true;
+            }
+        }
+        Ok(status)
+    }
+
+    /// The same in Continuous-Time Mode, of states and continuous inputs. Setting discrete inputs to the values that they
+    /// have is not an error, as FMPy does so.
+    #[cold]
+    fn set_between_events<T: Copy>(
+        &mut self,
+        references: &[ValueReference],
+        values: &[T],
+        requested: DataType,
+        as_number: impl Fn(T) -> f64,
+        is_set: impl Fn(&M::Variables, ValueReference, T) -> bool,
+        write: impl Fn(&mut M::Variables, ValueReference, T),
+    ) -> Answer {
+        let is_kept = |this: &Self, variable: &VariableDescription, reference, value| {
+            variable.causality == Causality::Input && is_set(&this.memory.variables, reference, value)
+        };
+        for (&reference, &value) in references.iter().zip(values) {
+            let variable = Self::variable(reference, requested)?;
+            if !is_kept(self, variable, reference, value) {
+                self.check_settable(variable, as_number(value))?;
             }
         }
         let mut status = Status::Ok;
@@ -201,19 +245,15 @@ impl<M: Model> Instance<M> {
             }
             let memory = &mut self.memory;
             memory.stale = true;
-            if let Some(state) = variable.state.filter(|_| memory.phase == Phase::ContinuousTimeMode) {
-                memory.set_state(state, as_number(value));
+            if let Some(state) = variable.state {
+                memory.set_state(state.into(), as_number(value));
                 continue;
             }
             write(&mut memory.variables, reference, value);
-            if let Some(position) = variable.real_input {
-                if memory.inputs.set_value(position, as_number(value)) {
-                    status = self.warn_of_bounds(variable, as_number(value));
-                }
-            } else if variable.causality == Causality::Input {
-                memory.inputs.set_others(memory.variables.inputs());
-            } else {
-                memory.parameters_changed = true;
+            if let Some(position) = variable.real_input
+                && memory.inputs.set_value(position, as_number(value))
+            {
+                status = self.warn_of_bounds(variable, as_number(value));
             }
         }
         Ok(status)

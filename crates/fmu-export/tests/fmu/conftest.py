@@ -1,6 +1,6 @@
-"""The exported FMU of the test model, and instances of it that are freed after each test.
+"""The exported FMUs of the test model, and instances of it that are freed after each test.
 
-`TEST_MODEL` is the FMU's path; `bash tests/run` exports it there.
+`bash tests/run` exports them: one with both interfaces, and one with each alone.
 """
 
 from __future__ import annotations
@@ -18,11 +18,21 @@ TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 
 
 @pytest.fixture(scope="session")
-def fmu(tmp_path_factory: pytest.TempPathFactory) -> Fmu:
-    """The test model, extracted."""
-    path = TARGET / "test-model" / "TestModel.fmu"
-    assert path.is_file(), f"{path} is missing: bash tests/run exports it"
-    return Fmu(path, tmp_path_factory.mktemp("fmu"))
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Fmu]:
+    """The test model with interfaces (`cs`, `me` or `cs,me`), extracted."""
+
+    def exported(interfaces: str) -> Fmu:
+        path = TARGET / "test-model" / interfaces / "TestModel.fmu"
+        assert path.is_file(), f"{path} is missing: bash tests/run exports it"
+        return Fmu(path, tmp_path_factory.mktemp("fmu"))
+
+    return exported
+
+
+@pytest.fixture(scope="session")
+def fmu(exported: Callable[[str], Fmu]) -> Fmu:
+    """The one with both interfaces."""
+    return exported("cs,me")
 
 
 @pytest.fixture(scope="session")
@@ -65,10 +75,11 @@ def like_a_new_one(make: Callable[..., Instance], records: dict[tuple, Record]) 
     each message."""
 
     def check(life: Life) -> None:
-        if () not in records:
-            records[()] = make(Life).live_anew()
+        key = (life.fmu_type,)
+        if key not in records:
+            records[key] = make(Life, fmu_type=life.fmu_type).live_anew()
         assert life.call("fmi2Reset") == Status.OK
-        assert differences(life.live_anew(), records[()]) == []
+        assert differences(life.live_anew(), records[key]) == []
 
     return check
 
@@ -80,9 +91,10 @@ def unharmed(
     """Checks that an instance continues like one without the refused call, bit for bit, and can be reset."""
 
     def check(life: Life) -> None:
-        key = (life.state, life.is_set_up, life.start_time, life.stop_time)
+        key = (life.fmu_type, life.state, life.is_set_up, life.start_time, life.stop_time)
         if key not in records:
-            untouched = live(life.state, start_time=life.start_time, stop_time=life.stop_time)
+            experiment = {"start_time": life.start_time, "stop_time": life.stop_time}
+            untouched = live(life.state, fmu_type=life.fmu_type, **experiment)
             if life.is_set_up and not untouched.is_set_up:
                 untouched.set_up()
             records[key] = untouched.go_on()

@@ -33,7 +33,7 @@ from fmpy.model_description import ScalarVariable
 STEP = 0.125
 """Exact in binary, so that the model's level is computed without rounding."""
 
-CO_SIMULATION = 1
+MODEL_EXCHANGE, CO_SIMULATION = 0, 1
 """`fmi2Type`."""
 
 
@@ -73,11 +73,26 @@ class CallbackFunctions(Structure):
     ]
 
 
+class EventInfo(Structure):
+    """`fmi2EventInfo`."""
+
+    _fields_ = [
+        ("new_discrete_states_needed", c_int),
+        ("terminate_simulation", c_int),
+        ("nominals_of_continuous_states_changed", c_int),
+        ("values_of_continuous_states_changed", c_int),
+        ("next_event_time_defined", c_int),
+        ("next_event_time", c_double),
+    ]
+
+
 _COMPONENT = c_void_p
 _REFERENCES = POINTER(c_uint)
 _SIZE = c_size_t
 
-FUNCTIONS: dict[str, tuple[Any, list[Any]]] = {
+Functions = Mapping[str, tuple[Any, list[Any]]]
+
+COMMON: Functions = {
     "fmi2GetTypesPlatform": (c_char_p, []),
     "fmi2GetVersion": (c_char_p, []),
     "fmi2SetDebugLogging": (c_int, [_COMPONENT, c_int, _SIZE, POINTER(c_char_p)]),
@@ -109,6 +124,24 @@ FUNCTIONS: dict[str, tuple[Any, list[Any]]] = {
         c_int,
         [_COMPONENT, _REFERENCES, _SIZE, _REFERENCES, _SIZE, POINTER(c_double), POINTER(c_double)],
     ),
+}
+"""Each function's result and arguments, in the order of the standard (fmi2FunctionTypes.h)."""
+
+OF_MODEL_EXCHANGE: Functions = {
+    "fmi2EnterEventMode": (c_int, [_COMPONENT]),
+    "fmi2NewDiscreteStates": (c_int, [_COMPONENT, POINTER(EventInfo)]),
+    "fmi2EnterContinuousTimeMode": (c_int, [_COMPONENT]),
+    "fmi2CompletedIntegratorStep": (c_int, [_COMPONENT, c_int, POINTER(c_int), POINTER(c_int)]),
+    "fmi2SetTime": (c_int, [_COMPONENT, c_double]),
+    "fmi2SetContinuousStates": (c_int, [_COMPONENT, POINTER(c_double), _SIZE]),
+    "fmi2GetDerivatives": (c_int, [_COMPONENT, POINTER(c_double), _SIZE]),
+    "fmi2GetEventIndicators": (c_int, [_COMPONENT, POINTER(c_double), _SIZE]),
+    "fmi2GetContinuousStates": (c_int, [_COMPONENT, POINTER(c_double), _SIZE]),
+    "fmi2GetNominalsOfContinuousStates": (c_int, [_COMPONENT, POINTER(c_double), _SIZE]),
+}
+"""Those that only Model Exchange has."""
+
+OF_CO_SIMULATION: Functions = {
     "fmi2SetRealInputDerivatives": (
         c_int,
         [_COMPONENT, _REFERENCES, _SIZE, POINTER(c_int), POINTER(c_double)],
@@ -125,7 +158,9 @@ FUNCTIONS: dict[str, tuple[Any, list[Any]]] = {
     "fmi2GetBooleanStatus": (c_int, [_COMPONENT, c_int, POINTER(c_int)]),
     "fmi2GetStringStatus": (c_int, [_COMPONENT, c_int, POINTER(c_char_p)]),
 }
-"""Each function's result and arguments, in the order of the standard (fmi2FunctionTypes.h)."""
+"""Those that only co-simulation has."""
+
+FUNCTIONS: Functions = {**COMMON, **OF_MODEL_EXCHANGE, **OF_CO_SIMULATION}
 
 
 class Fmu:
@@ -135,7 +170,13 @@ class Fmu:
         self.path = path
         self.description = read_model_description(path)
         self.guid = self.description.guid
-        identifier = self.description.coSimulation.modelIdentifier
+        simulation, exchange = self.description.coSimulation, self.description.modelExchange
+        identifier = (simulation or exchange).modelIdentifier
+        self.functions = {
+            **COMMON,
+            **(OF_MODEL_EXCHANGE if exchange else {}),
+            **(OF_CO_SIMULATION if simulation else {}),
+        }
         self.folder = Path(extract(path, folder))
         self.library = self.folder / "binaries" / platform / (identifier + sharedLibraryExtension)
         self.variables: dict[str, ScalarVariable] = {v.name: v for v in self.description.modelVariables}
@@ -152,10 +193,10 @@ class Fmu:
 class Library:
     """A loaded library, its functions as attributes with the types of the standard."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, functions: Functions = FUNCTIONS) -> None:
         self.path = path
         self.handle = CDLL(str(path))
-        for name, (result, arguments) in FUNCTIONS.items():
+        for name, (result, arguments) in functions.items():
             function = getattr(self.handle, name)
             function.restype, function.argtypes = result, arguments
 
@@ -229,7 +270,7 @@ class Instance:
         environment: int | None = None,
         logging_on: bool = False,
     ) -> None:
-        self.fmu, self.library = fmu, library
+        self.fmu, self.library, self.fmu_type = fmu, library, fmu_type
         self.messages: list[Message] = []
         self.names_and_environments: list[tuple[bytes, int | None]] = []
         self.callbacks = CallbackFunctions(LOGGER(self._log), None, None, None, environment)
@@ -342,6 +383,30 @@ class Instance:
         for index in range(steps):
             assert self.step(index * size, size) == Status.OK
         return self.outputs()
+
+    def vector(self, quantity: str) -> list[float]:
+        """What Model Exchange has an array of, such as `Derivatives`."""
+        count = len(self.fmu.description.derivatives)
+        if quantity == "EventIndicators":
+            count = self.fmu.description.numberOfEventIndicators
+        values = reals(*[math.nan] * count)
+        self.ok(f"fmi2Get{quantity}", values, count)
+        assert all(map(math.isfinite, values)), f"{quantity}: {list(values)}"
+        return list(values)
+
+    def set_states(self, *states: float) -> None:
+        """`fmi2SetContinuousStates`."""
+        self.ok("fmi2SetContinuousStates", reals(*states), len(states))
+
+    def new_discrete_states(self) -> EventInfo:
+        """`fmi2NewDiscreteStates`."""
+        info = EventInfo(*[7] * 5, math.nan)
+        self.ok("fmi2NewDiscreteStates", byref(info))
+        for name, kind in EventInfo._fields_:
+            assert kind is c_double or getattr(info, name) in (0, 1), name
+        assert info.nominals_of_continuous_states_changed == 0
+        assert not info.next_event_time_defined or math.isfinite(info.next_event_time)
+        return info
 
     def save(self) -> c_void_p:
         """`fmi2GetFMUstate` into a new state."""

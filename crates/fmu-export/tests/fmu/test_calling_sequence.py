@@ -1,7 +1,7 @@
-"""The order of calls: which function may be called in which state (FMI 2.0.5, section 4.2.4).
+"""The order of calls: which function may be called in which state (FMI 2.0.5, sections 3.2.3 and 4.2.4).
 
-`calling_sequence.csv` is the table of that section, cell by cell. A number in a cell is a condition on the
-variable, by the notes below the table.
+`calling_sequence_model_exchange.csv` and `calling_sequence.csv` are the tables of these sections, cell by cell. A
+number in a cell is a condition, mostly on the variable, by the notes below the table.
 """
 
 from __future__ import annotations
@@ -12,19 +12,48 @@ from collections.abc import Callable
 from ctypes import byref, c_char, c_char_p, c_double, c_int, c_size_t, c_void_p
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
-from fmi2 import ARRAYS, FUNCTIONS, STEP, Fmu, Instance, Status, c_type_of, integers, reals, strings
+from fmi2 import (
+    ARRAYS,
+    CO_SIMULATION,
+    COMMON,
+    FUNCTIONS,
+    MODEL_EXCHANGE,
+    OF_CO_SIMULATION,
+    OF_MODEL_EXCHANGE,
+    STEP,
+    EventInfo,
+    Fmu,
+    Instance,
+    Status,
+    c_type_of,
+    integers,
+    reals,
+    strings,
+)
 from fmpy.model_description import ScalarVariable
-from life import COURSE, STATES, Life, differences
+from life import COURSE, LIVES, STATES, Course, Life, Record, differences
 
-with open(Path(__file__).parents[1] / "calling_sequence.csv", newline="") as file:
-    TABLE: dict[str, dict[str, str]] = {row.pop("function"): row for row in csv.DictReader(file)}
-"""By function and state: blank if the call is not allowed."""
+
+def table(name: str) -> dict[str, dict[str, str]]:
+    """A table by function and state: blank if the call is not allowed."""
+    with open(Path(__file__).parents[1] / name, newline="") as file:
+        return {row.pop("function"): row for row in csv.DictReader(file)}
+
+
+TABLES = {
+    CO_SIMULATION: table("calling_sequence.csv"),
+    MODEL_EXCHANGE: table("calling_sequence_model_exchange.csv"),
+}
+
+INTERFACES = {CO_SIMULATION: "Co-Simulation", MODEL_EXCHANGE: "Model Exchange"}
+"""Their names in messages."""
 
 NO_INSTANCE = "start/end"
-NEVER = ["stepInProgress", "stepFailed", "stepCanceled", "fatal"]
-"""States of asynchronous or discarded steps, and of errors that affect every instance."""
+NEVER = ["stepInProgress", "stepCanceled", "fatal"]
+"""States of asynchronous steps, and of errors that affect every instance."""
 
 RETURNS = {
     "fmi2GetStatus": Status.DISCARD,
@@ -50,6 +79,11 @@ CHANGING = [
     "fmi2SetFMUstate",
     "fmi2SetRealInputDerivatives",
     "fmi2DoStep",
+    "fmi2EnterEventMode",
+    "fmi2NewDiscreteStates",
+    "fmi2EnterContinuousTimeMode",
+    "fmi2SetTime",
+    "fmi2SetContinuousStates",
 ]
 """Functions after which an instance does not continue as before."""
 
@@ -62,18 +96,27 @@ def is_input(variable: ScalarVariable) -> bool:
     return variable.causality == "input"
 
 
+def is_input_or_tunable(variable: ScalarVariable) -> bool:
+    """Whether a variable may change between steps, or at events."""
+    return is_input(variable) or (variable.causality == "parameter" and variable.variability == "tunable")
+
+
 CONDITIONS: dict[str, Callable[[ScalarVariable], bool]] = {
     "1": lambda v: v.variability != "constant" and v.initial in ("exact", "approx"),
     "3": lambda v: is_input(v) or (v.variability != "constant" and v.initial == "exact"),
-    "6": lambda v: is_input(v) or (v.causality == "parameter" and v.variability == "tunable"),
+    "4": is_input_or_tunable,
+    "5": lambda v: (is_input(v) and v.variability == "continuous") or v.name in CONTINUOUS_STATES,
+    "6": is_input_or_tunable,
 }
-"""The notes below the table on setting variables, by their numbers."""
+"""The notes below the tables on setting variables, by their numbers."""
+
+CONTINUOUS_STATES = ["tank.level", "motion.position"]
 
 
-def settable(variable: ScalarVariable, state: str) -> bool:
+def settable(variable: ScalarVariable, state: str, fmu_type: int = CO_SIMULATION) -> bool:
     """Whether the table allows a variable to be set in a state. Beyond note 1, inputs can be set before
     initialization, as libcosim, PyFMI and cofmupy do."""
-    condition = TABLE[f"fmi2Set{c_type_of(variable)}"][state]
+    condition = TABLES[fmu_type][f"fmi2Set{c_type_of(variable)}"][state]
     if condition == "1" and is_input(variable):
         return True
     return bool(condition) and CONDITIONS[condition](variable)
@@ -102,8 +145,8 @@ def arguments_of(life: Life, function: str) -> list[Any]:
         if function.startswith("fmi2Get"):
             return list(life.getting(*(v.name for v in variables))[1:])
         # If none may be set, the forbidden call sets one that may be set in other states.
-        state = life.state if TABLE[function][life.state] else "instantiated"
-        values = {v.name: another_value(v) for v in variables if settable(v, state)}
+        state = life.state if TABLES[life.fmu_type][function][life.state] else "instantiated"
+        values = {v.name: another_value(v) for v in variables if settable(v, state, life.fmu_type)}
         return list(life.settings(values)[1:])
     if function == "fmi2EnterInitializationMode" and life.state == "instantiated":
         life.set_up()
@@ -129,14 +172,25 @@ def arguments_of(life: Life, function: str) -> list[Any]:
         "fmi2GetIntegerStatus": lambda: [LAST_SUCCESSFUL_TIME, byref(c_int())],
         "fmi2GetBooleanStatus": lambda: [TERMINATED, byref(c_int())],
         "fmi2GetStringStatus": lambda: [PENDING_STATUS, byref(c_char_p())],
+        "fmi2NewDiscreteStates": lambda: [byref(EventInfo())],
+        "fmi2CompletedIntegratorStep": lambda: [1, byref(c_int()), byref(c_int())],
+        "fmi2SetTime": lambda: [life.time + 0.001],
+        "fmi2SetContinuousStates": lambda: [reals(0.3, 0.4), 2],
+        "fmi2GetDerivatives": lambda: [reals(0.0, 0.0), 2],
+        "fmi2GetEventIndicators": lambda: [reals(0.0, 0.0, 0.0), 3],
+        "fmi2GetContinuousStates": lambda: [reals(0.0, 0.0), 2],
+        "fmi2GetNominalsOfContinuousStates": lambda: [reals(0.0, 0.0), 2],
     }.get(function, list)()
 
 
 def test_the_table_is_of_all_functions_and_states(fmu: Fmu) -> None:
-    assert list(TABLE) == list(FUNCTIONS)
-    for function, cells in TABLE.items():
-        assert list(cells) == [NO_INSTANCE, *STATES[:3], *NEVER[:3], *STATES[3:], "fatal"], function
-    used = {cell for cells in TABLE.values() for cell in cells.values()}
+    assert list(TABLES[CO_SIMULATION]) == [*COMMON, *OF_CO_SIMULATION]
+    # The table has the getters in another order than the header.
+    assert set(TABLES[MODEL_EXCHANGE]) == {*COMMON, *OF_MODEL_EXCHANGE}
+    for fmu_type, never in [(CO_SIMULATION, NEVER), (MODEL_EXCHANGE, ["fatal"])]:
+        for function, cells in TABLES[fmu_type].items():
+            assert set(cells) == {NO_INSTANCE, *STATES[fmu_type], *never}, function
+    used = {cell for table in TABLES.values() for cells in table.values() for cell in cells.values()}
     assert used == {"", "x", "2", "7", "8", *CONDITIONS}
     # Asynchronous steps would add the states of NEVER.
     assert not fmu.description.coSimulation.canRunAsynchronuously
@@ -161,48 +215,67 @@ def test_the_model_has_one_of_everything(fmu: Fmu) -> None:
         f"settings.table[{i},{j}]" for i in (1, 2) for j in (1, 2)
     ]
     assert [u.variable.name for u in fmu.description.derivatives] == ["der(tank.level)", "der(motion.position)"]
+    assert fmu.description.numberOfEventIndicators == 3
+    variables = ElementTree.parse(fmu.folder / "modelDescription.xml").iter("ScalarVariable")
+    assert [v.get("name") for v in variables if v[0].get("reinit") == "true"] == CONTINUOUS_STATES
+    assert fmu.description.modelExchange.canGetAndSetFMUstate
     simulation = fmu.description.coSimulation
     assert simulation.canGetAndSetFMUstate and simulation.canSerializeFMUstate
     assert simulation.canInterpolateInputs and simulation.providesDirectionalDerivative
     assert simulation.maxOutputDerivativeOrder == 1
 
 
-def test_a_life_shows_the_whole_memory(live: Callable[..., Life]) -> None:
+WITHOUT_EFFECT = {CO_SIMULATION: ["events.period", "events.echoes", "events.wall"], MODEL_EXCHANGE: []}
+"""Parameters of the course."""
+
+
+@pytest.mark.parametrize(("fmu_type", "state"), [(CO_SIMULATION, "stepComplete"), (MODEL_EXCHANGE, "Event Mode")])
+def test_a_life_shows_the_whole_memory(live: Callable[..., Life], fmu_type: int, state: str) -> None:
     """The records differ if any value of the course was not set, or was lost."""
-    whole = live("stepComplete").go_on()
-    assert differences(live("stepComplete").go_on(), whole) == []
+
+    def lived(course: Course) -> Record:
+        return live(state, fmu_type=fmu_type, course=course).go_on()
+
+    whole = lived(COURSE)
+    assert differences(lived(COURSE), whole) == []
     for part in ("parameters", "inputs", "pending", "slopes", "later"):
+        if part == "slopes" and fmu_type == MODEL_EXCHANGE:
+            continue
         # Without motion.start the start value of motion.position is not used, as the test of that shows.
-        for forgotten in getattr(COURSE, part).keys() - {"motion.start"}:
+        for forgotten in getattr(COURSE, part).keys() - {"motion.start", *WITHOUT_EFFECT[fmu_type]}:
             values = {name: v for name, v in getattr(COURSE, part).items() if name != forgotten}
-            life = live("stepComplete", course=dataclasses.replace(COURSE, **{part: values}))
-            others = [d for d in differences(life.go_on(), whole) if not d.startswith(f"{forgotten}, ")]
+            record = lived(dataclasses.replace(COURSE, **{part: values}))
+            others = [d for d in differences(record, whole) if not d.startswith(f"{forgotten}, ")]
             assert others, f"{part}: {forgotten}"
 
 
-@pytest.mark.parametrize("function", TABLE)
-@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize("function", FUNCTIONS)
+@pytest.mark.parametrize(("fmu_type", "state"), LIVES)
 def test_a_function_in_a_state(
-    live: Callable[..., Life], unharmed: Callable[[Life], None], state: str, function: str
+    live: Callable[..., Life], unharmed: Callable[[Life], None], fmu_type: int, state: str, function: str
 ) -> None:
     """With valid arguments it succeeds if it is allowed; otherwise it is an Error that names function and
-    state and changes nothing."""
-    life = live(state)
+    state and changes nothing. So is a function of the other interface, and the message names the instance's."""
+    life = live(state, fmu_type=fmu_type)
     before = list(life.messages)
+    allowed = TABLES[fmu_type].get(function, {}).get(state)
     if function in INQUIRED:
-        assert TABLE[function][state] == "x"
+        assert allowed == "x"
         assert getattr(life.library, function)() == INQUIRED[function]
     elif function == "fmi2Instantiate":
         # It has no instance argument, and makes another one with its own state
         # (canBeInstantiatedOnlyOncePerProcess is false).
-        assert TABLE[function][state] == ""
+        assert allowed == ""
         assert live().component not in (None, life.component)
     elif function == "fmi2FreeInstance":
-        assert TABLE[function][state] == "x"
+        assert allowed == "x"
         life.free()
         assert life.messages == before
         return
-    elif not TABLE[function][state]:
+    elif function not in TABLES[fmu_type]:
+        life.refuses(function, *arguments_of(life, function), names=[INTERFACES[fmu_type]])
+    elif not allowed or (function, allowed) == ("fmi2SetTime", "8"):
+        # The model has continuous states: note 8 does not hold for it.
         life.refuses(function, *arguments_of(life, function), names=[state])
     else:
         assert life.call(function, *arguments_of(life, function)) == RETURNS.get(function, Status.OK)
@@ -212,19 +285,21 @@ def test_a_function_in_a_state(
     unharmed(life)
 
 
-@pytest.mark.parametrize("function", TABLE)
+@pytest.mark.parametrize("function", FUNCTIONS)
 def test_a_function_without_an_instance(live: Callable[..., Life], function: str) -> None:
     """Before fmi2Instantiate and after fmi2FreeInstance there is no instance: NULL is an Error that no logger
     can receive; freeing it is ignored (section 2.1.5). A freed pointer is not tried: its memory may be
     reused."""
     life = live()
     result, types = FUNCTIONS[function]
-    if TABLE[function][NO_INSTANCE]:
+    if any(table.get(function, {}).get(NO_INSTANCE) for table in TABLES.values()):
         # Functions without an instance, or fmi2Instantiate, which `live` has called.
         assert function in INQUIRED or (function == "fmi2Instantiate" and life.component)
         assert types == [] or function == "fmi2Instantiate"
         return
-    status = getattr(life.library, function)(None, *arguments_of(life, function))
+    # Those of Model Exchange are called with the arguments of an instance that has them.
+    arguments = arguments_of(live(fmu_type=MODEL_EXCHANGE if function in OF_MODEL_EXCHANGE else CO_SIMULATION), function)
+    status = getattr(life.library, function)(None, *arguments)
     assert status == (None if result is None else Status.ERROR)
     assert life.messages == []
 
@@ -245,17 +320,26 @@ def test_an_experiment_may_be_set_up_again(make: Callable[..., Instance]) -> Non
     assert instance.step(2.0, 10.0) == Status.OK
 
 
-@pytest.mark.parametrize("state", STATES[:3])
-def test_which_variables_can_be_set(live: Callable[..., Life], unharmed, fmu: Fmu, state: str) -> None:
-    """Notes 1, 3 and 6, for every variable."""
-    refusing = live(state)
+@pytest.mark.parametrize(
+    ("fmu_type", "state"),
+    [(fmu_type, state) for fmu_type, state in LIVES if TABLES[fmu_type]["fmi2SetReal"][state]],
+)
+def test_which_variables_can_be_set(
+    live: Callable[..., Life], unharmed, fmu: Fmu, fmu_type: int, state: str
+) -> None:
+    """Notes 1, 3, 4, 5 and 6, for every variable."""
+    refusing = live(state, fmu_type=fmu_type)
     for variable in fmu.variables.values():
         value = another_value(variable)
         setting = refusing.settings({variable.name: value})
-        if not settable(variable, state):
+        if not settable(variable, state, fmu_type):
+            if state == "Continuous-Time Mode" and is_input(variable) and refusing.get(variable.name) == value:
+                # FMPy sets discrete inputs there, too, to the values that they have.
+                refusing.ok(*setting)
+                continue
             refusing.refuses(*setting, names=[variable.name, state])
             continue
-        life = live(state)
+        life = live(state, fmu_type=fmu_type)
         life.ok(*setting)
         if state == "instantiated":
             life.enter()
@@ -283,12 +367,14 @@ def test_start_values_of_states(make: Callable[..., Instance], start: str, expec
     assert [message.text for message in instance.messages] == warned
 
 
-@pytest.mark.parametrize("state", STATES[1:])
-def test_every_variable_can_be_read(live: Callable[..., Life], unharmed, fmu: Fmu, state: str) -> None:
+@pytest.mark.parametrize(("fmu_type", "state"), [life for life in LIVES if life[1] != "instantiated"])
+def test_every_variable_can_be_read(
+    live: Callable[..., Life], unharmed, fmu: Fmu, fmu_type: int, state: str
+) -> None:
     """Note 2 allows outputs and InitialUnknowns in Initialization Mode; every variable can be read, because
     masters such as libcosim read all of them there. In the state `error` (note 7) the values are for
     debugging, but can be read."""
-    life = live(state)
+    life = live(state, fmu_type=fmu_type)
     before = list(life.messages)
     for name in fmu.variables:
         life.get(name)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import mmap
+import subprocess
 from collections.abc import Callable
 from ctypes import (
     CDLL,
@@ -24,9 +25,21 @@ from ctypes import (
 from math import nan
 
 import pytest
-from fmi2 import CO_SIMULATION, STEP, CallbackFunctions, Fmu, Instance, Library, Status, strings
+from fmi2 import (
+    CO_SIMULATION,
+    COMMON,
+    MODEL_EXCHANGE,
+    OF_CO_SIMULATION,
+    OF_MODEL_EXCHANGE,
+    STEP,
+    CallbackFunctions,
+    Fmu,
+    Instance,
+    Library,
+    Status,
+    strings,
+)
 
-MODEL_EXCHANGE = 0
 LONG = 65536
 
 Make = Callable[..., Instance]
@@ -95,9 +108,53 @@ def test_a_wrong_guid_is_refused(make: Make, fmu: Fmu, which: str) -> None:
     assert instance.names_and_environments == [(b"an instance", 77)]
 
 
-@pytest.mark.parametrize("fmu_type", [MODEL_EXCHANGE, 2, -1, 2**31 - 1])
-def test_another_type_than_co_simulation_is_refused(make: Make, fmu_type: int) -> None:
-    assert "co-simulation" in refused(make(fmu_type=fmu_type))
+@pytest.mark.parametrize("fmu_type", [2, -1, 2**31 - 1, -(2**31)])
+def test_what_is_not_a_type_is_refused(make: Make, fmu_type: int) -> None:
+    text = refused(make(fmu_type=fmu_type))
+    assert "fmuType" in text
+    assert str(fmu_type) in text
+
+
+@pytest.mark.parametrize(
+    ("interfaces", "functions", "counted"),
+    [
+        ("cs", {**COMMON, **OF_CO_SIMULATION}, 34),
+        ("me", {**COMMON, **OF_MODEL_EXCHANGE}, 35),
+        ("cs,me", {**COMMON, **OF_MODEL_EXCHANGE, **OF_CO_SIMULATION}, 44),
+    ],
+)
+def test_the_functions_of_the_interfaces_are_exported(
+    exported: Callable[[str], Fmu], interfaces: str, functions: dict, counted: int
+) -> None:
+    """Those of the declared ones, and no other global symbol."""
+    fmu = exported(interfaces)
+    command = ["nm", "-D", "--defined-only", str(fmu.library)]
+    listed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    symbols = [line.split()[-1] for line in listed.splitlines()]
+    assert sorted(symbols) == sorted(functions)
+    assert len(symbols) == counted
+    assert (fmu.description.coSimulation is not None) == ("cs" in interfaces)
+    assert (fmu.description.modelExchange is not None) == ("me" in interfaces)
+    assert (fmu.description.numberOfEventIndicators or 0) == (3 if "me" in interfaces else 0)
+
+
+@pytest.mark.parametrize(
+    ("interfaces", "missing", "names"),
+    [
+        ("cs", MODEL_EXCHANGE, "this FMU is for Co-Simulation, not for Model Exchange"),
+        ("me", CO_SIMULATION, "this FMU is for Model Exchange, not for Co-Simulation"),
+    ],
+)
+def test_an_interface_that_is_not_there_is_refused(
+    exported: Callable[[str], Fmu], interfaces: str, missing: int, names: str
+) -> None:
+    fmu = exported(interfaces)
+    library = Library(fmu.library, fmu.functions)
+    assert names in refused(Instance(fmu, library, fmu_type=missing))
+    instance = Instance(fmu, library, fmu_type=1 - missing)
+    instance.initialize()
+    instance.free()
+    assert instance.messages == []
 
 
 def test_no_instance_without_callbacks(fmu: Fmu, library: Library) -> None:
@@ -110,7 +167,7 @@ def test_no_instance_without_callbacks(fmu: Fmu, library: Library) -> None:
 def test_refusals_without_a_logger(fmu: Fmu, library: Library) -> None:
     """Each of the refusals above, with `logger` NULL."""
     callbacks = CallbackFunctions()
-    right, wrong = (b"name", CO_SIMULATION, fmu.guid.encode()), (None, MODEL_EXCHANGE, None)
+    right, wrong = (b"name", CO_SIMULATION, fmu.guid.encode()), (None, 2, None)
     for choice in itertools.product([False, True], repeat=3):
         arguments = [w if is_wrong else r for r, w, is_wrong in zip(right, wrong, choice, strict=True)]
         component = library.fmi2Instantiate(*arguments, None, byref(callbacks), 0, 1)

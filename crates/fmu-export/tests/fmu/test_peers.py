@@ -166,4 +166,4 @@ def test_the_table(fmu: Fmu, tmp_path: Path) -> None:
 
 if __name__ == "__main__":
     tried = Fmu(Path(sys.argv[1]), Path(sys.argv[3]))
-    print(CASES[sys.argv[2]][0](tried, Library(tried.library)))
+    print(CASES[sys.argv[2]][0](tried, Library(tried.library, tried.functions)))

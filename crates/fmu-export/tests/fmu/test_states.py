@@ -3,6 +3,7 @@ than a state of this FMU is refused (FMI 2.0.5, section 2.1.8)."""
 
 from __future__ import annotations
 
+import copy
 import math
 import shutil
 import struct
@@ -14,7 +15,7 @@ from pathlib import Path
 
 import pytest
 from fmi2 import STEP, Fmu, Instance, Library, Status, buffer
-from life import STATES, Life, differences
+from life import LIVES, Life, differences
 
 Make = Callable[..., Instance]
 Live = Callable[..., Life]
@@ -68,12 +69,32 @@ def test_a_restored_state_goes_on_identically(make: Make) -> None:
         assert drive(instance, 20, 50) == expected
 
 
-@pytest.mark.parametrize("state", STATES)
-def test_every_state_of_the_calling_sequence_is_kept(live: Live, state: str) -> None:
-    life, other = live(state), live()
-    other.restore(life.snapshot())
-    other.state, other.is_set_up, other.steps_done = life.state, life.is_set_up, life.steps_done
-    assert differences(other.go_on(), life.go_on()) == []
+@pytest.mark.parametrize(("fmu_type", "state"), LIVES)
+def test_every_state_of_the_calling_sequence_is_kept(live: Live, fmu_type: int, state: str) -> None:
+    """From bytes in another instance, and from a handle in the same."""
+    life, other = live(state, fmu_type=fmu_type), live(fmu_type=fmu_type)
+    saved, reached = life.save(), copy.copy(life)
+    data = life.serialize(saved)
+    other.restore(data)
+    assert other.snapshot() == data
+    expected = life.go_on()
+    assert differences(other.take_the_place_of(reached).go_on(), expected) == []
+    life.ok("fmi2SetFMUstate", saved)
+    assert differences(life.take_the_place_of(reached).go_on(), expected) == []
+
+
+@pytest.mark.parametrize(("fmu_type", "state"), LIVES)
+def test_a_state_of_the_other_interface_is_refused(live: Live, unharmed, fmu_type: int, state: str) -> None:
+    """By its handle and by its bytes, in each state; the message names both interfaces."""
+    life, other = live(state, fmu_type=fmu_type), live(fmu_type=1 - fmu_type)
+    saved = other.save()
+    names = ["Co-Simulation", "Model Exchange"]
+    life.refuses("fmi2SetFMUstate", saved, names=names)
+    data, made = other.serialize(saved), c_void_p()
+    life.refuses("fmi2DeSerializeFMUstate", buffer(data), len(data), byref(made), names=names)
+    assert made.value is None
+    other.ok("fmi2SetFMUstate", saved)
+    unharmed(life)
 
 
 def test_a_warning_is_not_repeated_after_a_restore(make: Make) -> None:

@@ -6,7 +6,7 @@ pub use generated::*;
 #[allow(unused_imports)]
 pub use ::fmu_export::fmi2_co_simulation as export_fmi2;
 
-#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+#[allow(dead_code, unused_variables, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 mod generated {
 use ::fmu_export::description as fmi;
 
@@ -45,7 +45,7 @@ pub struct SettingsParameters<T = f64> {
 ::fmu_export::persistent!(SettingsParameters { mode, label, table });
 ::fmu_export::numbers!(SettingsParameters { other mode, other label, number table[2][2] });
 
-impl Default for SettingsParameters {
+impl ::core::default::Default for SettingsParameters {
     fn default() -> Self {
         Self {
             mode: FillMode::HalfFull, label: String::from("a <b>"), table: [[1.0, 2.0], [3.0, 4.0]]
@@ -67,7 +67,7 @@ pub struct Parameters<T = f64> {
 ::fmu_export::persistent!(Parameters { first, second, settings });
 ::fmu_export::numbers!(Parameters { nested first, nested second, nested settings });
 
-impl Default for Parameters {
+impl ::core::default::Default for Parameters {
     fn default() -> Self {
         Self {
             first: VesselParameters { area: 0.5 },
@@ -89,7 +89,7 @@ pub struct Inputs<T = f64> {
 ::fmu_export::persistent!(Inputs { inflow, enabled });
 ::fmu_export::numbers!(Inputs { number inflow, other enabled });
 
-impl Default for Inputs {
+impl ::core::default::Default for Inputs {
     fn default() -> Self {
         Self {
             inflow: 0.5, enabled: true
@@ -107,7 +107,7 @@ pub struct VesselStates<T = f64> {
 ::fmu_export::persistent!(VesselStates { mass });
 ::fmu_export::numbers!(VesselStates { number mass });
 
-impl Default for VesselStates {
+impl ::core::default::Default for VesselStates {
     fn default() -> Self {
         Self {
             mass: 1e-5
@@ -125,7 +125,7 @@ pub struct SettingsStates<T = f64> {
 ::fmu_export::persistent!(SettingsStates { reserve });
 ::fmu_export::numbers!(SettingsStates { number reserve });
 
-impl Default for SettingsStates {
+impl ::core::default::Default for SettingsStates {
     fn default() -> Self {
         Self {
             reserve: 3.0
@@ -147,7 +147,7 @@ pub struct States<T = f64> {
 ::fmu_export::persistent!(States { first, second, settings });
 ::fmu_export::numbers!(States { nested first, nested second, nested settings });
 
-impl Default for States {
+impl ::core::default::Default for States {
     fn default() -> Self {
         Self {
             first: VesselStates::default(),
@@ -167,7 +167,7 @@ pub struct VesselLocals<T = f64> {
 ::fmu_export::persistent!(VesselLocals { outflow });
 ::fmu_export::numbers!(VesselLocals { number outflow });
 
-impl Default for VesselLocals {
+impl ::core::default::Default for VesselLocals {
     fn default() -> Self {
         Self {
             outflow: 0.0
@@ -185,7 +185,7 @@ pub struct SettingsLocals<T = f64> {
 ::fmu_export::persistent!(SettingsLocals { gain });
 ::fmu_export::numbers!(SettingsLocals { number gain });
 
-impl Default for SettingsLocals {
+impl ::core::default::Default for SettingsLocals {
     fn default() -> Self {
         Self {
             gain: 0.0
@@ -207,7 +207,7 @@ pub struct Locals<T = f64> {
 ::fmu_export::persistent!(Locals { first, second, settings });
 ::fmu_export::numbers!(Locals { nested first, nested second, nested settings });
 
-impl Default for Locals {
+impl ::core::default::Default for Locals {
     fn default() -> Self {
         Self {
             first: VesselLocals::default(),
@@ -231,7 +231,7 @@ pub struct Outputs<T = f64> {
 ::fmu_export::persistent!(Outputs { level, drain, fills });
 ::fmu_export::numbers!(Outputs { number level, number drain, other fills });
 
-impl Default for Outputs {
+impl ::core::default::Default for Outputs {
     fn default() -> Self {
         Self {
             level: 0.0, drain: 0.0, fills: 0
@@ -247,7 +247,7 @@ impl States {
     pub const NAMES: [&'static str; Self::COUNT] = ["first.mass", "second.mass", "settings.reserve"];
 }
 
-impl<T: Copy> States<T> {
+impl<T: ::core::marker::Copy> States<T> {
     /// The states from an array, in the order of declaration.
     #[must_use]
     pub fn from_array(values: [T; 3]) -> Self {
@@ -277,7 +277,7 @@ pub struct StoresStates<T = f64> {
 ::fmu_export::persistent!(StoresStates { first, second });
 ::fmu_export::numbers!(StoresStates { nested first, nested second });
 
-impl Default for StoresStates {
+impl ::core::default::Default for StoresStates {
     fn default() -> Self {
         Self {
             first: VesselStates::default(),
@@ -306,7 +306,7 @@ impl StoresStates {
     };
 }
 
-impl<T: Copy> StoresStates<T> {
+impl<T: ::core::marker::Copy> StoresStates<T> {
     /// The states from an array, in the order of declaration.
     #[must_use]
     pub fn from_array(values: [T; 2]) -> Self {
@@ -323,7 +323,7 @@ impl<T: Copy> StoresStates<T> {
     }
 }
 
-impl<T: Copy> StoresStates<T> {
+impl<T: ::core::marker::Copy> StoresStates<T> {
     /// Those among all states.
     #[must_use]
     pub fn of(states: &States<T>) -> Self {
@@ -341,7 +341,7 @@ pub struct SparePartsStates<T = f64> {
 ::fmu_export::persistent!(SparePartsStates { settings });
 ::fmu_export::numbers!(SparePartsStates { nested settings });
 
-impl Default for SparePartsStates {
+impl ::core::default::Default for SparePartsStates {
     fn default() -> Self {
         Self {
             settings: SettingsStates::default()
@@ -367,7 +367,7 @@ impl SparePartsStates {
     };
 }
 
-impl<T: Copy> SparePartsStates<T> {
+impl<T: ::core::marker::Copy> SparePartsStates<T> {
     /// The states from an array, in the order of declaration.
     #[must_use]
     pub fn from_array(values: [T; 1]) -> Self {
@@ -383,7 +383,7 @@ impl<T: Copy> SparePartsStates<T> {
     }
 }
 
-impl<T: Copy> SparePartsStates<T> {
+impl<T: ::core::marker::Copy> SparePartsStates<T> {
     /// Those among all states.
     #[must_use]
     pub fn of(states: &States<T>) -> Self {
@@ -400,7 +400,7 @@ pub struct StateGroups<T = f64> {
     pub spare_parts: SparePartsStates<T>,
 }
 
-impl<T: Copy> States<T> {
+impl<T: ::core::marker::Copy> States<T> {
     /// All states, from their groups.
     #[must_use]
     pub fn from_groups(groups: StateGroups<T>) -> Self {
@@ -434,16 +434,16 @@ pub struct Variables<T = f64> {
 ::fmu_export::persistent!(Variables { parameters, inputs, start, states, derivatives, locals, outputs });
 ::fmu_export::numbers!(Variables { nested parameters, nested inputs, nested start, nested states, nested derivatives, nested locals, nested outputs });
 
-impl Default for Variables {
+impl ::core::default::Default for Variables {
     fn default() -> Self {
         Self {
-            parameters: Default::default(),
-            inputs: Default::default(),
-            start: Default::default(),
-            states: Default::default(),
-            derivatives: Default::default(),
-            locals: Default::default(),
-            outputs: Default::default()
+            parameters: ::core::default::Default::default(),
+            inputs: ::core::default::Default::default(),
+            start: ::core::default::Default::default(),
+            states: ::core::default::Default::default(),
+            derivatives: ::core::default::Default::default(),
+            locals: ::core::default::Default::default(),
+            outputs: ::core::default::Default::default()
         }
     }
 }
@@ -623,7 +623,7 @@ impl ::fmu_export::Variables for Variables {
         Self { start: self.derivatives, ..Self::zero() }
     }
 
-    fn first_non_finite(&self) -> Option<fmi::ValueReference> {
+    fn first_non_finite(&self) -> ::core::option::Option<fmi::ValueReference> {
         // Quickly, where their sum is finite; in four parts, which do not wait for each other.
         let sums: [f64; 4] = [
             0.0 + self.states.first.mass.abs() + self.derivatives.second.mass.abs(),
@@ -632,10 +632,10 @@ impl ::fmu_export::Variables for Variables {
             0.0 + self.derivatives.first.mass.abs() + self.outputs.drain.abs(),
         ];
         if ((sums[0] + sums[1]) + (sums[2] + sums[3])).is_finite() {
-            return None;
+            return ::core::option::Option::None;
         }
         #[cold]
-        fn find(variables: &Variables) -> Option<fmi::ValueReference> {
+        fn find(variables: &Variables) -> ::core::option::Option<fmi::ValueReference> {
             let reals: &[(_, f64)] = &[
                 (7, variables.states.first.mass),
                 (11, variables.states.second.mass),
@@ -682,6 +682,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {
     ],
     log_categories: &["logStatusError", "logStatusWarning", "logEvents"],
     interfaces: fmi::Interfaces { co_simulation: true, model_exchange: false },
+    has_resources: false,
     capabilities: fmi::Capabilities {
         interpolate_inputs: true,
         get_and_set_state: true,

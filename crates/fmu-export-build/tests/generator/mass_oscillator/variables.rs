@@ -6,7 +6,7 @@ pub use generated::*;
 #[allow(unused_imports)]
 pub use ::fmu_export::fmi2_co_simulation as export_fmi2;
 
-#[allow(dead_code, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+#[allow(dead_code, unused_variables, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 mod generated {
 use ::fmu_export::description as fmi;
 
@@ -20,7 +20,7 @@ pub struct Parameters<T = f64> {
 ::fmu_export::persistent!(Parameters { stiffness });
 ::fmu_export::numbers!(Parameters { number stiffness });
 
-impl Default for Parameters {
+impl ::core::default::Default for Parameters {
     fn default() -> Self {
         Self {
             stiffness: 4.0
@@ -38,7 +38,7 @@ pub struct Inputs<T = f64> {
 ::fmu_export::persistent!(Inputs { force });
 ::fmu_export::numbers!(Inputs { number force });
 
-impl Default for Inputs {
+impl ::core::default::Default for Inputs {
     fn default() -> Self {
         Self {
             force: 0.0
@@ -60,7 +60,7 @@ pub struct States<T = f64> {
 ::fmu_export::persistent!(States { position, velocity, wear });
 ::fmu_export::numbers!(States { number position, number velocity, number wear[2] });
 
-impl Default for States {
+impl ::core::default::Default for States {
     fn default() -> Self {
         Self {
             position: 1.0, velocity: 0.0, wear: [0.0, 0.0]
@@ -75,7 +75,7 @@ pub struct Locals {
 
 ::fmu_export::persistent!(Locals {  });
 
-impl Default for Locals {
+impl ::core::default::Default for Locals {
     fn default() -> Self {
         Self {
             
@@ -97,7 +97,7 @@ pub struct Outputs<T = f64> {
 ::fmu_export::persistent!(Outputs { energy, power, loss });
 ::fmu_export::numbers!(Outputs { number energy, number power, number loss });
 
-impl Default for Outputs {
+impl ::core::default::Default for Outputs {
     fn default() -> Self {
         Self {
             energy: 0.0, power: 0.0, loss: 0.0
@@ -113,7 +113,7 @@ impl States {
     pub const NAMES: [&'static str; Self::COUNT] = ["position", "velocity", "wear[1]", "wear[2]"];
 }
 
-impl<T: Copy> States<T> {
+impl<T: ::core::marker::Copy> States<T> {
     /// The states from an array, in the order of declaration.
     #[must_use]
     pub fn from_array(values: [T; 4]) -> Self {
@@ -151,16 +151,16 @@ pub struct Variables<T = f64> {
 ::fmu_export::persistent!(Variables { parameters, inputs, start, states, derivatives, locals, outputs });
 ::fmu_export::numbers!(Variables { nested parameters, nested inputs, nested start, nested states, nested derivatives, other locals, nested outputs });
 
-impl Default for Variables {
+impl ::core::default::Default for Variables {
     fn default() -> Self {
         Self {
-            parameters: Default::default(),
-            inputs: Default::default(),
-            start: Default::default(),
-            states: Default::default(),
-            derivatives: Default::default(),
-            locals: Default::default(),
-            outputs: Default::default()
+            parameters: ::core::default::Default::default(),
+            inputs: ::core::default::Default::default(),
+            start: ::core::default::Default::default(),
+            states: ::core::default::Default::default(),
+            derivatives: ::core::default::Default::default(),
+            locals: ::core::default::Default::default(),
+            outputs: ::core::default::Default::default()
         }
     }
 }
@@ -319,7 +319,7 @@ impl ::fmu_export::Variables for Variables {
         Self { start: self.derivatives, ..Self::zero() }
     }
 
-    fn first_non_finite(&self) -> Option<fmi::ValueReference> {
+    fn first_non_finite(&self) -> ::core::option::Option<fmi::ValueReference> {
         // Quickly, where their sum is finite; in four parts, which do not wait for each other.
         let sums: [f64; 4] = [
             0.0 + self.states.position.abs() + self.derivatives.position.abs() + self.outputs.energy.abs(),
@@ -328,10 +328,10 @@ impl ::fmu_export::Variables for Variables {
             0.0 + self.states.wear[1].abs() + self.derivatives.wear[1].abs(),
         ];
         if ((sums[0] + sums[1]) + (sums[2] + sums[3])).is_finite() {
-            return None;
+            return ::core::option::Option::None;
         }
         #[cold]
-        fn find(variables: &Variables) -> Option<fmi::ValueReference> {
+        fn find(variables: &Variables) -> ::core::option::Option<fmi::ValueReference> {
             let reals: &[(_, f64)] = &[
                 (3, variables.states.position),
                 (1, variables.states.velocity),
@@ -372,6 +372,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {
     ],
     log_categories: &["logStatusError", "logStatusWarning", "logEvents", "logWear"],
     interfaces: fmi::Interfaces { co_simulation: true, model_exchange: false },
+    has_resources: false,
     capabilities: fmi::Capabilities {
         interpolate_inputs: true,
         get_and_set_state: true,

@@ -1,4 +1,8 @@
-//! Models of equations, by which the built-in integrator is tested.
+//! Models of equations, by which the built-in integrator is tested, and the test model of the C interface, for random
+//! calls.
+
+#[path = "../../test-model/src/lib.rs"]
+pub mod test_model;
 
 use fmu_export::{Context, Equations, Error, Event, Number, Persistent, VariablesOf};
 

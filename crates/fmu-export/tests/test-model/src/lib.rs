@@ -5,7 +5,7 @@ use std::panic::panic_any;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use fmu_export::persistence::{Archive, Persistent};
-use fmu_export::{Context, Error, InputsOf, Model, Step, Variables as _};
+use fmu_export::{Context, Error, Event, InputsOf, Model, ModelExchange, Step, Variables as _};
 
 mod variables {
     fmu_export::include_variables!("TestModel");
@@ -16,8 +16,25 @@ use variables::{Gear, Inputs, Manner, Place, Start, Variables};
 static DEFAULT_FAILS: AtomicBool = AtomicBool::new(false);
 
 /// The model. The flags are for functions without parameters.
-struct TestModel {
+#[allow(
+    clippy::struct_excessive_bools,
+    reason = "each of them is a fault or a branch, apart from the others"
+)]
+pub struct TestModel {
     steps: i32,
+    /// Whether the level was above its limit at the last step or event.
+    full: bool,
+    start_time: f64,
+    ticks: i32,
+    hits: i32,
+    /// Events until now.
+    had: i32,
+    /// The time of the last event.
+    last: f64,
+    /// Echoes of a tick that are still to come.
+    echoes: i32,
+    /// Changes its sign with each echo.
+    echo: f64,
     clone_fails: bool,
     drop_fails: bool,
     persist_fails: bool,
@@ -26,7 +43,20 @@ struct TestModel {
 impl Default for TestModel {
     fn default() -> Self {
         assert!(!DEFAULT_FAILS.swap(false, Ordering::Relaxed), "the default panics");
-        Self { steps: 0, clone_fails: false, drop_fails: false, persist_fails: false }
+        Self {
+            steps: 0,
+            full: false,
+            start_time: 0.0,
+            ticks: 0,
+            hits: 0,
+            had: 0,
+            last: 0.0,
+            echoes: 0,
+            echo: 1.0,
+            clone_fails: false,
+            drop_fails: false,
+            persist_fails: false,
+        }
     }
 }
 
@@ -47,6 +77,14 @@ impl Persistent for TestModel {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         assert!(!self.persist_fails, "the serialization panics");
         self.steps.persist(archive)?;
+        self.full.persist(archive)?;
+        self.start_time.persist(archive)?;
+        self.ticks.persist(archive)?;
+        self.hits.persist(archive)?;
+        self.had.persist(archive)?;
+        self.last.persist(archive)?;
+        self.echoes.persist(archive)?;
+        self.echo.persist(archive)?;
         self.clone_fails.persist(archive)?;
         self.drop_fails.persist(archive)
     }
@@ -92,8 +130,19 @@ fn gain(variables: &Variables, inputs: &Inputs) -> f64 {
 }
 
 impl TestModel {
+    /// Notes whether the level is above its limit.
+    fn note_full(&mut self, variables: &Variables) {
+        self.full = variables.states.tank.level > variables.parameters.settings.high;
+    }
+
+    /// When the next tick is due.
+    fn next_tick(&self, variables: &Variables) -> Option<f64> {
+        let period = variables.parameters.events.period;
+        (period > 0.0).then(|| self.start_time + f64::from(self.ticks) * period)
+    }
+
     /// Calculates outputs, locals and derivatives.
-    fn evaluate(&self, variables: &mut Variables, inputs: &Inputs) {
+    fn evaluate(&self, time: f64, variables: &mut Variables, inputs: &Inputs) {
         let gain = gain(variables, inputs);
         let (parameters, states) = (&variables.parameters, &variables.states);
         let [[a, b], [c, d]] = parameters.settings.table;
@@ -102,7 +151,12 @@ impl TestModel {
         variables.derivatives.tank.level = gain * inputs.rate + inputs.pulse;
         variables.derivatives.motion.position =
             (a * d - b * c) * sign(inputs.gear) * inputs.drive - position * position;
-        variables.locals.tank.full = level > parameters.settings.high;
+        variables.locals.tank.full = self.full;
+        variables.locals.events.clock = time;
+        variables.locals.events.ticks = self.ticks;
+        variables.locals.events.hits = self.hits;
+        variables.locals.events.had = self.had;
+        variables.locals.events.last = self.last;
         let outputs = &mut variables.outputs;
         outputs.output = level + parameters.tank.gain * inputs.rate;
         outputs.position = position;
@@ -148,7 +202,11 @@ impl Model for TestModel {
         context.event(format_args!("the level starts at {}", variables.states.tank.level));
         fail(variables, Place::Initialize)?;
         self.steps = variables.parameters.settings.first;
-        self.evaluate(variables, inputs);
+        self.start_time = context.experiment.start_time;
+        (self.ticks, self.hits, self.had, self.last) = (0, 0, 0, 0.0);
+        (self.echoes, self.echo) = (0, 1.0);
+        self.note_full(variables);
+        self.evaluate(self.start_time, variables, inputs);
         let place = variables.parameters.fault.place;
         DEFAULT_FAILS.store(place == Place::Default, Ordering::Relaxed);
         self.clone_fails = place == Place::Clone;
@@ -161,13 +219,13 @@ impl Model for TestModel {
         &mut self,
         variables: &mut Variables,
         step: &Step<'_, InputsOf<Self>>,
-        _context: &mut Context<'_>,
+        context: &mut Context<'_>,
     ) -> Result<(), Error> {
         variables.states.tank.level += f64::from(step.inputs.initial().lift);
         // Two midpoint steps: exact for a rate that is linear in time.
         let half = step.size / 2.0;
         for middle in [0.5 * half, 1.5 * half] {
-            self.evaluate(variables, &step.inputs.at(middle));
+            self.evaluate(step.start + middle, variables, &step.inputs.at(middle));
             variables.states.tank.level += variables.derivatives.tank.level * half;
             variables.states.motion.position += variables.derivatives.motion.position * half;
             if middle < half {
@@ -175,16 +233,21 @@ impl Model for TestModel {
             }
         }
         self.steps += 1;
-        self.evaluate(variables, &step.inputs.at(step.size));
+        self.note_full(variables);
+        self.evaluate(step.end(), variables, &step.inputs.at(step.size));
+        let end = variables.parameters.events.end;
+        if end > 0.0 && step.start < end && end <= step.end() {
+            context.terminate(end);
+        }
         Ok(())
     }
 
-    fn refresh(&mut self, _time: f64, variables: &mut Variables, inputs: &InputsOf<Self>) {
+    fn refresh(&mut self, time: f64, variables: &mut Variables, inputs: &InputsOf<Self>) {
         // It returns no error, so it panics.
         if let Err(error) = fail(variables, Place::Refresh) {
             panic!("{error}");
         }
-        self.evaluate(variables, inputs);
+        self.evaluate(time, variables, inputs);
     }
 
     fn differentiate(
@@ -225,6 +288,74 @@ impl Model for TestModel {
         if let Err(error) = fail(&mut variables.clone(), Place::Restored) {
             panic!("{error}");
         }
+    }
+}
+
+impl ModelExchange for TestModel {
+    fn event_indicators(
+        &self,
+        _time: f64,
+        variables: &mut Variables,
+        _inputs: &InputsOf<Self>,
+        indicators: &mut [f64],
+    ) {
+        // As in `refresh`.
+        let mut variables = variables.clone();
+        if let Err(error) = fail(&mut variables, Place::EventIndicators) {
+            panic!("{error}");
+        }
+        let (parameters, states) = (&variables.parameters, &variables.states);
+        indicators[0] = states.tank.level - parameters.settings.high;
+        indicators[1] = states.motion.position - parameters.events.wall;
+        indicators[2] = self.echo;
+    }
+
+    fn next_event(&self, time: f64, variables: &mut Variables, _inputs: &InputsOf<Self>) -> Option<f64> {
+        // As in `refresh`; the time of the event is what the level becomes.
+        let mut variables = variables.clone();
+        if let Err(error) = fail(&mut variables, Place::NextEvent) {
+            panic!("{error}");
+        }
+        if !variables.states.tank.level.is_finite() {
+            return Some(variables.states.tank.level);
+        }
+        let end = variables.parameters.events.end;
+        let tick = self.next_tick(&variables).unwrap_or(f64::INFINITY);
+        let next = if end > time { tick.min(end) } else { tick };
+        (next < f64::INFINITY).then_some(next)
+    }
+
+    fn event(
+        &mut self,
+        event: &Event<'_>,
+        variables: &mut Variables,
+        inputs: &InputsOf<Self>,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        fail(variables, Place::Event)?;
+        let end = variables.parameters.events.end;
+        if self.last < end && end <= event.time {
+            context.terminate(end);
+        }
+        self.had += 1;
+        self.last = event.time;
+        if event.is_due && self.next_tick(variables).is_some_and(|tick| tick <= event.time) {
+            self.ticks += 1;
+            self.echoes = variables.parameters.events.echoes;
+            variables.states.tank.level += f64::from(inputs.lift);
+        }
+        if event.indicators[0] {
+            self.note_full(variables);
+        }
+        if event.indicators[1] && variables.states.motion.position > variables.parameters.events.wall {
+            variables.states.motion.position = 0.0;
+            self.hits += 1;
+        }
+        if self.echoes != 0 {
+            self.echoes -= 1;
+            self.echo = -self.echo;
+        }
+        Ok(())
     }
 }
 

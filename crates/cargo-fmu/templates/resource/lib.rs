@@ -1,0 +1,39 @@
+//! A number from a file of the FMU, which is read when the model starts.
+
+use fmu_export::{Context, Equations, Error, Number};
+
+fmu_export::fmu!(equations struct {Type});
+
+impl Equations for {Type} {
+    type Variables = Variables;
+
+    fn prepare(
+        &mut self,
+        variables: &mut Variables,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        variables.outputs.y = first_character(&context.resource("y.txt")?)?;
+        Ok(())
+    }
+
+    fn evaluate<T: Number>(&self, _time: T, _variables: &mut Variables) {}
+}
+
+fn first_character(text: &[u8]) -> Result<i32, Error> {
+    match text.first() {
+        Some(first) => Ok(i32::from(*first)),
+        None => Err(Error::new("the resource y.txt is empty")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_file_is_not_empty() -> Result<(), Error> {
+        assert_eq!(first_character(include_bytes!("../resources/y.txt"))?, 97);
+        assert!(first_character(b"").is_err());
+        Ok(())
+    }
+}

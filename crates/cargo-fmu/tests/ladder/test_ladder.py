@@ -1,0 +1,517 @@
+"""The ladder's FMUs in FMPy, and in the importer beside this file: against closed forms, against solutions
+that SciPy computes without them, and against the results of Reference-FMUs (reference/)."""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import subprocess
+import zipfile
+from functools import cache
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from conftest import FMUS
+from fmpy import simulate_fmu
+from fmpy.fmi1 import FMICallException
+from fmpy.validation import validate_fmu
+from importer import CO_SIMULATION, DISCARD, DOP853, MODEL_EXCHANGE, Failed, Radau
+from scipy.integrate import solve_ivp
+
+REFERENCE = Path(__file__).parent / "reference"
+LADDER = ["Dahlquist", "VanDerPol", "BouncingBall", "Stair", "Feedthrough", "Resource"]
+TOLERANCE = 1e-10
+"""What the solvers are asked for."""
+INTERFACES = {
+    "co-simulation": {"fmi_type": "CoSimulation", "relative_tolerance": TOLERANCE},
+    "CVode": {"fmi_type": "ModelExchange", "solver": "CVode", "relative_tolerance": TOLERANCE},
+    "Euler": {"fmi_type": "ModelExchange", "solver": "Euler"},
+}
+ALL = pytest.mark.parametrize("interface", INTERFACES)
+ACCURATE = pytest.mark.parametrize("interface", ["co-simulation", "CVode"])
+EPSILON = np.finfo(float).eps
+HYSTERESIS = 1e-12
+"""By how much an importer sees an event indicator shifted (crates/fmu-export/src/events.rs)."""
+
+
+def simulate(fmu, interface, **arguments):
+    return simulate_fmu(fmu, **INTERFACES[interface], **arguments)
+
+
+def reference(model):
+    """What Reference-FMUs' fmusim printed for its own FMU, all digits: co-simulation in which explicit Euler
+    takes fixed steps, of 0.1 s (Dahlquist), 0.01 s (Van der Pol) and 0.001 s (ball), with events at their
+    ends."""
+    file = REFERENCE / f"{model}_out.csv"
+    return np.genfromtxt(file, delimiter=",", names=True, dtype=None, encoding="utf-8")
+
+
+# All models
+
+
+@pytest.mark.parametrize("model", [*LADDER, "PiController"])
+def test_validators_find_nothing(fmu, model):
+    assert validate_fmu(fmu(model)) == []
+    command = [FMUS.parents[1] / "debug" / "cargo-fmu", "validate", fmu(model)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "0 errors, 0 warnings" in done.stdout
+
+
+@pytest.mark.parametrize("model", [*LADDER, "PiController"])
+def test_packages_are_short(model):
+    """Lines that are not blank, with the tests."""
+    files = ["Cargo.toml", "build.rs", "model.json", "src/lib.rs"]
+    texts = [(FMUS.parent / model / file).read_text() for file in files]
+    lines = sum(bool(line.strip()) for text in texts for line in text.splitlines())
+    assert lines <= (40 if model == "VanDerPol" else 90)
+
+
+def interface_of(root):
+    """The variables by their names: what importers know them by, and what they may do with them."""
+    variables = {}
+    for variable in root.findall("ModelVariables/ScalarVariable"):
+        (data_type,) = variable.findall("*")
+        continuous = "continuous" if data_type.tag == "Real" else "discrete"
+        start = data_type.get("start")
+        variables[variable.get("name")] = (
+            variable.get("valueReference"),
+            variable.get("causality", "local"),
+            variable.get("variability", continuous),
+            data_type.tag,
+            float(start) if data_type.tag == "Real" and start else start,
+            data_type.get("derivative"),
+            data_type.get("reinit"),
+            data_type.get("declaredType") if data_type.tag == "Enumeration" else None,
+            *(float(data_type.get(name, "nan")) for name in ("min", "max")),
+        )
+    return variables
+
+
+@pytest.mark.parametrize("model", LADDER)
+def test_variables_are_those_of_the_reference_fmu(fmu, model):
+    with zipfile.ZipFile(fmu(model)) as archive:
+        ours = ElementTree.fromstring(archive.read("modelDescription.xml"))
+    theirs = ElementTree.parse(REFERENCE / f"{model}.xml").getroot()
+    assert repr(interface_of(ours)) == repr(interface_of(theirs))
+    assert ours.get("numberOfEventIndicators") == theirs.get("numberOfEventIndicators")
+    assert ours.find("ModelExchange") is not None
+    assert ours.find("CoSimulation") is not None
+
+
+# Dahlquist
+
+
+DECAY_TOLERANCE = 100 * TOLERANCE
+"""An error of the tolerance in each of 100 intervals; what a solver adds by further steps decays as the state
+does."""
+
+
+@ACCURATE
+@pytest.mark.parametrize("k", [1.0, 0.3])
+def test_decay_is_exponential(fmu, interface, k):
+    result = simulate(fmu("Dahlquist"), interface, start_values={"k": k}, stop_time=10, output_interval=0.1)
+    assert len(result) == 101
+    assert np.abs(result["x"] - np.exp(-k * result["time"])).max() < DECAY_TOLERANCE
+
+
+@pytest.mark.parametrize("method", [Radau, DOP853])
+def test_decay_is_exponential_in_another_importer(instance, method):
+    fmu, times, found = instance("Dahlquist", MODEL_EXCHANGE), np.arange(101) * 0.1, []
+    assert fmu.exchange(times, lambda _: found.append(fmu.get("x")), method, TOLERANCE) == times[-1]
+    assert np.abs(found - np.exp(-times)).max() < max(100, fmu.steps) * TOLERANCE
+    fmu, found = instance("Dahlquist", CO_SIMULATION, tolerance=TOLERANCE), [1.0]
+    for time in times[:-1]:
+        fmu.do_step(time, 0.1)
+        found.append(fmu.get("x"))
+    assert np.abs(found - np.exp(-times)).max() < DECAY_TOLERANCE
+
+
+def test_euler_gives_the_reference_results_of_dahlquist(fmu):
+    result = simulate(fmu("Dahlquist"), "Euler", stop_time=10, output_interval=0.1)
+    theirs = reference("Dahlquist")
+    assert len(result) == len(theirs) == 101
+    # A multiplication and an addition in each of 100 steps, of numbers up to 1.
+    assert np.abs(result["x"] - theirs["x"]).max() < 200 * EPSILON
+    # That the file is Euler's: (1 - h k)^n.
+    assert np.abs(theirs["x"] - 0.9 ** np.arange(101)).max() < 200 * EPSILON
+
+
+# Van der Pol
+
+
+TIMES = np.arange(2001) * 0.01
+
+
+def van_der_pol(_time, state):
+    return [state[1], (1 - state[0] ** 2) * state[1] - state[0]]
+
+
+@cache
+def van_der_pol_solution():
+    """By SciPy's DOP853 without an FMU; Radau's shows that it is accurate to 1e-11."""
+    by = {
+        method: solve_ivp(van_der_pol, [0, 20], [2, 0], method, TIMES, rtol=tolerance, atol=tolerance).y
+        for method, tolerance in (("DOP853", 1e-13), ("Radau", 1e-12))
+    }
+    assert np.abs(by["DOP853"] - by["Radau"]).max() < 1e-11
+    return by["DOP853"]
+
+
+@cache
+def stretch():
+    """By how much an error may grow on the limit cycle: one along the path remains a difference in time,
+    which is the larger the faster the state moves; others shrink."""
+    speed = np.hypot(*van_der_pol(0.0, van_der_pol_solution()))
+    return speed.max() / speed.min()
+
+
+def off(result):
+    """The largest difference to the solution; a result has both states at all times."""
+    return np.abs(np.asarray(result) - van_der_pol_solution()).max()
+
+
+@ACCURATE
+def test_van_der_pol_follows_the_solution(fmu, interface):
+    result = simulate(fmu("VanDerPol"), interface, stop_time=20, output_interval=0.01)
+    # An error of the tolerance in each of the 2000 intervals, relative to 1 and a state of up to 2.7
+    # together.
+    assert off([result["x0"], result["x1"]]) < 2000 * 3.7 * TOLERANCE * stretch()
+
+
+@pytest.mark.parametrize("method", [Radau, DOP853])
+def test_van_der_pol_follows_the_solution_in_another_importer(instance, method):
+    fmu, found = instance("VanDerPol", MODEL_EXCHANGE), []
+    fmu.exchange(TIMES, lambda _: found.append([fmu.get("x0"), fmu.get("x1")]), method, TOLERANCE)
+    # SciPy's tolerance is in each step one of 1 and a state of up to 2.7 together.
+    assert off(np.transpose(found)) < fmu.steps * 3.7 * TOLERANCE * stretch()
+    fmu, found = instance("VanDerPol", CO_SIMULATION, tolerance=TOLERANCE), [[2.0, 0.0]]
+    for time in TIMES[:-1]:
+        fmu.do_step(time, 0.01)
+        found.append([fmu.get("x0"), fmu.get("x1")])
+    assert off(np.transpose(found)) < 2000 * 3.7 * TOLERANCE * stretch()
+
+
+def test_euler_gives_the_reference_results_of_van_der_pol(fmu):
+    result = simulate(fmu("VanDerPol"), "Euler", stop_time=20, output_interval=0.01)
+    theirs = reference("VanDerPol")
+    assert len(result) == len(theirs) == 2001
+    for name in ("x0", "x1"):
+        # Some ten roundings of numbers up to 8 in each of 2000 steps, times the step of 0.01.
+        assert np.abs(result[name] - theirs[name]).max() < 2000 * 10 * 8 * EPSILON * 0.01 * stretch()
+    # Euler's results are not the solution: they are off by a third of the amplitude.
+    assert off([theirs["x0"], theirs["x1"]]) > 0.3
+
+
+# The ball
+
+
+GRAVITY, SMALLEST = 9.81, 0.1
+
+
+class Ball:
+    """The closed form: a fall from 1 m, and parabolas that shrink by e until a bounce is slower than 0.1
+    m/s."""
+
+    def __init__(self, e):
+        velocity = math.sqrt(2 * GRAVITY)
+        self.times, self.impacts, self.after = [velocity / GRAVITY], [velocity], []
+        while True:
+            velocity *= e
+            if velocity < SMALLEST:
+                self.after.append(0.0)
+                break
+            self.after.append(velocity)
+            self.times.append(self.times[-1] + 2 * velocity / GRAVITY)
+            self.impacts.append(velocity)
+
+    def height(self, time):
+        if time < self.times[0]:
+            return 1 - 0.5 * GRAVITY * time**2
+        (bounce,) = np.flatnonzero(np.array(self.times) <= time)[-1:]
+        since = time - self.times[bounce]
+        return self.after[bounce] * since - 0.5 * GRAVITY * since**2 if self.after[bounce] else 0.0
+
+
+def lateness(ball, e, depth):
+    """How late the last bounce may be where the importer finds each impact at a depth in m. Bounce n is late
+    by depth/v; the ball is faster by g times this, and each flight of the rest longer by 2 e^k times it."""
+    return sum((1 + 2 * e / (1 - e)) * depth / velocity for velocity in ball.impacts)
+
+
+@pytest.mark.parametrize("e", [0.7, 0.5])
+def test_the_ball_bounces_at_the_right_times_under_cvode(fmu, e):
+    ball = Ball(e)
+    result = simulate(fmu("BouncingBall"), "CVode", start_values={"e": e}, stop_time=3, output_interval=0.01)
+    before = np.flatnonzero(np.diff(result["time"]) == 0)
+    assert len(before) == len(ball.times)
+    assert result["h"].min() > -2 * TOLERANCE
+    assert result["h"][-1] == result["v"][-1] == 0.0
+    off = np.abs(result["time"][before] - ball.times)
+    # The solver's h is off by its tolerance, relative to 1 m.
+    assert off.max() < lateness(ball, e, HYSTERESIS + TOLERANCE)
+    # An error of the time is one of the velocity, which is off by the tolerance relative to 1 and 4.4 m/s
+    # together.
+    assert np.abs(result["v"][before + 1] - ball.after).max() < GRAVITY * off.max() + 5.4 * TOLERANCE
+
+
+@pytest.mark.parametrize("method", [Radau, DOP853])
+@pytest.mark.parametrize("e", [0.7, 0.5])
+def test_the_ball_bounces_at_the_right_times_in_another_importer(instance, method, e):
+    ball, fmu, bounces = Ball(e), instance("BouncingBall", MODEL_EXCHANGE, start_values={"e": e}), []
+    fmu.exchange(
+        [0.0, 3.0],
+        lambda _: None,
+        method,
+        TOLERANCE,
+        at_event=lambda time: bounces.append((time, fmu.get("h"), fmu.get("v"))),
+    )
+    # The first event is that at the start. Both methods are exact for parabolas: what remains is the
+    # hysteresis, and the rounding of the states, of up to 1 m.
+    times, heights, velocities = np.transpose(bounces[1:])
+    assert len(times) == len(ball.times)
+    off = np.abs(times - ball.times).max()
+    assert off < lateness(ball, e, HYSTERESIS + 4 * EPSILON)
+    assert (heights == 0.0).all()
+    assert np.abs(velocities - ball.after).max() < GRAVITY * off
+    assert (fmu.get("h"), fmu.get("v")) == (0.0, 0.0)
+
+
+def test_the_ball_follows_its_parabolas_in_co_simulation(fmu, instance):
+    ball = Ball(0.7)
+    result = simulate(fmu("BouncingBall"), "co-simulation", stop_time=3, output_interval=0.01)
+    assert len(result) == 301
+    # The built-in integrator is exact for parabolas and finds an impact to the last bit of the time, up to
+    # 2.5 s: by that the height at the impact is off by at most 4.43 m/s times 2 bits, and what follows by its
+    # lateness.
+    late = lateness(ball, 0.7, 4.43 * 2 * 2.5 * EPSILON)
+    heights = [ball.height(time) for time in result["time"]]
+    assert np.abs(result["h"] - heights).max() < 4.43 * late
+    # In one step, with all the bounces in it.
+    one = instance("BouncingBall", CO_SIMULATION, tolerance=TOLERANCE)
+    one.do_step(0.0, 2.48)
+    assert one.get("h") == pytest.approx(ball.height(2.48), abs=4.43 * late)
+    one.do_step(2.48, 0.52)
+    assert (one.get("h"), one.get("v"), one.get("der(v)")) == (0.0, 0.0, 0.0)
+
+
+def test_euler_gives_the_reference_results_of_the_ball(fmu):
+    arguments = {"stop_time": 3, "output_interval": 0.001, "record_events": False}
+    result, theirs = simulate(fmu("BouncingBall"), "Euler", **arguments)[::10], reference("BouncingBall")
+    assert len(result) == len(theirs) == 301
+    for name in ("h", "v"):
+        # A rounding of numbers up to 4.4 in each of 3000 steps.
+        assert np.abs(result[name] - theirs[name]).max() < 3000 * 4.4 * EPSILON
+
+
+# Stair
+
+
+def test_the_stair_ends_co_simulation(fmu, instance):
+    result, theirs = simulate(fmu("Stair"), "co-simulation", output_interval=0.2), reference("Stair")
+    assert list(result["counter"]) == list(theirs["counter"])
+    assert list(result["time"]) == pytest.approx(list(theirs["time"]), abs=1e-12)
+    stair = instance("Stair", CO_SIMULATION)
+    for step in range(17):
+        stair.do_step(0.5 * step, 0.5)
+    with pytest.raises(Failed) as failed:
+        stair.do_step(8.5, 1.0)
+    assert failed.value.status == DISCARD
+    assert stair.end() == (9.0, True)
+    assert stair.get("counter") == 10
+
+
+@pytest.mark.parametrize("interface", ["CVode", "Euler"])
+def test_the_stair_ends_model_exchange(fmu, interface):
+    result = simulate(fmu("Stair"), interface, output_interval=0.2)
+    # FMPy samples before each event and after it, but not after that which ends the simulation.
+    assert result["time"][-1] == 9.0
+    before = np.flatnonzero(np.diff(result["time"]) == 0)
+    assert list(result["time"][before]) == list(range(1, 9)) + [9.0][: len(before) - 8]
+    theirs = reference("Stair")
+    regular = np.setdiff1d(np.arange(len(result)), before)
+    assert list(result["counter"][regular][:45]) == list(theirs["counter"][:45])
+
+
+@pytest.mark.parametrize(
+    ("start_time", "counter", "end"), [(0.0, 1, 9.0), (-0.5, 4, 5.0), (1e6, 9, 1000001.0)]
+)
+def test_the_stair_has_its_events_at_whole_seconds(instance, start_time, counter, end):
+    stair = instance("Stair", MODEL_EXCHANGE, start_time=start_time, start_values={"counter": counter})
+    events, times = [], start_time + np.arange(51) * 0.2
+    reached = stair.exchange(
+        times, lambda _: None, at_event=lambda time: events.append((time, stair.get("counter")))
+    )
+    assert reached == end
+    first = math.floor(start_time) + 1
+    later = [(first + number, counter + 1 + number) for number in range(10 - counter)]
+    assert events == [(start_time, counter), *later]
+
+
+def test_the_counter_starts_where_the_importer_says(instance):
+    assert instance("Stair", CO_SIMULATION, start_values={"counter": 7}).get("counter") == 7
+    with pytest.raises(Failed, match="11 for the variable counter is outside its range"):
+        instance("Stair", CO_SIMULATION, start_values={"counter": 11})
+    stair = instance("Stair", CO_SIMULATION)
+    with pytest.raises(Failed, match=r"counter .* cannot be set in the state stepComplete"):
+        stair.set("counter", 2)
+
+
+# Feedthrough
+
+
+VALUES = {
+    "Float64_continuous": 2.5,
+    "Float64_discrete": -3.5,
+    "Int32": -7,
+    "Boolean": True,
+    "String": "größer als FMI",
+    "Enumeration": 2,
+}
+
+
+@ALL
+def test_outputs_are_inputs(fmu, interface):
+    outputs = [f"{name}_output" for name in VALUES]
+    start_values = {f"{name}_input": value for name, value in VALUES.items()}
+    result = simulate(fmu("Feedthrough"), interface, start_values=start_values, output=outputs)
+    for name in VALUES.keys() - {"String"}:
+        assert (result[f"{name}_output"] == VALUES[name]).all(), name
+    # FMPy records no strings.
+    assert "String_output" not in result.dtype.names
+
+
+@ALL
+def test_inputs_of_a_file_pass_through(fmu, interface):
+    """Discrete inputs change at 1 s, which in Model Exchange is an event."""
+    inputs = np.array(
+        [(0.0, 1.0, -1.0, 1, False, 1), (1.0, 3.0, -2.0, 2, True, 2)],
+        dtype=[
+            ("time", float),
+            ("Float64_continuous_input", float),
+            ("Float64_discrete_input", float),
+            ("Int32_input", int),
+            ("Boolean_input", bool),
+            ("Enumeration_input", int),
+        ],
+    )
+    outputs = [f"{name}_output" for name in VALUES if name != "String"]
+    result = simulate(fmu("Feedthrough"), interface, input=inputs, output=outputs, output_interval=0.25)
+    assert result[["time", *outputs]][0].tolist() == (0.0, 1.0, -1.0, 1, False, 1)
+    assert result[["time", *outputs]][-1].tolist() == (2.0, 3.0, -2.0, 2, True, 2)
+    # In co-simulation FMPy sets inputs before each step, and holds them.
+    if interface != "co-simulation":
+        half = result[result["time"] == 0.5]
+        assert half["Float64_continuous_output"] == 2.0
+        assert half["Int32_output"] == 1
+
+
+def test_every_type_passes_through_another_importer(instance):
+    for kind in (CO_SIMULATION, MODEL_EXCHANGE):
+        feedthrough = instance("Feedthrough", kind)
+        assert feedthrough.get("String_output") == "Set me!"
+        for name, value in VALUES.items():
+            feedthrough.set(f"{name}_input", value)
+        for name, value in VALUES.items():
+            assert feedthrough.get(f"{name}_output") == value
+        feedthrough.set("Float64_tunable_parameter", 4.0)
+        assert feedthrough.get("Float64_tunable_parameter") == 4.0
+        with pytest.raises(Failed, match="3 for the variable Enumeration_input is outside its range 1 to 2"):
+            feedthrough.set("Enumeration_input", 3)
+        with pytest.raises(Failed, match=r"Float64_fixed_parameter .* cannot be set"):
+            feedthrough.set("Float64_fixed_parameter", 1.0)
+
+
+def test_discrete_inputs_change_at_events_alone(instance):
+    feedthrough = instance("Feedthrough", MODEL_EXCHANGE)
+    assert feedthrough.handle_event()
+    feedthrough.set("Float64_continuous_input", 2.0)
+    assert feedthrough.get("Float64_continuous_output") == 2.0
+    for name in VALUES.keys() - {"Float64_continuous"}:
+        with pytest.raises(Failed, match=f"{name}_input .* cannot be set in the state Continuous-Time Mode"):
+            feedthrough.set(f"{name}_input", VALUES[name])
+
+
+@ALL
+def test_without_inputs_the_results_are_those_of_the_reference_fmu(fmu, interface):
+    theirs = reference("Feedthrough")
+    outputs = [f"{name}_output" for name in VALUES if name != "String"]
+    result = simulate(fmu("Feedthrough"), interface, output=outputs, output_interval=0.1)
+    assert len(result) == len(theirs) == 21
+    for name in outputs:
+        assert (result[name] == theirs[name]).all(), name
+
+
+# Resource
+
+
+@ALL
+def test_the_number_is_read_from_the_file(fmu, interface, tmp_path):
+    result = simulate(fmu("Resource"), interface, output_interval=1)
+    assert list(result["y"]) == list(reference("Resource")["y"]) == [97, 97]
+    changed = tmp_path / "changed.fmu"
+    with zipfile.ZipFile(fmu("Resource")) as old, zipfile.ZipFile(changed, "w") as new:
+        for name in old.namelist():
+            new.writestr(name, b"Z" if name == "resources/y.txt" else old.read(name))
+    assert set(simulate(changed, interface)["y"]) == {ord("Z")}
+    missing = tmp_path / "missing.fmu"
+    with zipfile.ZipFile(fmu("Resource")) as old, zipfile.ZipFile(missing, "w") as new:
+        for name in old.namelist():
+            if name != "resources/y.txt":
+                new.writestr(name, old.read(name))
+    with pytest.raises(FMICallException):
+        simulate(missing, interface)
+
+
+@pytest.mark.parametrize("kind", [CO_SIMULATION, MODEL_EXCHANGE])
+def test_a_file_that_cannot_be_read_is_named(instance, tmp_path, kind):
+    assert instance("Resource", kind).get("y") == 97
+    with pytest.raises(Failed, match=r"the resource y\.txt cannot be read: fmuResourceLocation was NULL"):
+        instance("Resource", kind, resources=None)
+    elsewhere = tmp_path / "no resources"
+    with pytest.raises(Failed, match=r"the resource y\.txt cannot be read: .*no resources/y\.txt"):
+        instance("Resource", kind, resources=elsewhere.as_uri().encode())
+    elsewhere.mkdir()
+    shutil.copy(os.devnull, elsewhere / "y.txt")
+    with pytest.raises(Failed, match=r"the resource y\.txt is empty"):
+        instance("Resource", kind, resources=elsewhere.as_uri().encode())
+
+
+# The sampled controller
+
+
+@pytest.mark.parametrize("grid", [0.1, 0.07, 1.0])
+def test_samples_are_at_their_times_exactly(instance, grid):
+    period, start = 0.0125, 0.3
+    times, events = start + np.arange(math.floor(2 / grid) + 1) * grid, []
+    start_values = {"sample_time": period}
+    controller = instance("PiController", MODEL_EXCHANGE, start_time=start, start_values=start_values)
+    controller.exchange(
+        times, lambda _: None, at_event=lambda time: events.append((time, controller.get("command")))
+    )
+    expected = [start + number * period for number in range(len(events))]
+    assert [time for time, _ in events] == expected
+    assert expected[-1] + period > times[-1]
+    commands = [0.5 + 0.5 * period * number for number in range(len(events))]
+    assert [command for _, command in events] == pytest.approx(commands, rel=1e-12)
+
+
+@pytest.mark.parametrize("step", [0.1, 0.25, 0.04])
+def test_co_simulation_executes_the_samples_of_each_step(instance, step):
+    controller = instance("PiController", CO_SIMULATION)
+    for number in range(round(4 / step)):
+        controller.do_step(number * step, step)
+        # Those in [0, end), sample k at k times 0.1 s.
+        samples = math.ceil(round((number + 1) * step / 0.1, 6))
+        assert controller.get("command") == pytest.approx(0.5 + 0.05 * (samples - 1), rel=1e-12)
+
+
+@pytest.mark.parametrize("interface", ["CVode", "Euler"])
+def test_fmpy_executes_samples_as_time_events(fmu, interface):
+    result = simulate(fmu("PiController"), interface, stop_time=2.02, output_interval=0.04)
+    rises = np.flatnonzero(np.diff(result["command"]))
+    # FMPy takes times that differ by rounding as one.
+    assert result["time"][rises] == pytest.approx(0.1 * np.arange(1, 21), rel=4 * EPSILON)

@@ -1,0 +1,595 @@
+"""Model Exchange with an importer that breaks the rules or goes to their limits (FMI 2.0.5, chapter 3): wrong
+arguments, failing models, time and state events, and what is read between them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from ctypes import POINTER, addressof, byref, c_char, c_double, c_int, c_void_p, cast, sizeof
+from typing import Any
+
+import pytest
+from fmi2 import MODEL_EXCHANGE, STEP, EventInfo, Fmu, Instance, Status, buffer, reals
+from life import Life
+from test_panics import NOT_FINITE, TEXTS, expected
+
+Make = Callable[..., Instance]
+Live = Callable[..., Life]
+Check = Callable[[Life], None]
+
+VECTORS = {"Derivatives": "nx", "EventIndicators": "ni", "ContinuousStates": "nx", "NominalsOfContinuousStates": "nx"}
+"""What there are arrays of, and the argument with the number of elements."""
+
+STATE_NAMES = ["tank.level", "motion.position"]
+
+
+def initialized(make: Make, start_time: float = 0.0, logging_on: bool = False, **parameters: Any) -> Instance:
+    """An instance in Event Mode after its initialization. `events__end=1.0` sets `events.end`."""
+    instance = make(fmu_type=MODEL_EXCHANGE, logging_on=logging_on)
+    assert instance.set({name.replace("__", "."): value for name, value in parameters.items()}) == Status.OK
+    return instance.initialize(start_time)
+
+
+def finish_event(instance: Instance) -> list[EventInfo]:
+    """Iterates an event, and continues in Continuous-Time Mode."""
+    infos = [instance.new_discrete_states()]
+    while infos[-1].new_discrete_states_needed:
+        infos.append(instance.new_discrete_states())
+    instance.ok("fmi2EnterContinuousTimeMode")
+    return infos
+
+
+def have_event(instance: Instance, time: float | None = None) -> list[EventInfo]:
+    """An event, at a time."""
+    if time is not None:
+        instance.ok("fmi2SetTime", time)
+    instance.ok("fmi2EnterEventMode")
+    return finish_event(instance)
+
+
+def running(make: Make, **arguments: Any) -> Instance:
+    """An instance in Continuous-Time Mode."""
+    instance = initialized(make, **arguments)
+    finish_event(instance)
+    return instance
+
+
+def everything(instance: Instance) -> list[Any]:
+    """All values and vectors."""
+    return [*map(instance.get, instance.fmu.variables), *map(instance.vector, VECTORS)]
+
+
+# Arguments
+
+
+@pytest.mark.parametrize("state", ["Event Mode", "Continuous-Time Mode"])
+@pytest.mark.parametrize("quantity", VECTORS)
+def test_the_number_of_elements(live: Live, unharmed: Check, fmu: Fmu, state: str, quantity: str) -> None:
+    """A wrong one is refused before the array is accessed."""
+    life = live(state, fmu_type=MODEL_EXCHANGE)
+    right = fmu.description.numberOfEventIndicators if quantity == "EventIndicators" else 2
+    values = reals(*[7.0] * 4)
+    for count in {0, 1, 2, 3, 4, 2**31, 2**60, 2**63, 2**64 - 1} - {right}:
+        for array in (values, None):
+            names = [VECTORS[quantity], str(count), str(right)]
+            life.refuses(f"fmi2Get{quantity}", array, count, names=names)
+            if quantity == "ContinuousStates" and state == "Continuous-Time Mode":
+                life.refuses("fmi2SetContinuousStates", array, count, names=names)
+    life.refuses(f"fmi2Get{quantity}", None, right, names=["NULL"])
+    assert list(values) == [7.0] * 4
+    unharmed(life)
+
+
+def test_pointers_that_are_null(live: Live, unharmed: Check) -> None:
+    life = live("Event Mode", fmu_type=MODEL_EXCHANGE)
+    life.refuses("fmi2NewDiscreteStates", None, names=["fmi2eventInfo", "NULL"])
+    unharmed(life)
+    life = live("Continuous-Time Mode", fmu_type=MODEL_EXCHANGE)
+    life.refuses("fmi2SetContinuousStates", None, 2, names=["x", "NULL"])
+    answer = c_int(7)
+    life.refuses("fmi2CompletedIntegratorStep", 1, None, byref(answer), names=["enterEventMode", "NULL"])
+    life.refuses("fmi2CompletedIntegratorStep", 1, byref(answer), None, names=["terminateSimulation", "NULL"])
+    assert answer.value == 7
+    unharmed(life)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_times_and_states_that_are_not_finite(live: Live, unharmed: Check, value: float) -> None:
+    life = live("Continuous-Time Mode", fmu_type=MODEL_EXCHANGE)
+    life.refuses("fmi2SetTime", value, names=["time"], numbers=[value])
+    for position, name in enumerate(STATE_NAMES):
+        states = [0.25, 0.75]
+        states[position] = value
+        life.refuses("fmi2SetContinuousStates", reals(*states), 2, names=[name], numbers=[value])
+        life.refuses(*life.settings({name: value}), names=[name], numbers=[value])
+    unharmed(life)
+
+
+def test_arguments_may_lie_at_any_address(make: Make) -> None:
+    """Results next to each other without padding, and two in one place."""
+    instance, other = running(make), running(make)
+    memory = (c_char * 64)(*b"\x5a" * 64)
+
+    def at(offset: int, kind: Any) -> Any:
+        return cast(addressof(memory) + offset, POINTER(kind))
+
+    memory[1 : 1 + 16] = bytes(reals(0.5, 0.25))
+    instance.ok("fmi2SetContinuousStates", at(1, c_double), 2)
+    other.set_states(0.5, 0.25)
+    for quantity in VECTORS:
+        values = other.vector(quantity)
+        instance.ok(f"fmi2Get{quantity}", at(3, c_double), len(values))
+        assert memory[3 : 3 + 8 * len(values)] == bytes(reals(*values))
+    instance.ok("fmi2CompletedIntegratorStep", 1, at(5, c_int), at(5, c_int))
+    assert memory[5:9] == bytes(4)
+    for each in (instance, other):
+        each.ok("fmi2EnterEventMode")
+    instance.ok("fmi2NewDiscreteStates", at(7, EventInfo))
+    # The 4 bytes of padding before the time are nobody's.
+    assert memory[7 : 7 + 20] == bytes(other.new_discrete_states())[:20]
+    assert memory[7 + sizeof(EventInfo) :] == b"\x5a" * (64 - 7 - sizeof(EventInfo))
+    assert everything(instance) == everything(other)
+
+
+# Failing models
+
+
+PANICS = [
+    ("event", "fmi2NewDiscreteStates"),
+    ("event_indicators", "fmi2ExitInitializationMode"),
+    ("event_indicators", "fmi2NewDiscreteStates"),
+    ("event_indicators", "fmi2GetEventIndicators"),
+    ("next_event", "fmi2ExitInitializationMode"),
+    ("next_event", "fmi2NewDiscreteStates"),
+    ("refresh", "fmi2GetDerivatives"),
+    ("refresh", "fmi2GetEventIndicators"),
+    ("refresh", "fmi2GetContinuousStates"),
+    ("refresh", "fmi2EnterContinuousTimeMode"),
+    ("refresh", "fmi2NewDiscreteStates"),
+    ("check_parameters", "fmi2ExitInitializationMode"),
+    ("check_parameters", "fmi2NewDiscreteStates"),
+    ("check_parameters", "fmi2EnterContinuousTimeMode"),
+]
+"""Places, and functions that meet them."""
+
+
+def arguments_of(function: str) -> list[Any]:
+    """Valid arguments."""
+    count = 3 if function == "fmi2GetEventIndicators" else 2
+    vector = [reals(*[0.0] * count), count]
+    if function in ("fmi2GetDerivatives", "fmi2GetEventIndicators", "fmi2GetContinuousStates"):
+        return vector
+    return [byref(EventInfo())] if function == "fmi2NewDiscreteStates" else []
+
+
+def before_failure(make: Make, place: str, manner: str, function: str) -> Instance:
+    """An instance that fails in a function."""
+    if function == "fmi2ExitInitializationMode":
+        instance = make(fmu_type=MODEL_EXCHANGE)
+        instance.enter()
+    else:
+        # A tick is due.
+        instance = initialized(make, events__period=0.25)
+    return instance.choose(fault__place=place, fault__manner=manner)
+
+
+@pytest.mark.parametrize("manner", TEXTS)
+@pytest.mark.parametrize(("place", "function"), PANICS)
+def test_a_panic(make: Make, fmu: Fmu, place: str, function: str, manner: str) -> None:
+    """An Error with its message; then the instance is in the state `error`, until it is reset."""
+    bystander = running(make)
+    untouched = everything(bystander)
+    instance = before_failure(make, place, manner, function)
+    assert instance.refuses(function, *arguments_of(function)) == expected(fmu, manner, place)
+    refused = "must not be called in the state error"
+    for name in ("fmi2EnterEventMode", "fmi2EnterContinuousTimeMode", "fmi2Terminate"):
+        assert instance.refuses(name) == refused
+    assert instance.refuses("fmi2SetTime", 1.0) == refused
+    instance.ok("fmi2Reset")
+    instance.initialize()
+    finish_event(instance)
+    assert everything(instance) == untouched == everything(bystander)
+
+
+def test_a_saved_state_leads_back_from_a_panic(make: Make) -> None:
+    """At an event that has begun."""
+    instance, untouched = (initialized(make, events__period=0.25, events__echoes=2) for _ in range(2))
+    for each in (instance, untouched):
+        assert each.new_discrete_states().new_discrete_states_needed
+    state = instance.save()
+    instance.choose(fault__place="event")
+    assert instance.call("fmi2NewDiscreteStates", byref(EventInfo())) == Status.ERROR
+    instance.ok("fmi2SetFMUstate", state)
+    for each in (instance, untouched):
+        assert [info.new_discrete_states_needed for info in finish_event(each)] == [1, 0]
+    assert instance.snapshot() == untouched.snapshot()
+
+
+@pytest.mark.parametrize("place", ["event", "event_indicators", "next_event"])
+def test_an_error_of_the_model(make: Make, place: str) -> None:
+    """`event` returns it; the others cannot, and panic."""
+    instance = before_failure(make, place, "error", "fmi2NewDiscreteStates")
+    text = instance.refuses("fmi2NewDiscreteStates", byref(EventInfo()))
+    panic = "the model panicked: the model's own error; reset the instance"
+    assert text == ("the model's own error" if place == "event" else panic)
+    instance.refuses("fmi2NewDiscreteStates", byref(EventInfo()), names=["error"])
+
+
+@pytest.mark.parametrize("manner", NOT_FINITE)
+def test_an_event_to_what_is_not_finite(make: Make, manner: str) -> None:
+    instance = before_failure(make, "event", manner, "fmi2NewDiscreteStates")
+    text = f"the variable tank.level became {NOT_FINITE[manner]} at the time 0 s"
+    assert instance.refuses("fmi2NewDiscreteStates", byref(EventInfo())) == text
+    instance.refuses("fmi2EnterContinuousTimeMode", names=["error"])
+    text = f"the state tank.level is {NOT_FINITE[manner]}"
+    assert instance.refuses("fmi2GetContinuousStates", reals(0.0, 0.0), 2) == text
+
+
+@pytest.mark.parametrize("manner", NOT_FINITE)
+def test_an_indicator_that_is_not_finite(make: Make, manner: str) -> None:
+    """It has no sign: at an event an Error, after which the instance can go on; in between the solver is asked for
+    a shorter step."""
+    text = f"the event indicator full is {NOT_FINITE[manner]} at the time 0 s"
+    for function in ("fmi2ExitInitializationMode", "fmi2NewDiscreteStates"):
+        instance = before_failure(make, "event_indicators", manner, function)
+        for _ in range(2):
+            assert instance.refuses(function, *arguments_of(function)) == text
+        instance.choose(fault__place="nowhere").ok(function, *arguments_of(function))
+    for logging_on in (False, True):
+        instance = initialized(make, logging_on=logging_on).choose(
+            fault__place="event_indicators", fault__manner=manner
+        )
+        instance.ok("fmi2EnterContinuousTimeMode")
+        before = len(instance.messages)
+        assert instance.call("fmi2GetEventIndicators", reals(0.0, 0.0, 0.0), 3) == Status.DISCARD
+        # Section 2.1.3: a message in debug mode only.
+        messages = [(m.status, m.text) for m in instance.messages[before:]]
+        told = f"fmi2GetEventIndicators: the indicator full is {NOT_FINITE[manner]} at the time 0 s"
+        assert messages == ([(Status.DISCARD, told)] if logging_on else [])
+
+
+def test_a_next_event_that_is_no_time(make: Make) -> None:
+    """Not-a-number is an Error, after which initialization can be repeated; infinity is never."""
+    for function in ("fmi2ExitInitializationMode", "fmi2NewDiscreteStates"):
+        instance = make(fmu_type=MODEL_EXCHANGE)
+        instance.enter()
+        if function == "fmi2NewDiscreteStates":
+            instance.ok("fmi2ExitInitializationMode")
+        instance.choose(fault__place="next_event", fault__manner="not_a_number")
+        for _ in range(2):
+            instance.refuses(function, *arguments_of(function), names=["event"], numbers=[math.nan, 0.0])
+        instance.choose(fault__manner="infinity").ok(function, *arguments_of(function))
+        assert instance.new_discrete_states().next_event_time_defined == 0
+
+
+@pytest.mark.parametrize("logging_on", [False, True])
+def test_states_without_derivatives(make: Make, logging_on: bool) -> None:
+    """A solver that tries them is asked for a shorter step; with other states it continues."""
+    instance, other = running(make, logging_on=logging_on), running(make)
+    before = len(instance.messages)
+    instance.set_states(0.0, 1e200)
+    assert instance.call("fmi2GetDerivatives", reals(0.0, 0.0), 2) == Status.DISCARD
+    assert instance.call(*instance.getting("der(motion.position)")) == Status.DISCARD
+    texts = [
+        "fmi2GetDerivatives: the derivative of motion.position is -inf at the time 0 s",
+        "fmi2GetReal: the variable der(motion.position) is -inf",
+    ]
+    messages = [(m.status, m.text) for m in instance.messages[before:]]
+    assert messages == ([(Status.DISCARD, text) for text in texts] if logging_on else [])
+    # An event there has no result.
+    instance.ok("fmi2EnterEventMode")
+    instance.refuses(*instance.getting("der(motion.position)"), names=["der(motion.position)"], numbers=[-math.inf])
+    instance.ok("fmi2EnterContinuousTimeMode")
+    for each in (instance, other):
+        each.set_states(0.0, 0.5)
+    assert everything(instance) == everything(other)
+
+
+# What is read
+
+
+def test_values_follow_what_is_set(make: Make) -> None:
+    """fmi2SetTime, fmi2SetContinuousStates and fmi2SetXXX each invalidate what was computed (section 3.2.1)."""
+    instance = running(make)
+    assert everything(instance)
+    instance.ok("fmi2SetTime", 0.5)
+    assert (instance.get("time"), instance.get("events.clock")) == (0.5, 0.5)
+    instance.set_states(2.0, 0.5)
+    assert instance.get("position") == 0.5
+    assert instance.get("output") == 3.0
+    assert instance.vector("Derivatives") == [1.0, -0.25]
+    assert instance.set({"rate": 3.0, "drive": 1.0}) == Status.OK
+    assert instance.vector("Derivatives") == [3.0, 0.75]
+    assert instance.get("output") == 5.0
+    # Section 3.2.3, note 5: a state as a variable.
+    assert instance.set({"motion.position": -1.0}) == Status.OK
+    assert instance.vector("ContinuousStates") == [2.0, -1.0]
+    assert instance.vector("Derivatives") == [3.0, 0.0]
+    assert [indicator > 0 for indicator in instance.vector("EventIndicators")] == [True, False, True]
+    # In the state `terminated`, too, where the solution at the end is read.
+    instance.set_states(7.0, 1.0)
+    instance.ok("fmi2Terminate")
+    assert (instance.get("output"), instance.get("position")) == (10.0, 1.0)
+    assert instance.vector("Derivatives") == [3.0, 0.0]
+
+
+def test_the_initial_event_mode(make: Make) -> None:
+    """Section 3.1: what is read there is right before fmi2NewDiscreteStates, and inputs can still be set."""
+    instance = initialized(make, motion__start=2, motion__position=0.5, tank__level=2.0)
+    assert instance.vector("ContinuousStates") == [2.0, 0.5]
+    assert instance.vector("NominalsOfContinuousStates") == [1.0, 1.0]
+    assert instance.vector("Derivatives") == [1.0, -0.25]
+    assert instance.get("tank.full") == 1
+    assert instance.set({"pulse": 1.0, "gear": 2, "drive": 1.0}) == Status.OK
+    assert instance.vector("Derivatives") == [2.0, -1.25]
+    assert finish_event(instance)[0].values_of_continuous_states_changed == 0
+    assert instance.vector("Derivatives") == [2.0, -1.25]
+
+
+def test_a_solver_goes_back(make: Make) -> None:
+    """Probes ahead leave nothing behind."""
+    instance, other = (running(make, events__period=0.25, events__wall=0.5) for _ in range(2))
+    for time in (0.125, 10.0, 0.0625):
+        instance.ok("fmi2SetTime", time)
+        instance.set_states(-time, 100.0 * time)
+        for quantity in VECTORS:
+            instance.vector(quantity)
+    for each in (instance, other):
+        each.ok("fmi2SetTime", 0.03125)
+        each.set_states(0.5, 0.25)
+    assert everything(instance) == everything(other)
+    assert instance.snapshot() == other.snapshot()
+
+
+# Time events
+
+
+@pytest.mark.parametrize("start_time", [0.0, -7.25, 1e5])
+def test_ticks(make: Make, start_time: float) -> None:
+    """The first is due at the start, in the initial Event Mode; each announces the next, and does so again at every
+    event in between."""
+    instance = initialized(make, start_time, events__period=0.25)
+    for tick in range(20):
+        due = start_time + tick * 0.25
+        infos = finish_event(instance) if tick == 0 else have_event(instance, due)
+        assert instance.get("events.ticks") == tick + 1
+        assert instance.get("events.last") == due
+        for time in (due, due + 0.0625, due + 0.125):
+            if time > due:
+                infos = have_event(instance, time)
+            assert len(infos) == 1
+            assert infos[0].next_event_time_defined
+            assert infos[0].next_event_time == due + 0.25
+    assert instance.get("events.had") == 20
+
+
+def test_an_event_without_a_cause_changes_nothing(make: Make) -> None:
+    instance = running(make, events__period=0.25, events__wall=0.5)
+    for time, states in [(0.0625, [0.25, 0.125]), (0.125, [0.5, 0.25]), (0.125, [0.5, 0.25])]:
+        instance.ok("fmi2SetTime", time)
+        instance.set_states(*states)
+        before = everything(instance)
+        (info,) = have_event(instance)
+        assert [getattr(info, name) for name, _ in EventInfo._fields_] == [0, 0, 0, 0, 1, 0.25]
+        assert everything(instance) == before
+    assert instance.get("events.had") == 1
+
+
+@pytest.mark.parametrize("end", [0.0, 1e3])
+def test_a_tick_comes_a_little_early(make: Make, end: float) -> None:
+    """Importers' times are rounded. The model gets the time that it has announced, once, though it is asked for the
+    next event at an earlier one: here also for the end, which it computes from the time alone."""
+    parameters = {"events__period": 0.25, "events__echoes": 2, "events__end": end}
+    instance = running(make, start_time=1e3 - 0.25, **parameters)
+    assert instance.get("events.ticks") == 1
+    instance.ok("fmi2SetTime", 1e3 * (1 - 5e-10))
+    instance.ok("fmi2EnterEventMode")
+    infos = [instance.new_discrete_states() for _ in range(4)]
+    assert [info.new_discrete_states_needed for info in infos] == [1, 1, 0, 0]
+    assert {info.next_event_time for info in infos} == {1e3 + 0.25}
+    assert [info.terminate_simulation for info in infos] == [int(end > 0)] * 4
+    assert (instance.get("events.ticks"), instance.get("events.had")) == (2, 6)
+    assert instance.get("events.last") == 1e3
+    # Much earlier, it is not due.
+    instance = running(make, start_time=1e3 - 0.25, **parameters)
+    assert have_event(instance, 1e3 * (1 - 5e-9))[0].next_event_time == 1e3
+    assert instance.get("events.ticks") == 1
+
+
+def test_a_tick_comes_late(make: Make) -> None:
+    """An importer that goes past events has all of them at once, each with its time."""
+    instance = running(make, events__period=0.25)
+    infos = have_event(instance, 1.125)
+    assert [(info.new_discrete_states_needed, info.next_event_time) for info in infos] == [
+        (1, 0.5),
+        (1, 0.75),
+        (1, 1.0),
+        (0, 1.25),
+    ]
+    assert (instance.get("events.ticks"), instance.get("events.last")) == (5, 1.0)
+
+
+def test_ticks_that_are_changed(make: Make) -> None:
+    """A tunable parameter that is set at an event changes the announcement."""
+    instance = running(make, events__period=0.25)
+    instance.ok("fmi2SetTime", 0.125)
+    instance.ok("fmi2EnterEventMode")
+    assert instance.set({"events.period": 0.5}) == Status.OK
+    assert instance.new_discrete_states().next_event_time == 0.5
+    assert instance.set({"events.period": 0.0}) == Status.OK
+    assert instance.new_discrete_states().next_event_time_defined == 0
+    assert instance.set({"settings.low": 5.0}) == Status.OK
+    for function in ("fmi2NewDiscreteStates", "fmi2EnterContinuousTimeMode"):
+        names = ["settings.low", "settings.high"]
+        instance.refuses(function, *arguments_of(function), names=names, numbers=[5.0, 1.0])
+    assert instance.set({"settings.low": 0.0}) == Status.OK
+    finish_event(instance)
+
+
+# State events
+
+ULP = math.ulp(1.0)
+
+
+@pytest.mark.parametrize("start", [0.5, 1.5])
+@pytest.mark.parametrize("off", [0.0, ULP, -ULP, 1e-13, -1e-13, 1e-12, -1e-12, 2e-12, -2e-12, 1e-9, -1e-9])
+def test_at_the_crossing(make: Make, start: float, off: float) -> None:
+    """Importers enter Event Mode at, or a little before or after, z = 0. z is never 0 after an event; the branch is
+    the one of its sign, changes at the event and not before, and the next event at the same place has no cause."""
+    instance = running(make, tank__level=start)
+    was_full = start > 1.0
+    assert instance.get("tank.full") == was_full
+    instance.set_states(1.0 + off, 0.0)
+    is_full = 1.0 + off > 1.0
+    seen = instance.vector("EventIndicators")[0]
+    assert seen != 0
+    if abs(off) >= 1e-9:
+        assert (seen > 0) == is_full
+    # Between events relations are frozen.
+    assert instance.get("tank.full") == was_full
+    infos = have_event(instance)
+    assert instance.get("tank.full") == is_full
+    assert instance.get("events.had") == int(is_full != was_full)
+    assert [info.values_of_continuous_states_changed for info in infos] == [0]
+    for _ in range(3):
+        left = instance.vector("EventIndicators")[0]
+        assert left != 0
+        assert (left > 0) == is_full
+        have_event(instance)
+    assert instance.get("events.had") == int(is_full != was_full)
+
+
+def test_no_chatter(make: Make) -> None:
+    """An importer that finds crossings by bisection, to the last bit of the time: one event for each, of the level
+    1 + sin(t), and a time of it after the last one."""
+    instance = running(make)
+    crossings, time = [], 0.0
+
+    def is_positive(at: float) -> bool:
+        instance.ok("fmi2SetTime", at)
+        instance.set_states(1.0 + math.sin(at), 0.0)
+        indicator = instance.vector("EventIndicators")[0]
+        assert indicator != 0
+        return indicator > 0
+
+    while time < 20.0:
+        side, end = is_positive(time), time + 0.25
+        if is_positive(end) != side:
+            before, after = time, end
+            while before < (middle := (before + after) / 2) < after:
+                before, after = (before, middle) if is_positive(middle) != side else (middle, after)
+            assert is_positive(after) != side
+            had = instance.get("events.had")
+            have_event(instance)
+            assert instance.get("events.had") == had + 1
+            crossings.append(after)
+            end = after
+        time = end
+    # Those at the start and at each multiple of pi; z is shifted by 1e-12 at slopes of 1.
+    assert crossings == pytest.approx([k * math.pi for k in range(7)], abs=2e-12)
+    assert instance.get("events.had") == 7
+
+
+def test_which_events_change_states(make: Make) -> None:
+    """A tick adds the lift to the level; at the wall the motion begins again, and has a second event at once, as the
+    indicator returns. Where no state changes, none is announced, or importers would loop."""
+    instance = initialized(make, events__period=0.25, events__wall=0.5)
+    assert [info.values_of_continuous_states_changed for info in finish_event(instance)] == [0]
+    instance.ok("fmi2SetTime", 0.25)
+    instance.ok("fmi2EnterEventMode")
+    assert instance.set({"lift": 2}) == Status.OK
+    assert [info.values_of_continuous_states_changed for info in finish_event(instance)] == [1, 0]
+    assert instance.vector("ContinuousStates") == [2.0, 0.0]
+    # The level passed settings.high, too.
+    assert instance.get("tank.full") == 1
+    instance.set_states(2.0, 0.75)
+    assert [info.values_of_continuous_states_changed for info in have_event(instance)] == [1, 0]
+    assert instance.vector("ContinuousStates") == [2.0, 0.0]
+    assert instance.get("events.hits") == 1
+    assert [info.values_of_continuous_states_changed for info in have_event(instance)] == [0]
+
+
+# Event iteration and the end
+
+
+def test_an_event_that_makes_others(make: Make) -> None:
+    for echoes in (0, 1, 2, 500):
+        instance = initialized(make, events__period=0.25, events__echoes=echoes)
+        infos = finish_event(instance)
+        assert [info.new_discrete_states_needed for info in infos] == [1] * echoes + [0]
+        assert {info.next_event_time for info in infos} == {0.25}
+        assert (instance.get("events.had"), instance.get("events.ticks")) == (echoes + 1, 1)
+
+
+def test_an_event_that_does_not_end(live: Live, make: Make) -> None:
+    """An Error that names the indicator, instead of an importer that waits for ever."""
+    instance = initialized(make, events__period=0.25, events__echoes=-1)
+    for _ in range(1000):
+        assert instance.new_discrete_states().new_discrete_states_needed
+    text = instance.refuses("fmi2NewDiscreteStates", byref(EventInfo()), names=["echo"], numbers=[1000, 0.0])
+    assert "full" not in text
+    instance.refuses("fmi2NewDiscreteStates", byref(EventInfo()), names=["error"])
+    # The limit is one for each event.
+    instance = initialized(make, events__period=0.25, events__echoes=600)
+    for tick in range(4):
+        assert len(finish_event(instance) if tick == 0 else have_event(instance, tick * 0.25)) == 601
+
+
+@pytest.mark.parametrize("logging_on", [False, True])
+def test_the_model_asks_for_the_end(make: Make, logging_on: bool) -> None:
+    """Section 3.2.2: terminateSimulation, and a message that explains it; also from a restored state."""
+    instance = running(make, events__end=0.5, logging_on=logging_on)
+    before = len(instance.messages)
+    assert have_event(instance, 0.25)[0].next_event_time == 0.5
+    (info,) = have_event(instance, 0.5)
+    assert (info.terminate_simulation, info.next_event_time_defined) == (1, 0)
+    texts = [message.text for message in instance.messages[before:]]
+    told = "fmi2NewDiscreteStates: the model asks for the end of the simulation, at 0.5 s"
+    assert texts == ([told] if logging_on else [])
+    other = make(fmu_type=MODEL_EXCHANGE)
+    other.restore(instance.snapshot())
+    for each in (instance, other):
+        each.ok("fmi2EnterEventMode")
+        assert each.new_discrete_states().terminate_simulation
+        each.ok("fmi2Terminate")
+        assert each.get("time") == 0.5
+
+
+def test_a_step_to_the_end_of_the_model(make: Make) -> None:
+    """Section 4.2.1, co-simulation: fmi2Discard, the time that was reached, and that the slave ends the
+    simulation."""
+    instance = make(logging_on=True)
+    assert instance.set({"events.end": 1.5 * STEP}) == Status.OK
+    instance.initialize()
+    assert instance.step(0.0, STEP) == Status.OK
+    assert instance.step(STEP, STEP) == Status.DISCARD
+    told = f"fmi2DoStep: the model asks for the end of the simulation, at {1.5 * STEP} s"
+    assert (instance.messages[-1].status, instance.messages[-1].text) == (Status.DISCARD, told)
+    time, terminated = c_double(), c_int()
+    instance.ok("fmi2GetRealStatus", 2, byref(time))
+    instance.ok("fmi2GetBooleanStatus", 3, byref(terminated))
+    assert (time.value, terminated.value) == (1.5 * STEP, 1)
+    instance.refuses("fmi2DoStep", time.value, STEP, 1, names=["stepFailed"])
+    other = make()
+    other.restore(instance.snapshot())
+    other.refuses("fmi2DoStep", time.value, STEP, 1, names=["stepFailed"])
+    instance.ok("fmi2Terminate")
+
+
+def test_saved_within_an_event(make: Make) -> None:
+    """Between two iterations: from the handle and from bytes the same ones follow."""
+    instance = initialized(make, events__period=0.25, events__echoes=3)
+    instance.new_discrete_states()
+    state = instance.save()
+    data = instance.serialize(state)
+    ends = []
+    for restore in (None, state, data):
+        if restore is state:
+            instance.ok("fmi2SetFMUstate", state)
+        elif restore is data:
+            made = c_void_p()
+            instance.ok("fmi2DeSerializeFMUstate", buffer(data), len(data), byref(made))
+            instance.ok("fmi2SetFMUstate", made)
+        assert [info.new_discrete_states_needed for info in finish_event(instance)] == [1, 1, 0]
+        ends.append((instance.snapshot(), everything(instance)))
+    assert ends[0] == ends[1] == ends[2]
