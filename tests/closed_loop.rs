@@ -4,6 +4,7 @@
 //! 200 kPa, within which two solvers agree.
 
 mod boost_steps;
+#[allow(clippy::float_cmp, reason = "codes and commands at their limits are exact")]
 mod faults;
 #[path = "support/random.rs"]
 mod random;

@@ -34,6 +34,7 @@ const RESTING_TRAVEL: f64 = 2.0;
 const CHAMBER_SETTLES: f64 = 0.75;
 
 /// What was found.
+#[allow(clippy::struct_excessive_bools, reason = "the findings are independent of each other")]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Persistent)]
 pub struct Findings {
     pub boost_sensor_implausible: bool,
@@ -206,11 +207,11 @@ impl Diagnosis {
 
     /// Judges whether boost answers the virtual duty (%) that was commanded for a reference (Pa); without a schedule
     /// that says what it ought to do, not.
-    pub fn check_answer<'a, const COLUMNS: usize>(
+    pub fn check_answer<const COLUMNS: usize>(
         &mut self,
         parameters: &Parameters,
         inputs: &Inputs,
-        schedule: Option<Schedule<'a, COLUMNS>>,
+        schedule: Option<Schedule<'_, COLUMNS>>,
         reference: f64,
         virtual_duty: f64,
     ) {
