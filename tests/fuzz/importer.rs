@@ -254,12 +254,12 @@ impl<M: Model> Importer<M> {
         if matches!(call, Call::Integrate(_) | Call::HaveEvent) {
             return Ok((status, values));
         }
-        if status < Status::Discard {
-            self.follow(call, before.at);
-        } else if status == Status::Discard {
+        if status == Status::Discard {
             if matches!(call, Call::DoStep { .. }) {
                 self.at.state = State::StepFailed;
             }
+        } else if status < Status::Discard {
+            self.follow(call, before.at);
         } else {
             // A failed computation may leave values behind, and a failed step ends the run.
             let computes = matches!(
@@ -274,9 +274,9 @@ impl<M: Model> Importer<M> {
             let after = self.snapshot();
             if !(allowed && computes) {
                 prop_assert!(after == before, "{} and changes the instance", told);
-            } else if matches!(call, Call::DoStep { .. }) && after != before {
-                self.at.state = State::Error;
-            } else if matches!(call, Call::NewDiscreteStates) && self.has_failed(&after)? {
+            } else if matches!(call, Call::DoStep { .. }) && after != before
+                || matches!(call, Call::NewDiscreteStates) && self.has_failed(&after)?
+            {
                 self.at.state = State::Error;
             }
         }
