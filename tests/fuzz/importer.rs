@@ -254,33 +254,44 @@ impl<M: Model> Importer<M> {
         if matches!(call, Call::Integrate(_) | Call::HaveEvent) {
             return Ok((status, values));
         }
-        if status == Status::Discard {
-            if matches!(call, Call::DoStep { .. }) {
-                self.at.state = State::StepFailed;
+        match status {
+            Status::Ok | Status::Warning => self.follow(call, before.at),
+            Status::Discard => {
+                if matches!(call, Call::DoStep { .. }) {
+                    self.at.state = State::StepFailed;
+                }
             }
-        } else if status < Status::Discard {
-            self.follow(call, before.at);
-        } else {
-            // A failed computation may leave values behind, and a failed step ends the run.
-            let computes = matches!(
-                call,
-                Call::DoStep { .. }
-                    | Call::Get(..)
-                    | Call::ExitInitializationMode
-                    | Call::GetVector(..)
-                    | Call::NewDiscreteStates
-                    | Call::EnterContinuousTimeMode
-            );
-            let after = self.snapshot();
-            if !(allowed && computes) {
-                prop_assert!(after == before, "{} and changes the instance", told);
-            } else if matches!(call, Call::DoStep { .. }) && after != before
-                || matches!(call, Call::NewDiscreteStates) && self.has_failed(&after)?
-            {
-                self.at.state = State::Error;
-            }
+            _ => self.check_error(call, allowed, &before, &told)?,
         }
         Ok((status, values))
+    }
+
+    /// A failed computation may leave values behind, and a failed step ends the run; other errors change nothing.
+    fn check_error(
+        &mut self,
+        call: &Call,
+        allowed: bool,
+        before: &Snapshot,
+        told: &str,
+    ) -> Result<(), TestCaseError> {
+        let computes = matches!(
+            call,
+            Call::DoStep { .. }
+                | Call::Get(..)
+                | Call::ExitInitializationMode
+                | Call::GetVector(..)
+                | Call::NewDiscreteStates
+                | Call::EnterContinuousTimeMode
+        );
+        let after = self.snapshot();
+        if !(allowed && computes) {
+            prop_assert!(after == *before, "{} and changes the instance", told);
+        } else if matches!(call, Call::DoStep { .. }) && after != *before
+            || matches!(call, Call::NewDiscreteStates) && self.has_failed(&after)?
+        {
+            self.at.state = State::Error;
+        }
+        Ok(())
     }
 
     /// The effect of a successful call.
