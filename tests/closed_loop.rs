@@ -4,6 +4,8 @@
 //! 200 kPa, within which two solvers agree.
 
 mod boost_steps;
+#[allow(clippy::float_cmp, reason = "codes and commands at their limits are exact")]
+mod faults;
 #[path = "support/random.rs"]
 mod random;
 mod speed_range;
@@ -57,7 +59,7 @@ where
         let variables = (0..).zip(<M::Variables as Variables>::DESCRIPTION.variables);
         variables
             .filter(|(_, variable)| variable.causality == Causality::Output)
-            .map(|(reference, _)| self.variables.real(reference))
+            .map(|(position, _)| self.variables.real(M::Variables::value_reference(position)))
             .collect()
     }
 
@@ -206,6 +208,13 @@ impl Loop {
         };
         self.plant.step(time, self.step_size, &inputs);
         self.steps += 1;
+        // No false alarm in any of these experiments.
+        let is_sound = self.plant.variables.parameters.fault == plant::Parameters::default().fault;
+        let found = self.controller.variables.locals.diagnosis;
+        assert!(
+            !is_sound || self.controller.variables.outputs.fault_code == 0.0,
+            "at {time} s: {found:?} on a sound plant, with {inputs:?}"
+        );
     }
 }
 

@@ -20,12 +20,15 @@
 //! Two further modes do not control boost pressure: `position` moves the wastegate to a reference
 //! ([`actuator_inverse`]), `open_loop` takes the duty as an input. Both compensate for the voltage.
 //!
+//! The [`diagnosis`] judges measurements and actuators, and where they fail replaces what depends on them.
+//!
 //! Everything is computed at the samples; between them the outputs are held.
 
 pub mod actuator_inverse;
 mod allocation;
 mod by_speed;
 mod compensator;
+mod diagnosis;
 pub mod feedback;
 mod feedforward;
 mod law;
@@ -46,7 +49,9 @@ use crate::LONGEST_STEP;
 use allocation::Openings;
 use by_speed::BySpeed;
 use compensator::{Compensator, Limits, SupplyVoltage};
+use diagnosis::{BoostControl, Diagnosis};
 use law::{BoostLaw, DutyTerms};
+use schedule::Schedule;
 use split_range::SplitRange;
 use tank_relay::TankRelay;
 use variables::{ControlMode, Inputs, Locals, Outputs, Parameters, Strategy, Variables};
@@ -70,6 +75,7 @@ pub struct ControlLaw {
     law: Option<BoostLaw>,
     split_range: SplitRange,
     by_speed: BySpeed,
+    diagnosis: Diagnosis,
 }
 
 /// What the controller commands.
@@ -107,6 +113,7 @@ impl Sampled for ControlLaw {
             )));
         }
         tank_relay::check(parameters)?;
+        diagnosis::check(&parameters.diagnosis)?;
         by_speed::check(parameters)?;
         match (parameters.mode, parameters.strategy) {
             (ControlMode::Boost, Strategy::SplitRange) => split_range::check(parameters),
@@ -134,6 +141,7 @@ impl Sampled for ControlLaw {
             _ => BySpeed::default().without_feedback(parameters, inputs, limits(parameters, compensator)),
         };
         publish(locals, outputs, &command, compensator, false);
+        self.diagnosis.findings().publish(locals, outputs);
         locals.sample_count = 0;
         Ok(())
     }
@@ -148,7 +156,13 @@ impl Sampled for ControlLaw {
         let Sample { number, time } = sample;
         variables.locals.sample_count = i32::try_from(number + 1).unwrap_or(i32::MAX);
         let Variables { parameters, locals, outputs, .. } = variables;
-        if parameters.mode == ControlMode::Boost && self.law.is_none() {
+        let was_found = self.diagnosis.findings();
+        self.diagnosis.check_sensors(parameters, inputs);
+        let boost_control = self.diagnosis.boost_control(parameters, inputs);
+        if parameters.mode == ControlMode::Boost
+            && self.law.is_none()
+            && boost_control == BoostControl::Closed
+        {
             if inputs.boost_pressure < LEAST_MEASUREMENT {
                 return Ok(());
             }
@@ -157,25 +171,99 @@ impl Sampled for ControlLaw {
             context.event(format_args!("at {time} s: the first measurement of boost, {pressure} Pa"));
         }
         let (was_on, was_by_speed) = (self.relay, self.by_speed);
-        let vacuum_pump = self.relay.sample(parameters, inputs.tank_pressure);
+        let relay = self.relay.sample(parameters, inputs.tank_pressure);
+        let vacuum_pump = self.diagnosis.pump(parameters, relay);
         if self.relay != was_on {
-            let (does, pressure) = (if vacuum_pump { "on" } else { "off" }, inputs.tank_pressure);
+            let (does, pressure) = (if relay { "on" } else { "off" }, inputs.tank_pressure);
             context.event(format_args!("at {time} s: the vacuum pump goes {does}, tank at {pressure} Pa"));
         }
 
         let supply_voltage = self.supply_voltage.sample(inputs.supply_voltage_measured);
+        let supply_voltage = self.diagnosis.supply_voltage(parameters, supply_voltage);
         let compensator = Compensator::new(parameters, supply_voltage);
         let limits = limits(parameters, compensator);
-        let command = match (&mut self.law, parameters.strategy) {
+        let command = match boost_control {
+            BoostControl::Closed => self.closed_loop(parameters, inputs, compensator, limits),
+            BoostControl::FeedforwardAlone => self.without_feedback(parameters, inputs, compensator, limits),
+            BoostControl::LeastBoost => self.least_boost(parameters, inputs, limits),
+        };
+        self.by_speed.log_since(was_by_speed, inputs, time, context);
+        publish(locals, outputs, &command, compensator, vacuum_pump);
+        self.diagnosis.check_filling(parameters, inputs, outputs);
+        if parameters.mode == ControlMode::Boost && boost_control == BoostControl::Closed {
+            self.check_answer(parameters, inputs, &command);
+        }
+        let findings = self.diagnosis.findings();
+        findings.warn_since(was_found, inputs, time, context);
+        findings.publish(locals, outputs);
+        Ok(())
+    }
+}
+
+impl ControlLaw {
+    /// The command with feedback, in mode boost.
+    fn closed_loop(
+        &mut self,
+        parameters: &Parameters,
+        inputs: &Inputs,
+        compensator: Compensator,
+        limits: Limits,
+    ) -> Command {
+        match (&mut self.law, parameters.strategy) {
             (Some(law), Strategy::SplitRange) => {
                 self.split_range.sample(law, parameters, inputs, compensator)
             }
             (Some(law), Strategy::BySpeed) => self.by_speed.sample(law, parameters, inputs, limits),
             (None, _) => self.by_speed.without_feedback(parameters, inputs, limits),
-        };
-        self.by_speed.log_since(was_by_speed, inputs, time, context);
-        publish(locals, outputs, &command, compensator, vacuum_pump);
-        Ok(())
+        }
+    }
+
+    /// The command without feedback.
+    fn without_feedback(
+        &mut self,
+        parameters: &Parameters,
+        inputs: &Inputs,
+        compensator: Compensator,
+        limits: Limits,
+    ) -> Command {
+        match (parameters.mode, parameters.strategy) {
+            (ControlMode::Boost, Strategy::SplitRange) => {
+                split_range::at_rest(parameters, inputs, compensator)
+            }
+            _ => self.by_speed.without_feedback(parameters, inputs, limits),
+        }
+    }
+
+    /// The command for the least boost. The bypass stays shut: it would relieve the high-pressure compressor, whose
+    /// shaft already turns too fast where its wastegate is stuck shut. The law's memory follows, so that it starts
+    /// there if it takes over again.
+    fn least_boost(&mut self, parameters: &Parameters, inputs: &Inputs, limits: Limits) -> Command {
+        self.law = Some(BoostLaw::at(inputs.boost_pressure));
+        let terms = DutyTerms::feedforward(parameters.pwm_max, inputs.boost_pressure);
+        Command::new(terms, limits, Openings { lp_wastegate: 1.0, hp_bypass: 0.0 })
+    }
+
+    /// Judges whether boost answers a command.
+    fn check_answer(&mut self, parameters: &Parameters, inputs: &Inputs, command: &Command) {
+        let virtual_duty = command.limits.clip(command.terms.duty());
+        match parameters.strategy {
+            Strategy::SplitRange => self.diagnosis.check_answer(
+                parameters,
+                inputs,
+                Some(Schedule::from(&parameters.range_schedule)),
+                split_range::reference(parameters, inputs),
+                virtual_duty,
+            ),
+            // Above, the low-pressure wastegate is open, with which its schedule was not identified.
+            Strategy::BySpeed => self.diagnosis.check_answer(
+                parameters,
+                inputs,
+                (inputs.engine_speed <= parameters.lp_wastegate_close_below)
+                    .then(|| Schedule::from(&parameters.schedule)),
+                feedforward::bounded_reference(parameters, inputs),
+                virtual_duty,
+            ),
+        }
     }
 }
 

@@ -149,6 +149,27 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
         here.feedforward() + beyond / here.interpolate(self.schedule.gain)
     }
 
+    /// The boost pressure (Pa) that a duty (%) holds at rest, at the same engine speed: the map read backwards. A
+    /// duty beyond the map, or in its part that fills what cannot be reached, holds the pressure of its edge.
+    #[must_use]
+    pub fn pressure_held_by(self, duty: f64) -> f64 {
+        let rows = self.schedule.boost_pressure;
+        let duty_of_row = |row: usize| self.at_pressure(rows[row]).feedforward();
+        let least = larger(duty, duty_of_row(ROWS - 1));
+        let (mut above, mut duty_above) = (0, duty_of_row(0));
+        if duty_above <= least {
+            return rows[0];
+        }
+        let mut duty_below = duty_above;
+        while duty_above > least && above + 1 < ROWS {
+            above += 1;
+            duty_below = duty_above;
+            duty_above = duty_of_row(above);
+        }
+        let share = (duty_below - least) / (duty_below - duty_above);
+        rows[above - 1] + share.clamp(0.0, 1.0) * (rows[above] - rows[above - 1])
+    }
+
     /// The engine near this point.
     #[must_use]
     #[inline]

@@ -75,7 +75,7 @@ fn command(parameters: &Parameters, terms: DutyTerms, limits: Limits, openings: 
 }
 
 /// The reference of the boost pressure (Pa), within the limits that protect the engine and its high-pressure shaft.
-fn reference(parameters: &Parameters, inputs: &Inputs) -> f64 {
+pub fn reference(parameters: &Parameters, inputs: &Inputs) -> f64 {
     let schedule = &parameters.range_schedule;
     let limit = schedule::interpolate(&schedule.engine_speed, &schedule.boost_limit, inputs.engine_speed);
     smaller(feedforward::bounded_reference(parameters, inputs), limit)

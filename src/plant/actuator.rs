@@ -21,6 +21,8 @@ pub struct Actuator<D = f64> {
     pub parameters: ActuatorParameters<D>,
     /// The gas in the chamber.
     pub air: Gas<D>,
+    /// The opening at which the wastegate's flap is stuck, if it is.
+    pub stuck: Option<D>,
 }
 
 impl<D: Scalar> Actuator<D> {
@@ -111,7 +113,10 @@ impl<D: Scalar> Actuator<D> {
     /// How far the wastegate is open, from 0 to 1.
     #[must_use]
     pub fn opening(&self, position: D) -> D {
-        (position / self.parameters.stroke).at_least(0.0).at_most(1.0)
+        match self.stuck {
+            None => (position / self.parameters.stroke).at_least(0.0).at_most(1.0),
+            Some(opening) => opening,
+        }
     }
 
     /// The position in m at which spring and stops hold a force in N that opens, without friction.

@@ -13,7 +13,9 @@
 use fmu_export::Persistent;
 
 use super::system::{Actuation, Evaluation, GAS_PATH_SCALES, GasPath, System};
-use super::variables::{ActuationStates, GasPathStates, Inputs, StateGroups, States};
+use super::variables::{
+    ActuationStates, FaultParameters, GasPathStates, Inputs, Parameters, StateGroups, States,
+};
 use crate::solver::course::{Budget, Course, IntegrationFailure, Interval, JumpLaw, Rules, StepMemory};
 use crate::solver::multirate::{self, Fast, Slow, SlowMemory};
 use crate::solver::rosenbrock::{Blocks, step};
@@ -133,6 +135,8 @@ pub struct Pace {
     gas_path: SlowMemory<GAS_PATH, GAS_PATH_INPUTS>,
     /// Whether the vacuum tank was held: the actuation's derivatives are others then.
     tank_is_frozen: bool,
+    /// The faults: with others, all derivatives are others.
+    fault: FaultParameters,
 }
 
 impl Default for Pace {
@@ -141,6 +145,7 @@ impl Default for Pace {
             actuation: StepMemory::new(FIRST_STEP),
             gas_path: SlowMemory::new(FIRST_STEP),
             tank_is_frozen: false,
+            fault: Parameters::default().fault,
         }
     }
 }
@@ -276,6 +281,9 @@ impl Pace {
         states: &mut States,
         interval: Interval<'_>,
     ) -> Result<Evaluation, IntegrationFailure> {
+        if self.fault != *system.fault() {
+            *self = Self { fault: *system.fault(), ..Self::default() };
+        }
         if self.tank_is_frozen != system.is_tank_frozen() {
             self.tank_is_frozen = system.is_tank_frozen();
             self.actuation = StepMemory::new(self.actuation.step);

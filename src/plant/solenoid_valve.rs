@@ -21,6 +21,8 @@ pub struct SolenoidValve<D = f64> {
     pub parameters: ValveParameters<D>,
     /// The flow function of the ports.
     pub orifice: Orifice<D>,
+    /// The area (m²) of a leak into the tank, beside the valve's leakage.
+    pub leak_area: D,
 }
 
 impl<D: Scalar> SolenoidValve<D> {
@@ -65,8 +67,9 @@ impl<D: Scalar> SolenoidValve<D> {
         let deviation = (chamber_pressure - pressure) / self.parameters.proportional_band;
         let opening = deviation / (deviation * deviation + 1.0).sqrt();
         let [k1, k2, k3] = self.parameters.leakage_coefficient;
-        let leakage_area =
-            self.parameters.leakage_area_scale * ((k1 * plunger_duty + k2) * plunger_duty + k3).at_least(0.0);
+        let leakage_area = self.parameters.leakage_area_scale
+            * ((k1 * plunger_duty + k2) * plunger_duty + k3).at_least(0.0)
+            + self.leak_area;
         // At the target itself it is the tank's port that is about to open.
         let (tank_opening, ambient_opening) =
             if opening >= 0.0 { (opening, 0.0.into()) } else { (0.0.into(), -opening) };

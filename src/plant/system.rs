@@ -36,9 +36,9 @@ use super::vacuum_tank::VacuumTank;
 use super::variables::{
     ActuationStates, ActuatorLocals, ActuatorStates, AirFilterLocals, AirFilterStates, CompressorLocals,
     CompressorStates, ExhaustLocals, ExhaustManifoldLocals, ExhaustManifoldStates, ExhaustStates,
-    GasPathStates, HpWastegatePortLocals, Inputs, IntakeManifoldStates, IntercoolerLocals, IntercoolerStates,
-    InterstageExhaustLocals, InterstageExhaustStates, Locals, Outputs, Parameters, PortLocals,
-    PortParameters, PumpLocals, ShaftStates, StateGroups, States, SupplySensorStates, TankStates,
+    FaultParameters, GasPathStates, HpWastegatePortLocals, Inputs, IntakeManifoldStates, IntercoolerLocals,
+    IntercoolerStates, InterstageExhaustLocals, InterstageExhaustStates, Locals, Outputs, Parameters,
+    PortLocals, PortParameters, PumpLocals, ShaftStates, StateGroups, States, SupplySensorStates, TankStates,
     ThrottleBodyLocals, TurbineLocals, ValveLocals, ValveStates,
 };
 
@@ -77,6 +77,7 @@ pub struct System<D = f64> {
     exhaust: Exhaust<D>,
     hp_shaft: Shaft<D>,
     lp_shaft: Shaft<D>,
+    fault: FaultParameters<D>,
 }
 
 /// The full scale of the high-pressure shaft's speed over the nominal value that both shafts have.
@@ -150,14 +151,15 @@ impl<D: Scalar> System<D> {
         let (air, exhaust_gas) = (Gas::new(p.air), Gas::new(p.exhaust_gas));
         let air_orifice = Orifice::new(air, p.restrictions.linear_pressure_ratio);
         let exhaust_orifice = Orifice::new(exhaust_gas, p.restrictions.linear_pressure_ratio);
-        Self {
+        let mut system = Self {
             supply: Supply { pump: p.pump, sensor: p.supply_sensor },
             valve: SolenoidValve {
                 parameters: p.valve,
                 orifice: Orifice::new(air, p.valve.linear_pressure_ratio),
+                leak_area: 0.0.into(),
             },
             tank: VacuumTank { parameters: p.tank, pump: p.pump, volume: air.volume(p.tank.volume) },
-            actuator: Actuator { parameters: p.actuator, air },
+            actuator: Actuator { parameters: p.actuator, air, stuck: None },
             air_filter: AirFilter { parameters: p.air_filter, volume: air.volume(p.air_filter.volume) },
             lp_compressor: Compressor::new(p.lp_compressor, air),
             hp_compressor: Compressor::new(p.hp_compressor, air),
@@ -195,7 +197,23 @@ impl<D: Scalar> System<D> {
             exhaust: Exhaust { parameters: p.exhaust, volume: exhaust_gas.volume(p.exhaust.volume) },
             hp_shaft: Shaft::new(p.hp_shaft),
             lp_shaft: Shaft::new(p.lp_shaft),
-        }
+            fault: p.fault,
+        };
+        system.set_fault(p.fault);
+        system
+    }
+
+    /// Begins faults, or ends them.
+    pub fn set_fault(&mut self, fault: FaultParameters<D>) {
+        self.fault = fault;
+        self.valve.leak_area = fault.vacuum_leak_area;
+        self.actuator.stuck = fault.wastegate_stuck.then_some(fault.wastegate_stuck_position);
+    }
+
+    /// The faults.
+    #[must_use]
+    pub fn fault(&self) -> &FaultParameters<D> {
+        &self.fault
     }
 
     /// Holds the vacuum tank's pressure, or releases it.
@@ -213,8 +231,13 @@ impl<D: Scalar> System<D> {
     /// with the same effect as the commanded one.
     #[must_use]
     pub fn command(&self, inputs: &Inputs<D>) -> (D, D) {
-        let voltage = self.supply.voltage(inputs.supply_voltage, inputs.vacuum_pump);
+        let voltage = self.supply.voltage(inputs.supply_voltage, self.running_pump(inputs));
         (voltage, self.valve.commanded_duty(inputs.hp_wastegate_pwm, voltage))
+    }
+
+    /// The vacuum pump (0 … 1) as it runs.
+    fn running_pump(&self, inputs: &Inputs<D>) -> D {
+        if self.fault.pump_dead { 0.0.into() } else { inputs.vacuum_pump }
     }
 
     /// Everything at an instant.
@@ -251,7 +274,7 @@ impl<D: Scalar> System<D> {
 
         let command = self.command(inputs);
         let valve = self.valve.flows(command, plunger_duty, ambient, p_act, p_tank);
-        let pump = self.tank.pump(inputs.vacuum_pump, p_tank);
+        let pump = self.tank.pump(self.running_pump(inputs), p_tank);
         let actuator = self.actuator.evaluate(x, v, ambient.0, p_act, exhaust_difference);
         Actuation {
             derivatives: ActuationStates {
@@ -461,15 +484,22 @@ impl<D: Scalar> System<D> {
             states.exhaust_manifold.pressure,
         );
         let rpm = 30.0 / PI;
+        let fault = &self.fault;
+        let boost_pressure = if fault.boost_sensor_stuck {
+            fault.boost_sensor_stuck_pressure
+        } else {
+            (states.intercooler.outlet_pressure + fault.boost_sensor_offset).at_least(0.0)
+        };
         let outputs = Outputs {
-            boost_pressure: states.intercooler.outlet_pressure,
-            tank_pressure: states.tank.pressure,
+            boost_pressure,
+            tank_pressure: if fault.tank_sensor_dead { 0.0.into() } else { states.tank.pressure },
             actuator_pressure: states.actuator.chamber_pressure,
             intake_manifold_pressure: states.intake_manifold.pressure,
             exhaust_manifold_pressure: states.exhaust_manifold.pressure,
             interstage_exhaust_pressure: states.interstage_exhaust.pressure,
             hp_wastegate_position: actuation.hp_wastegate_opening,
-            supply_voltage_measured: states.supply_sensor.voltage,
+            supply_voltage_measured: (states.supply_sensor.voltage + fault.supply_sensor_offset)
+                .at_least(0.0),
             engine_torque,
             air_mass_flow: cylinders.air_mass_flow,
             hp_turbo_speed: states.hp_shaft.speed * rpm,

@@ -24,7 +24,8 @@ fn value_within(random: &mut Random, least: f64, most: f64) -> f64 {
 fn parameters(random: &mut Random) -> Variables {
     loop {
         let mut variables = Variables::default();
-        for (reference, variable) in (0..).zip(Variables::DESCRIPTION.variables) {
+        for (position, variable) in (0..).zip(Variables::DESCRIPTION.variables) {
+            let reference = Variables::value_reference(position);
             if variable.causality != Causality::Parameter || random.between(0.0, 1.0) < 0.5 {
                 continue;
             }
@@ -74,7 +75,8 @@ fn all_allowed_values_give_finite_outputs() {
                 }
             }
             bench.sample(number, &inputs);
-            for (reference, variable) in (0..).zip(description.variables) {
+            for (position, variable) in (0..).zip(description.variables) {
+                let reference = Variables::value_reference(position);
                 if !matches!(variable.causality, Causality::Output | Causality::Local)
                     || variable.data_type != DataType::Real
                 {

@@ -92,7 +92,14 @@ pub fn random_point(random: &mut Random) -> Variables {
     p.valve.voltage_exponent = 1.2;
     p.actuator.exhaust_area = 1e-4;
     p.actuator.friction_exponent = 1.3;
-    for known in reals(|_, causality, _| causality == Causality::Parameter) {
+    // Of the faults, those that leave everything else its effect.
+    p.fault.vacuum_leak_area = 2e-9;
+    p.fault.boost_sensor_offset = -2e3;
+    p.fault.supply_sensor_offset = 0.4;
+    p.fault.wastegate_stuck_position = 0.3;
+    p.fault.boost_sensor_stuck_pressure = 1.2e5;
+    let shuffled = |known, causality| causality == Causality::Parameter && !name(known).starts_with("fault.");
+    for known in reals(|known, causality, _| shuffled(known, causality)) {
         let value = variables.real(known);
         variables.set_real(known, value * random.between(0.98, 1.02));
     }
@@ -129,6 +136,14 @@ pub fn random_point(random: &mut Random) -> Variables {
     }
     variables.states = variables.start;
     variables
+}
+
+/// A point with each of the faults that take its effect from something else.
+pub fn stuck(point: &Variables) -> [Variables; 2] {
+    let [mut wastegate, mut sensor] = [point.clone(), point.clone()];
+    wastegate.parameters.fault.wastegate_stuck = true;
+    sensor.parameters.fault.boost_sensor_stuck = true;
+    [wastegate, sensor]
 }
 
 /// Adds to `observed` the unknowns that change by more than `threshold` (relative to their magnitude) when one of the
@@ -230,6 +245,9 @@ fn initialization_depends_on_what_is_declared() {
     for _ in 0..30 {
         let mut point = random_point(&mut random);
         observe(&mut observed, &point, &knowns, 1e-4, 0.0);
+        for point in stuck(&point) {
+            observe(&mut observed, &point, &knowns, 1e-4, 0.0);
+        }
         point.parameters.initialization.mode = InitializationMode::Running;
         observe(&mut observed, &point, &knowns, 1e-4, 0.0);
     }
@@ -245,6 +263,9 @@ fn initialization_depends_on_what_is_declared() {
         point.start.tank.pressure = tank_pressure;
         point.states.tank.pressure = tank_pressure;
         observe(&mut solved, &point, &knowns, 1e-2, 1e-11);
+        for point in stuck(&point) {
+            observe(&mut solved, &point, &knowns, 1e-2, 1e-11);
+        }
     }
     for (unknown, knowns) in solved {
         observed.get_mut(&unknown).expect("a declared unknown").extend(knowns);

@@ -9,7 +9,7 @@ use fmu_export::{Context, Experiment, Model, Variables as _};
 
 use crate::dependencies::{
     Dependencies, assert_as_declared, declared_of_initialization, declared_of_steps, name, nothing_observed,
-    random_point, reals, reference, unknowns_at,
+    random_point, reals, reference, stuck, unknowns_at,
 };
 use crate::random::Random;
 
@@ -52,7 +52,13 @@ fn point(random: &mut Random, mode: InitializationMode, way: usize) -> Variables
         point.start.tank.pressure = tank_pressure;
         point.states.tank.pressure = tank_pressure;
     }
-    point
+    // After each of the regimes has been without.
+    let [wastegate, sensor] = stuck(&point);
+    match way {
+        5.. if way % 4 == 1 => wastegate,
+        5.. if way % 4 == 3 => sensor,
+        _ => point,
+    }
 }
 
 /// The knowns of the initialization: inputs, parameters, and the start values that are used in every mode.

@@ -74,7 +74,7 @@ fn the_runtime_is_told_event_indicators_and_states() {
     let mut states: Vec<_> =
         variables.filter_map(|variable| Some((variable.state?, variable.name))).collect();
     states.sort_unstable();
-    assert!(states.iter().map(|(position, _)| *position).eq(0..Variables::STATE_NAMES.len()));
+    assert!(states.iter().map(|(position, _)| usize::from(*position)).eq(0..Variables::STATE_NAMES.len()));
     assert!(states.iter().map(|(_, name)| *name).eq(Variables::STATE_NAMES.iter().copied()));
 }
 
