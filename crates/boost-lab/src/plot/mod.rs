@@ -481,6 +481,16 @@ mod tests {
     }
 
     #[test]
+    fn figures_without_panels_and_with_endless_names_are_drawn() {
+        let line = Line::new(&[], []).label(&"long_name_".repeat(50));
+        for figure in [Figure::new().title("Empty"), Figure::new().row([Panel::new("x", "y").line(line)])] {
+            assert!(figure.svg().unwrap().starts_with("<svg"));
+            assert!(figure.png().unwrap().len() > 100);
+            assert_eq!(figure.html().matches("<div class=\"panel\"").count(), figure.rows.len());
+        }
+    }
+
+    #[test]
     fn constant_and_empty_lines_have_an_extent() {
         let extent = |y: &[f64]| extent(&[Line::new(&[0.0, 1.0], y.iter().copied())], |point| point.1);
         assert_eq!(extent(&[12.0, 12.0]), (11.4, 12.6));

@@ -94,8 +94,9 @@ impl Figure {
             let (upper, lower) = rest.split_vertically(density * self.row_height(index));
             rest = lower;
             for (panel, area) in row.iter().zip(upper.split_evenly((1, row.len()))) {
-                let width = area.dim_in_pixel().0.saturating_sub(legend);
-                let (frame, legend) = area.split_horizontally(width);
+                let width = area.dim_in_pixel().0;
+                // Long names are cut rather than the frame.
+                let (frame, legend) = area.split_horizontally(width - legend.min(width / 2));
                 panel.draw(&frame, density, self.has_x_label(index))?;
                 panel.draw_legend(&legend, density)?;
             }
