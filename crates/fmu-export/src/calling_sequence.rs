@@ -176,7 +176,7 @@ functions! {
         GetDirectionalDerivative: READABLE,
     }
     Some(Interface::CoSimulation) => {
-        SetRealInputDerivatives: WRITABLE,
+        SetRealInputDerivatives: &[Instantiated, InitializationMode, StepComplete],
         GetRealOutputDerivatives: &[StepComplete, StepFailed, Terminated, Error],
         DoStep: &[StepComplete],
         CancelStep: &[],
@@ -199,5 +199,23 @@ functions! {
         GetContinuousStates: SOLVABLE,
         GetNominalsOfContinuousStates:
             &[Instantiated, InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn functions_of_an_interface_are_called_in_its_states() {
+        for function in Function::ALL {
+            for phase in function.phases() {
+                let (of_function, of_phase) = (function.interface(), phase.interface());
+                assert!(
+                    of_function.is_none() || of_phase.is_none() || of_function == of_phase,
+                    "{function:?} in {phase}"
+                );
+            }
+        }
     }
 }
