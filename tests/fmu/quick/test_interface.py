@@ -86,6 +86,7 @@ CONTROLLER_OUTPUTS = {
     "vacuum_pump": "1",
     "lp_wastegate": "1",
     "hp_bypass": "1",
+    "fault_code": "1",
 }
 
 CONTROLLER_DIAGNOSTICS = {
