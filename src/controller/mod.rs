@@ -20,7 +20,7 @@
 //! Two further modes do not control boost pressure: `position` moves the wastegate to a reference
 //! ([`actuator_inverse`]), `open_loop` takes the duty as an input. Both compensate for the voltage.
 //!
-//! The [`diagnosis`] judges measurements and actuators, and where they fail replaces what depends on them.
+//! The diagnosis judges measurements and actuators, and where they fail replaces what depends on them.
 //!
 //! Everything is computed at the samples; between them the outputs are held.
 
