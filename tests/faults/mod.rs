@@ -127,6 +127,7 @@ fn a_stuck_boost_sensor_is_found_by_the_next_step() {
 #[test]
 fn a_stuck_boost_sensor_is_found_when_engine_speed_changes() {
     let mut control = at(1500.0, 150e3);
+    control.controller.variables.parameters.diagnosis.constant_over_speed = 200.0;
     let shown = control.boost_pressure();
     let fault = fault(&mut control);
     (fault.boost_sensor_stuck, fault.boost_sensor_stuck_pressure) = (true, shown);

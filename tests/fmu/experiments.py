@@ -72,7 +72,8 @@ def couple_running(
     supply = (plant_inputs or {}).get("supply_voltage", 12.0)
     start = {"supply_voltage_measured": supply, **(controller_values or {})}
     controller.start(start)
-    initial = {name: controller.get(name) for name in controller.fmu.named("output")}
+    inputs = plant.fmu.named("input")
+    initial = {name: controller.get(name) for name in controller.fmu.named("output") if name in inputs}
     run_in(plant, {**initial, **(plant_inputs or {})}, plant_values)
     return Master([controller, plant], SAMPLE_TIME, **options)
 

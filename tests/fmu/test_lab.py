@@ -157,7 +157,8 @@ def test_report_needs_no_other_file(reproduction: Path) -> None:
     assert report.text.count("<h2 ") == 10
     # Each figure but the structure has one panel at least.
     assert len(report.plots) >= 10
-    for scenario_file in SCENARIOS.iterdir():
+    # Those of the paper.
+    for scenario_file in SCENARIOS.glob("figure_*"):
         assert f"The scenario {scenario_file.name}<" in report.text
 
 
