@@ -91,6 +91,23 @@ mod tests {
     use super::*;
 
     #[test]
+    fn contents_are_the_headings() {
+        let body =
+            "<h1>A &amp; B</h1><p>before</p><h2>One</h2><p>first</p><h2 id=\"two\">Two</h2><p>second</p>";
+        let html = page("A & B", ".own { color: red; }", body);
+        for part in [
+            "<title>A &amp; B</title>",
+            ".own { color: red; }",
+            "<header>\n<h1>A &amp; B</h1>\n</header>",
+            "<li><a href=\"#section-1\">One</a></li>\n<li><a href=\"#two\">Two</a></li>",
+            "<p>before</p><h2 id=\"section-1\">One</h2><p>first</p><h2 id=\"two\">Two</h2><p>second</p>",
+        ] {
+            assert!(html.contains(part), "{part}");
+        }
+        assert!(!page("A", "", "<h1>A</h1><p>alone</p>").contains("<nav"));
+    }
+
+    #[test]
     fn numbers_have_few_digits() {
         let cases = [
             (2466.41, "2466"),

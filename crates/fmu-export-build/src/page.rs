@@ -441,7 +441,7 @@ impl<'m, 'a> Page<'m, 'a> {
         let starts: Vec<_> = self.starts(field).collect();
         let mut text = starts.join(", ");
         if let Some(display) = self.displayed(field) {
-            let _ = write!(text, " <small>{}</small>", display);
+            let _ = write!(text, " <small>{display}</small>");
         }
         text
     }

@@ -213,7 +213,7 @@ def test_report_is_of_moderate_size(files: dict[str, Path], name: str) -> None:
     assert files[name].stat().st_size < LARGEST
 
 
-@pytest.mark.parametrize("name", ["BoostPlant", "reproduction"])
+@pytest.mark.parametrize("name", ["BoostPlant", "identification"])
 def test_contents_fold_on_telephones_and_mark_the_section(opened: Callable[..., Page], name: str) -> None:
     page = opened(name, 360)
     entries = page.locator("nav li a")
