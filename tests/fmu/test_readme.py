@@ -57,6 +57,15 @@ def test_every_line_is_run() -> None:
     assert len(FMPY_LINES) >= 6
 
 
+def test_walk_knows_every_line() -> None:
+    """`tests/walk` runs the pages' lines in a clean clone; here only what it would run."""
+    done = subprocess.run([sys.executable, ROOT / "tests" / "walk", "--list"], capture_output=True, text=True, check=True)
+    walked = done.stdout.splitlines()
+    for line in LINES:
+        assert line in walked or any(each.endswith(f"): {line}") for each in walked)
+    assert sum(line.startswith("not run") for line in walked) == 3
+
+
 def test_export(clone: Path) -> None:
     """The line with another folder, since other tests read this one."""
     out = clone / "out"

@@ -146,8 +146,8 @@ fn outputs_that_are_inputs_or_each_other_are_refused_before_anything_runs() {
     let before = bench.names(".");
     let simulate = ["simulate", "scenario.toml"];
     for (options, reason) in [
-        (["--out", "scenario.toml"].as_slice(), "the input scenario.toml would be lost"),
-        (&["--out", "careless.fmu"], "the input careless.fmu would be lost"),
+        (["--out", "scenario.toml"].as_slice(), "scenario.toml: a record is a file that ends with"),
+        (&["--out", "careless.fmu"], "careless.fmu: a record is a file that ends with"),
         (&["--out", "./signal.csv"], "the input signal.csv would be lost"),
         (&["--out", "x.csv", "--plot", "signal.csv"], "the input signal.csv would be lost"),
         (&["--out", "missing/x.csv"], "cannot write missing/x.csv: "),
@@ -686,7 +686,10 @@ fn leftovers_of_a_killed_study_are_removed() {
     bench.write("out/records/.mine", "");
     bench.succeeds(&["sweep", "study.toml", "--out", "out"]);
     assert_eq!(bench.names("out/records"), [".mine", "0.csv", "1.csv"]);
-    assert_eq!(bench.names("out"), ["journal.jsonl", "records", "results.csv", "results.parquet"]);
+    assert_eq!(
+        bench.names("out"),
+        ["journal.jsonl", "records", "report.html", "results.csv", "results.parquet"]
+    );
 }
 
 /// By the controller's range.
