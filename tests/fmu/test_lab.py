@@ -466,14 +466,12 @@ def test_system_runs_as_the_scenario_of_its_fmus(lab: Run, exported: Path, tmp_p
 
 def test_one_fmu_runs_with_its_default_experiment(lab: Run, exported: Path, tmp_path: Path, plant_fmu: Fmu) -> None:
     out = tmp_path / "plant.csv"
-    done = lab("simulate", exported / "BoostPlant.fmu", "--set", "plant_is_not_the_name:x=1", "--out", out)
-    assert done.returncode == 2
     done = lab("simulate", exported / "BoostPlant.fmu", "--set", "hp_wastegate_pwm=60", "--units", "--out", out)
     assert (done.returncode, done.stderr) == (0, "")
     found = read(out)
-    assert found["time (s)"][-1] == plant_fmu.description.defaultExperiment.stopTime
+    assert found["time (s)"][-1] == float(plant_fmu.description.defaultExperiment.stopTime)
     assert set(found["hp_wastegate_pwm (%)"]) == {60.0}
-    assert {f"{name}" for name in plant_fmu.named("output")} <= {name.split(" (")[0] for name in found}
+    assert plant_fmu.named("output") <= {name.split(" (")[0] for name in found}
 
 
 def test_fmu_can_be_given_by_its_name(lab: Run, exported: Path, tmp_path: Path) -> None:

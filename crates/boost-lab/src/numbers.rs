@@ -62,8 +62,9 @@ pub fn estimate(value: f64, error: f64) -> String {
     let exponent = if (-3..5).contains(&magnitude_of_both) { 0 } else { magnitude_of_both };
     let factor = 10_f64.powi(-exponent);
     let places = 1 - magnitude(error * factor);
-    let most = MOST_DIGITS - 1 - magnitude(value * factor);
-    if value != 0.0 && places > most {
+    // Those of a value of 0 are its error's.
+    let most = if value == 0.0 { places } else { MOST_DIGITS - 1 - magnitude(value * factor) };
+    if places > most {
         let mantissa = minus(decimals(value * factor, most));
         return format!(
             "{mantissa}{} ± {}",
@@ -162,6 +163,7 @@ mod tests {
             (8.01e-7, 2.5e-9, "(8.010 ± 0.025)\u{b7}10\u{207b}\u{2077}"),
             (-4.7e-5, 9.0e-5, "(\u{2212}4.7 ± 9.0)\u{b7}10\u{207b}\u{2075}"),
             (3530.0, 120.0, "3530 ± 120"),
+            (0.0, 0.1, "0.00 ± 0.10"),
             // More digits than any measurement has.
             (0.028_938_999_999_983, 1.8e-14, "0.02893900 ± 1.8\u{b7}10\u{207b}\u{b9}\u{2074}"),
             (-106_120.0, 1e-9, "\u{2212}1.061200\u{b7}10\u{2075} ± 1.0\u{b7}10\u{207b}\u{2079}"),

@@ -149,7 +149,6 @@ fn outputs_that_are_inputs_or_each_other_are_refused_before_anything_runs() {
         (["--out", "scenario.toml"].as_slice(), "scenario.toml: a record is a file that ends with"),
         (&["--out", "careless.fmu"], "careless.fmu: a record is a file that ends with"),
         (&["--out", "./signal.csv"], "the input signal.csv would be lost"),
-        (&["--out", "x.csv", "--plot", "signal.csv"], "the input signal.csv would be lost"),
         (&["--out", "missing/x.csv"], "cannot write missing/x.csv: "),
     ] {
         let message = bench.refusal(&[&simulate, options].concat());

@@ -108,7 +108,7 @@ impl SystemDescription {
                 self.stop_time = time(attributes, "stopTime")?;
             }
             ([.., "SimulationInformation"], "FixedStepMaster") => {
-                self.step_size = time(attributes, "stepSize")?
+                self.step_size = time(attributes, "stepSize")?;
             }
             ([.., "Algorithm"], "FixedStepAlgorithm") => self.step_size = time(attributes, "baseStepSize")?,
             (["Units"], "Unit") => {
