@@ -13,6 +13,7 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet
 import pytest
 from broken import copy_with
 from conftest import ROOT, TARGET, Make, Run
@@ -229,10 +230,31 @@ def test_a_statement_that_does_not_hold_sets_the_exit_status(
     done = lab("reproduce", "1", "--fmus", fmus, "--out", tmp_path)
     assert done.returncode == 1, done.stderr
     assert done.stdout.count("FAILS") == 1
+    assert "\n1 of 2 statements hold\n" in done.stdout
     report = json.loads((tmp_path / "report.json").read_text())
     assert report["all_claims_hold"] is False
     assert [claim["holds"] for claim in report["figures"][0]["claims"]] == [False, True]
     assert "1 of 2 statements hold" in (tmp_path / "report.html").read_text()
+
+
+def test_statements_are_printed_with_the_range_and_the_papers_number(
+    lab: Run, exported: Path, tmp_path: Path
+) -> None:
+    done = lab("reproduce", "1", "13", "--fmus", exported, "--out", tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    report = json.loads((tmp_path / "report.json").read_text())
+    claims = [claim for figure in report["figures"] for claim in figure["claims"]]
+    by_name = {claim["name"]: claim for claim in claims}
+    change, overshoot = by_name["actuator_pressure_change"], by_name["overshoot_up"]
+    assert (change["paper_value"], overshoot["paper_value"], by_name["end_error"]["paper_value"]) == (2500, 5000, None)
+    for expected in [
+        f"  holds  actuator_pressure_change     {change['value']:.0f} Pa (2450 to 2550 asked; paper: 2500)\n",
+        f"  holds  overshoot_up                 {overshoot['value']:.0f} Pa (at most 5000 asked; paper: 5000)\n",
+        f"\n{len(claims)} of {len(claims)} statements hold\n",
+    ]:
+        assert expected in done.stdout
+    # Nothing has more digits than mean something.
+    assert not re.search(r"\d\.\d{4}", done.stdout)
 
 
 def test_unknown_figures_are_refused(lab: Run, exported: Path, tmp_path: Path) -> None:
@@ -262,7 +284,7 @@ def test_failing_step_ends_with_time_and_the_fmus_message(lab: Run, tmp_path: Pa
     # Not all outputs of this FMU are numbers.
     file.write_text('record = ["output"]' + ALONE.format(start=5, stop=6, file="TestModel.fmu", more=more))
     out = tmp_path / "alone.csv"
-    done = lab("simulate", file, "--out", out)
+    done = lab("simulate", file, "--fmus", tmp_path, "--out", out)
     assert done.returncode == 2
     assert done.stderr.startswith("error: alone: fmi2DoStep at 5 s gave fmi2Error\n")
     assert "the model's own error" in done.stderr
@@ -276,11 +298,13 @@ def test_a_library_that_cannot_be_loaded_is_reported_with_the_reason(lab: Run, t
     FmuBuilder.build_FMU(source, dest=tmp_path)
     file = tmp_path / "lag.toml"
     file.write_text(ALONE.format(start=0, stop=2, file="Lag.fmu", more=""))
-    done = lab("simulate", file, "--out", tmp_path)
+    done = lab("simulate", file, "--fmus", tmp_path, "--out", tmp_path)
     assert done.returncode == 2
     place = f"{file}, line 7, fmu[1].file: cannot import {tmp_path / 'Lag.fmu'}"
     assert done.stderr.startswith(f"error: {place}: its library cannot be loaded: ")
-    assert "Py" in done.stderr.removeprefix(f"error: {place}")
+    assert "undefined symbol: _Py" in done.stderr.removeprefix(f"error: {place}")
+    # The remedy.
+    assert "put LD_PRELOAD=libpython3" in done.stderr
 
 
 def refusal(lab: Run, tmp_path: Path, fmus: Path, text: str) -> str:
@@ -306,7 +330,8 @@ WRONG = [
     (
         "BoostPlant.fmu",
         "BoostPlan.fmu",
-        r"line \d+, fmu\[2\].file: cannot import BoostPlan.fmu: it cannot be opened",
+        r"line \d+, fmu\[2\].file: there is no BoostPlan.fmu: `cargo run --release -- export` writes .*; "
+        r"the nearest is BoostPlant.fmu, --fmus DIR names another folder and --fmu plant=FILE.fmu another file",
     ),
     (
         '"tank.frozen" = true',
@@ -418,6 +443,37 @@ def test_units_that_differ_are_converted(lab: Run, exported: Path, tmp_path: Pat
     assert "controller has engine_speed in rpm, plant in rpm: give each its own signal, or a map" in message
 
 
+def test_system_runs_as_the_scenario_of_its_fmus(lab: Run, exported: Path, tmp_path: Path) -> None:
+    """Boost.ssp, controller first: the numbers of a scenario with the same inputs."""
+    scenario_file = tmp_path / "scenario.toml"
+    members = "".join(f'[[fmu]]\nname = "{name}"\nfile = "{name}.fmu"\n' for name in ("BoostController", "BoostPlant"))
+    scenario_file.write_text(
+        f"step = 0.0125\nstop_time = 5\n{members}[inputs]\nboost_reference = 150e3\nsupply_voltage = 11.5\n"
+    )
+    assert lab("simulate", scenario_file, "--fmus", exported, "--out", tmp_path).returncode == 0
+    out = tmp_path / "system.parquet"
+    values = ["--set", "boost_reference=150 kPa", "--set", "supply_voltage=11.5"]
+    done = lab("simulate", exported / "Boost.ssp", *values, "--stop-time", "5", "--out", out)
+    assert (done.returncode, done.stderr) == (0, "")
+    expected = read(tmp_path / "scenario.csv")
+    table = pyarrow.parquet.read_table(out)
+    assert len(expected["time"]) == len(table) == 401
+    for name in expected:
+        assert_equal(table[name].to_numpy(), expected[name], name)
+    units = json.loads(pyarrow.parquet.read_metadata(out).metadata[b"units"])
+    assert (units["boost_pressure"], units["hp_wastegate_pwm"], units["time"]) == ("Pa", "%", "s")
+
+
+def test_one_fmu_runs_with_its_default_experiment(lab: Run, exported: Path, tmp_path: Path, plant_fmu: Fmu) -> None:
+    out = tmp_path / "plant.csv"
+    done = lab("simulate", exported / "BoostPlant.fmu", "--set", "hp_wastegate_pwm=60", "--units", "--out", out)
+    assert (done.returncode, done.stderr) == (0, "")
+    found = read(out)
+    assert found["time (s)"][-1] == float(plant_fmu.description.defaultExperiment.stopTime)
+    assert set(found["hp_wastegate_pwm (%)"]) == {60.0}
+    assert plant_fmu.named("output") <= {name.split(" (")[0] for name in found}
+
+
 def test_fmu_can_be_given_by_its_name(lab: Run, exported: Path, tmp_path: Path) -> None:
     file = SCENARIOS / "figure_1.toml"
     out = tmp_path / "one.csv"
@@ -468,7 +524,7 @@ def test_every_line_of_the_document_is_run() -> None:
     # test_readme.py runs the first; tests/run runs the second, with the lock file.
     assert others == ["cargo run --release -- export", "cargo build --release --package boost-lab"]
     assert "cargo build --release --locked --package boost-lab" in (ROOT / "tests" / "run").read_text()
-    assert len(LAB_LINES) - len(FOREIGN_LINES) == 8
+    assert len(LAB_LINES) - len(FOREIGN_LINES) == 12
 
 
 def outputs(line: str) -> list[str]:

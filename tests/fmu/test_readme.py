@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import documents
@@ -35,7 +37,7 @@ TEMPLATE = (
 )
 """The line that exports the template."""
 
-SYSTEM_LINES = LINES[LINES.index("python examples/closed_loop.py --plot docs/closed_loop.png") + 1 :]
+SYSTEM_LINES = LINES[LINES.index("python examples/closed_loop.py --plot target/closed_loop.png") + 1 :]
 
 
 @pytest.fixture
@@ -44,14 +46,24 @@ def clone(exported: Path, tmp_path: Path) -> Path:
 
 
 def test_every_line_is_run() -> None:
+    """Those that FMPy does not run: test_export, nothing (they run this test), test_picture and test_system_lines."""
     others = [line for line in LINES if line not in FMPY_LINES]
     assert others == [
         "cargo run --release -- export",
         "bash tests/run",
-        "python examples/closed_loop.py --plot docs/closed_loop.png",
+        "python examples/closed_loop.py --plot target/closed_loop.png",
         *SYSTEM_LINES,
     ]
     assert len(FMPY_LINES) >= 6
+
+
+def test_walk_knows_every_line() -> None:
+    """`tests/walk` runs the pages' lines in a clean clone; here only what it would run."""
+    done = subprocess.run([sys.executable, ROOT / "tests" / "walk", "--list"], capture_output=True, text=True, check=True)
+    walked = done.stdout.splitlines()
+    for line in LINES:
+        assert line in walked or any(each.endswith(f"): {line}") for each in walked)
+    assert sum(line.startswith("not run") for line in walked) == 3
 
 
 def test_export(clone: Path) -> None:
@@ -64,6 +76,7 @@ def test_export(clone: Path) -> None:
 
 
 def test_test_command_is_there() -> None:
+    """It runs this test, so it cannot be run from here."""
     assert os.access(ROOT / "tests" / "run", os.X_OK)
 
 
@@ -98,13 +111,32 @@ def test_fmpy(clone: Path, line: str) -> None:
         if page.exists() and page.stat().st_size > 0:
             break
         time.sleep(0.1)
-    wanted = line.partition("--output-variables ")[2].split()
-    names = wanted or [
-        {"BoostPlant": "boost_pressure", "BoostController": "hp_wastegate_pwm"}[Path(line.split()[2]).stem]
-    ]
+    # Without a choice, panels of all 14 outputs would overlap.
+    names = line.partition("--output-variables ")[2].split()
+    assert 1 <= len(names) <= 4
     content = page.read_text()
     for name in names:
         assert name in content
+
+
+def test_without_a_display(clone: Path) -> None:
+    """The replacement that the page names, in its first line with a plot."""
+    replacement = "--output-file target/result.csv"
+    assert f"`{replacement}`" in README
+    line = next(line for line in FMPY_LINES if "--show-plot" in line)
+    run(line.replace("--show-plot", replacement), clone, BROWSER="false")
+    names = line.partition("--output-variables ")[2].split()
+    assert set(read_csv(clone / "target" / "result.csv").dtype.names) == {"time", *names}
+
+
+def test_needs() -> None:
+    """Rust's version is Cargo's; Python's is that of the tests' own check."""
+    version = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]["rust-version"]
+    before, _, _ = README.partition("cargo run --release -- export")
+    assert f"Rust {version} or later" in before
+    assert re.search(r"first build takes .* minutes", before)
+    assert "Python 3.11 or later" in README
+    assert "needs\n#                            Rust, Python 3.11 or later" in (ROOT / "tests" / "run").read_text()
 
 
 @pytest.mark.parametrize("file", sorted((ROOT / "examples").glob("*.csv")), ids=lambda file: file.stem)
@@ -130,7 +162,9 @@ def test_loop(clone: Path) -> None:
 def test_picture(clone: Path) -> None:
     (line,) = [line for line in LINES if line.startswith("python ")]
     run(line, clone)
-    picture = (clone / "docs" / "closed_loop.png").read_bytes()
+    # No tracked file: the clone's docs would be the repository's.
+    assert line.split()[-1].startswith("target/")
+    picture = (clone / line.split()[-1]).read_bytes()
     assert picture.startswith(b"\x89PNG")
     assert "(docs/closed_loop.png)" in README
     assert (ROOT / "docs" / "closed_loop.png").exists()

@@ -4,10 +4,13 @@
 //! - [`scenario`] reads experiments from TOML files.
 //! - [`mapping`] gives FMUs the names and units of the interface.
 //! - [`master`] couples FMUs by equal names and steps them through a scenario.
-//! - [`record`] holds the results.
-//! - [`plot`] draws it as SVG.
+//! - [`record`] holds the results, [`table`] writes them.
+//! - [`system`] reads an .ssp, or one FMU, as a scenario.
+//! - [`plot`] draws figures, [`panels`] says what of a record.
+//! - [`numbers`] writes numbers for readers.
 //! - [`journal`] keeps the finished parts of a long task.
 //! - [`identify`] finds parameters of the plant's actuator in measured data.
+//! - [`compare`] compares records.
 //! - [`sweep`] runs a scenario for many values of parameters.
 //! - [`reproduce`] compares the results with the paper, figure by figure.
 //! - [`tune`] tunes the controller to a plant.
@@ -15,12 +18,14 @@
 #![deny(unsafe_code)]
 
 mod command;
+mod compare;
 mod identify;
 mod importer;
 mod journal;
 mod mapping;
 mod master;
 mod measure;
+mod numbers;
 mod page;
 mod panels;
 mod plot;
@@ -28,6 +33,8 @@ mod record;
 mod reproduce;
 mod scenario;
 mod sweep;
+mod system;
+mod table;
 mod tune;
 
 use std::process::ExitCode;

@@ -2,21 +2,22 @@
 //!
 //! An output is connected to the inputs of its name at the other FMUs; if the declared units differ, the value is
 //! converted, as in connections of System Structure and Parameterization 1.0. A signal of the scenario drives the
-//! inputs of its name without a connection; a signal for a single FMU takes precedence over a connection.
+//! inputs of its name without a connection; a signal for a single FMU takes precedence over a connection. A scenario
+//! made of a system has the system's own connections instead.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use fmu_package::{Linear, like};
+use fmu_package::{FmuVariable, Linear, like};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 
 use crate::importer::{Fmu, Instance, Message, Selection};
 use crate::mapping;
-use crate::record::Record;
+use crate::record::{Column, Record};
 use crate::scenario::{Assignment, Input, Member, Noise, Scenario, Signal, Stepping};
 
 /// Exchanges of outputs and inputs in initialization: a plant that settles at the controller's outputs returns
@@ -49,6 +50,7 @@ pub struct Master<'a> {
     members: Vec<Coupled<'a>>,
     noise: Vec<NoiseOn>,
     recorder: Recorder,
+    notes: Vec<String>,
     steps_done: u32,
 }
 
@@ -64,6 +66,8 @@ struct Coupled<'a> {
 struct Driven {
     selection: Selection,
     signals: Vec<Signal>,
+    /// From the signals to the inputs' values.
+    conversions: Vec<Linear>,
     values: Vec<f64>,
 }
 
@@ -128,8 +132,11 @@ impl<'a> Master<'a> {
     /// Instantiates and couples the FMUs of a scenario.
     pub fn new(scenario: &'a Scenario, fmus: &mut LoadedFmus) -> Result<Self> {
         let loaded: Vec<_> = scenario.fmus.iter().map(|member| fmus.get(member)).collect::<Result<_>>()?;
+        let mut notes = vec![];
         for input in &scenario.inputs {
-            input.location.locate(has_input(&loaded, &input.name))?;
+            if scenario.connections.is_none() {
+                take_note(scenario, has_input(&loaded, &input.name), input, &mut notes)?;
+            }
             check_units(scenario, &loaded, input)?;
         }
         let mut members = vec![];
@@ -138,38 +145,48 @@ impl<'a> Master<'a> {
             let wires = wires(scenario, &loaded, index)?;
             let wired =
                 |name: &str| wires.iter().any(|wires| wires.inputs.names().iter().any(|input| input == name));
-            let mut inputs: Vec<&Input> = vec![];
+            let mut inputs: Vec<(&str, &Input, Linear)> = vec![];
             for input in &member.inputs {
-                input.location.locate(has_input(&loaded[index..=index], &input.name))?;
-                inputs.push(input);
+                let found = has_input(&loaded[index..=index], &input.name);
+                if take_note(scenario, found, input, &mut notes)? {
+                    inputs.push((&input.name, input, Linear::IDENTITY));
+                }
             }
             for input in &scenario.inputs {
-                if wired(&input.name) {
-                    return Err(input.location.error(format!(
-                        "{} gets {} from another FMU; a signal among its own inputs would replace it",
-                        member.name, input.name
-                    )));
-                }
-                let is_taken = inputs.iter().any(|own| own.name == input.name);
-                if !is_taken && fmu.names("input").any(|name| name == input.name) {
-                    inputs.push(input);
+                for (name, conversion) in scenario.inputs_of(member, fmu, &input.name) {
+                    if wired(name) {
+                        return Err(input.location.error(format!(
+                            "{} gets {name} from another FMU; a signal among its own inputs would replace it",
+                            member.name
+                        )));
+                    }
+                    if !inputs.iter().any(|(own, ..)| *own == name) {
+                        inputs.push((name, input, conversion));
+                    }
                 }
             }
             let driven = Driven {
-                selection: fmu.select(inputs.iter().map(|input| input.name.as_str()))?,
+                selection: fmu.select(inputs.iter().map(|(name, ..)| *name))?,
                 values: vec![f64::NAN; inputs.len()],
-                signals: inputs.iter().map(|input| input.signal.clone()).collect(),
+                signals: inputs.iter().map(|(_, input, _)| input.signal.clone()).collect(),
+                conversions: inputs.iter().map(|(.., conversion)| *conversion).collect(),
             };
             let instance = member.location.locate(fmu.instantiate(&member.name))?;
             members.push(Coupled { member, instance, driven, wires });
         }
         let noise = noise(scenario, &members)?;
         let recorder = Recorder::new(scenario, &loaded)?;
-        Ok(Self { scenario, members, noise, recorder, steps_done: 0 })
+        Ok(Self { scenario, members, noise, recorder, notes, steps_done: 0 })
     }
 
-    pub fn recorded(&self) -> impl Iterator<Item = &str> {
-        self.recorder.record.columns().iter().map(|column| column.name.as_str())
+    /// What is recorded.
+    pub fn recorded(&self) -> impl Iterator<Item = &Column> {
+        self.recorder.record.columns().iter()
+    }
+
+    /// The signals of the scenario that drive nothing, because an FMU was replaced.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
     }
 
     /// The current communication point (s).
@@ -280,6 +297,18 @@ impl<'a> Master<'a> {
     }
 }
 
+/// Whether an input is found. Where FMUs of the scenario are replaced, a missing one is a note instead of an error.
+fn take_note(scenario: &Scenario, found: Result<()>, input: &Input, notes: &mut Vec<String>) -> Result<bool> {
+    match input.location.locate(found) {
+        Ok(()) => Ok(true),
+        Err(error) if scenario.has_replaced_fmus => {
+            notes.push(format!("{error:#}"));
+            Ok(false)
+        }
+        Err(error) => Err(error),
+    }
+}
+
 /// Refuses an input that none of the FMUs has.
 fn has_input(fmus: &[Arc<Fmu>], name: &str) -> Result<()> {
     let mut names = fmus.iter().flat_map(|fmu| fmu.names("input"));
@@ -312,10 +341,10 @@ impl Coupled<'_> {
 
     /// Sets the inputs driven by signals, if one changed.
     fn drive(&mut self, time: f64) -> Result<()> {
-        let Driven { selection, signals, values } = &mut self.driven;
+        let Driven { selection, signals, conversions, values } = &mut self.driven;
         let mut is_changed = false;
-        for (signal, value) in signals.iter().zip(values.iter_mut()) {
-            let now = signal.at(time);
+        for ((signal, conversion), value) in signals.iter().zip(conversions).zip(values.iter_mut()) {
+            let now = converted(signal.at(time), *conversion);
             is_changed |= now.to_bits() != value.to_bits();
             *value = now;
         }
@@ -326,38 +355,71 @@ impl Coupled<'_> {
     }
 }
 
-/// The connections to an FMU: outputs with the names of inputs that its own signals do not drive.
+/// A converted value; to the last bit the same where there is nothing to convert.
+fn converted(value: f64, conversion: Linear) -> f64 {
+    if conversion == Linear::IDENTITY { value } else { conversion.apply(value) }
+}
+
+/// A connection to an FMU: an output and its input, and the conversion between them.
+struct Wire<'a> {
+    output: &'a str,
+    input: &'a str,
+    conversion: Linear,
+}
+
+/// The connections to an FMU, except those to inputs that its own signals drive.
 fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], target: usize) -> Result<Vec<Wires>> {
     let member = &scenario.fmus[target];
     let mut all = vec![];
     let mut wired: BTreeMap<&str, usize> = BTreeMap::new();
     for (source, fmu) in fmus.iter().enumerate().filter(|&(source, _)| source != target) {
-        let is_wired = |name: &&str| {
-            fmus[target].names("input").any(|input| input == *name)
-                && !member.inputs.iter().any(|input| input.name == *name)
+        let mut wires = match &scenario.connections {
+            None => wires_by_name((&scenario.fmus[source], fmu), (member, &fmus[target]))?,
+            Some(connections) => {
+                let name = &scenario.fmus[source].name;
+                let between = connections.iter().filter(|connection| {
+                    connection.source.as_ref() == Some(name) && connection.target == member.name
+                });
+                let wire = between.map(|connection| Wire {
+                    output: &connection.output,
+                    input: &connection.input,
+                    conversion: connection.conversion,
+                });
+                wire.collect()
+            }
         };
-        let names: Vec<_> = fmu.names("output").filter(is_wired).collect();
-        for &name in &names {
-            if let Some(other) = wired.insert(name, source) {
+        wires.retain(|wire| !member.inputs.iter().any(|input| input.name == wire.input));
+        for wire in &wires {
+            if let Some(other) = wired.insert(wire.input, source) {
                 let [one, two] = [other, source].map(|index| scenario.fmus[index].name.as_str());
-                return Err(member.location.error(format!("{one} and {two} both have an output {name}")));
+                return Err(member
+                    .location
+                    .error(format!("{one} and {two} both have an output {}", wire.output)));
             }
         }
-        if !names.is_empty() {
-            let values = vec![0.0; names.len()];
-            let mut conversions = vec![];
-            for (position, name) in names.iter().enumerate() {
-                let conversion = conversion(name, (&scenario.fmus[source], fmu), (member, &fmus[target]))?;
-                if conversion != Linear::IDENTITY {
-                    conversions.push((position, conversion));
-                }
-            }
-            let outputs = fmu.select(names.iter().copied())?;
-            let inputs = fmus[target].select(names)?;
-            all.push(Wires { source, outputs, inputs, values, conversions });
+        if !wires.is_empty() {
+            let conversions = wires.iter().map(|wire| wire.conversion).enumerate();
+            all.push(Wires {
+                source,
+                outputs: fmu.select(wires.iter().map(|wire| wire.output))?,
+                inputs: fmus[target].select(wires.iter().map(|wire| wire.input))?,
+                values: vec![0.0; wires.len()],
+                conversions: conversions.filter(|(_, conversion)| *conversion != Linear::IDENTITY).collect(),
+            });
         }
     }
     Ok(all)
+}
+
+/// The outputs of an FMU with the names of another's inputs.
+fn wires_by_name<'a>(giver: (&Member, &'a Fmu), taker: (&Member, &Fmu)) -> Result<Vec<Wire<'a>>> {
+    let is_wired = |name: &&str| taker.1.names("input").any(|input| input == *name);
+    // An input that its own signal drives needs no conversion.
+    let is_driven = |name: &&str| taker.0.inputs.iter().any(|input| input.name == *name);
+    let names = giver.1.names("output").filter(is_wired).filter(|name| !is_driven(name));
+    names
+        .map(|name| Ok(Wire { output: name, input: name, conversion: conversion(name, giver, taker)? }))
+        .collect()
 }
 
 /// The conversion between two FMUs of a variable's declared units; without a declared unit there is none.
@@ -380,6 +442,9 @@ fn conversion(name: &str, giver: (&Member, &Fmu), taker: (&Member, &Fmu)) -> Res
 
 /// Refuses a signal for several FMUs that have the input in different units.
 fn check_units(scenario: &Scenario, fmus: &[Arc<Fmu>], input: &Input) -> Result<()> {
+    if scenario.connections.is_some() {
+        return Ok(());
+    }
     let members = scenario.fmus.iter().zip(fmus.iter().map(Arc::as_ref));
     let mut takers = members.filter(|(member, fmu)| {
         let is_own = member.inputs.iter().any(|own| own.name == input.name);
@@ -450,9 +515,18 @@ impl Recorder {
             for input in &scenario.inputs {
                 add(&input.name, Found::Signal(input.signal.clone()));
             }
+            let signals = scenario.inputs.iter().map(|input| input.name.as_str());
+            let mut counts: BTreeMap<&str, usize> = signals.map(|name| (name, 1)).collect();
+            for variable in fmus.iter().flat_map(|fmu| number_outputs(fmu)) {
+                *counts.entry(&variable.name).or_default() += 1;
+            }
             for (member, fmu) in fmus.iter().enumerate() {
-                for name in fmu.names("output") {
-                    add(name, Found::Variable { member, name: name.to_owned() });
+                for FmuVariable { name, .. } in number_outputs(fmu) {
+                    let column = match counts.get(name.as_str()) {
+                        Some(2..) => format!("{}:{name}", scenario.fmus[member].name),
+                        _ => name.clone(),
+                    };
+                    add(&column, Found::Variable { member, name: name.clone() });
                 }
             }
         }
@@ -498,6 +572,11 @@ impl Recorder {
     }
 }
 
+/// The outputs of an FMU that can be recorded: a text is not a number.
+fn number_outputs(fmu: &Fmu) -> impl Iterator<Item = &FmuVariable> {
+    fmu.description().of_causality("output").filter(|variable| variable.data_type != "String")
+}
+
 enum Found {
     Signal(Signal),
     Variable { member: usize, name: String },
@@ -518,6 +597,11 @@ fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
     let is_output = |fmu: &Arc<Fmu>| fmu.names("output").any(|output| output == name);
     let is_known = |fmu: &Arc<Fmu>| fmu.description().variable(name).is_some();
     let member = fmus.iter().position(is_output).or_else(|| fmus.iter().position(is_known));
+    // The signal for an FMU that was replaced by one without this input.
+    let mut own = scenario.fmus.iter().flat_map(|member| &member.inputs);
+    if let (None, Some(input)) = (member, own.find(|input| input.name == name)) {
+        return Ok(Found::Signal(input.signal.clone()));
+    }
     let member = member.with_context(|| {
         let all = fmus.iter().flat_map(|fmu| &fmu.description().variables);
         format!("no FMU has a variable {name}{}", like(name, all.map(|variable| variable.name.as_str())))

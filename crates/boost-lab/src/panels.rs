@@ -1,5 +1,6 @@
 //! The plot of a record: which of its variables share a panel, and how each is drawn.
 
+use crate::numbers;
 use crate::plot::{Figure, Line, Panel, color};
 use crate::record::{Column, Record};
 
@@ -89,11 +90,10 @@ fn panel(time: &[f64], columns: &[&Column]) -> Panel {
 }
 
 /// The unit of the plot for values of a size, and the factor to it.
-fn shown(unit: &str, size: f64) -> (String, f64) {
+pub fn shown(unit: &str, size: f64) -> (String, f64) {
     match unit {
-        "1" => (String::new(), 1.0),
-        "Pa" if size >= 1e3 => ("kPa".to_owned(), 1e-3),
-        other => (other.to_owned(), 1.0),
+        "Pa" if (1e3..1e4).contains(&size) => ("kPa".to_owned(), 1e-3),
+        other => numbers::shown(other, size),
     }
 }
 

@@ -1,8 +1,20 @@
 //! Recorded variables over time.
 
-use std::io::{self, Write};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
+use fmu_package::reading;
+use parquet::basic::Type as PhysicalType;
+use parquet::column::reader::get_typed_column_reader;
+use parquet::data_type::DoubleType;
+use parquet::file::reader::{FileReader, SerializedFileReader};
+
+use crate::table::{Cells, Table, TableColumn, TableFormat, UNITS};
+
+/// The name of the first column.
+const TIME: &str = "time";
 
 /// Variables at the communication points.
 #[derive(Clone, Debug, Default)]
@@ -51,17 +63,140 @@ impl Record {
         Ok(&column.with_context(|| format!("{name} is not recorded"))?.values)
     }
 
-    /// Writes a CSV file: the time and the variables, in numbers that read back as the same doubles.
-    pub fn write_csv(&self, writer: impl Write) -> io::Result<()> {
-        let mut csv = csv::Writer::from_writer(writer);
-        csv.write_record(["time"].into_iter().chain(self.columns.iter().map(|column| column.name.as_str())))?;
-        for (row, time) in self.time.iter().enumerate() {
-            csv.write_field(format!("{time:?}"))?;
-            for column in &self.columns {
-                csv.write_field(format!("{:?}", column.values[row]))?;
-            }
-            csv.write_record(None::<&[u8]>)?;
+    /// The time and the variables.
+    pub fn table(&self) -> Table<'_> {
+        let column = |name: &str, unit: &str, values| TableColumn {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            cells: Cells::Numbers(values),
+        };
+        let columns = self.columns.iter().map(|own| column(&own.name, &own.unit, &own.values));
+        Table([column(TIME, "s", &self.time)].into_iter().chain(columns).collect())
+    }
+
+    /// Reads a file whose first column is the time. Of a CSV file the header may have units: `name (unit)`.
+    pub fn read(path: &Path) -> Result<Self> {
+        let columns = match TableFormat::of(path)? {
+            TableFormat::Csv => csv_columns(&reading::text(path)?),
+            TableFormat::Parquet => parquet_columns(path),
+        };
+        let mut columns = columns.with_context(|| format!("cannot read {}", path.display()))?.into_iter();
+        let Some(time) = columns.next().filter(|column| column.name == TIME) else {
+            bail!("{}: the first column of a record is {TIME}", path.display());
+        };
+        if !time.values.is_sorted() {
+            bail!("{}: the time decreases", path.display());
         }
-        csv.flush()
+        Ok(Self { time: time.values, columns: columns.collect() })
+    }
+}
+
+fn csv_columns(text: &str) -> Result<Vec<Column>> {
+    let mut reader =
+        csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
+    let named = |header: &str| {
+        let (name, unit) = match header.strip_suffix(')').and_then(|header| header.rsplit_once(" (")) {
+            Some((name, unit)) => (name.to_owned(), unit.to_owned()),
+            None => (header.to_owned(), String::new()),
+        };
+        Column { name, unit, values: vec![] }
+    };
+    let mut columns: Vec<_> = reader.headers()?.iter().map(named).collect();
+    for row in reader.records() {
+        let row = row?;
+        for (column, text) in columns.iter_mut().zip(&row) {
+            let line = row.position().map_or(0, csv::Position::line);
+            let value = text.parse().with_context(|| {
+                format!("line {line}, {}: expected a number, found \"{text}\"", column.name)
+            })?;
+            column.values.push(value);
+        }
+    }
+    Ok(columns)
+}
+
+fn parquet_columns(path: &Path) -> Result<Vec<Column>> {
+    let reader = SerializedFileReader::new(File::open(path)?)?;
+    let metadata = reader.metadata().file_metadata();
+    let units = metadata.key_value_metadata().into_iter().flatten().find(|pair| pair.key == UNITS);
+    let units = units.and_then(|pair| pair.value.as_deref()).unwrap_or("{}");
+    let mut units: BTreeMap<String, String> =
+        serde_json::from_str(units).with_context(|| format!("its metadata {UNITS}"))?;
+    let schema = metadata.schema_descr();
+    let mut columns = vec![];
+    for (index, description) in schema.columns().iter().enumerate() {
+        let name = description.name().to_owned();
+        if description.physical_type() != PhysicalType::DOUBLE || description.max_def_level() > 0 {
+            bail!("{name} is not a column of numbers without gaps");
+        }
+        let mut values = vec![];
+        for group in 0..reader.num_row_groups() {
+            let group = reader.get_row_group(group)?;
+            let rows = usize::try_from(group.metadata().num_rows())?;
+            let mut column = get_typed_column_reader::<DoubleType>(group.get_column_reader(index)?);
+            column.read_records(rows, None, None, &mut values)?;
+        }
+        columns.push(Column { unit: units.remove(&name).unwrap_or_default(), name, values });
+    }
+    Ok(columns)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::io::Write;
+
+    use super::*;
+    use crate::table::Header;
+
+    fn record() -> Record {
+        let mut record =
+            Record::new([("boost pressure".into(), "Pa".into()), ("ratio (of two)".into(), String::new())]);
+        record.push(0.0, &[1e5 / 3.0, -0.0]);
+        record.push(0.1 + 0.2, &[f64::NAN, 1e-300]);
+        record
+    }
+
+    #[test]
+    fn a_record_is_read_back_to_the_last_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, header) in
+            [("a.csv", Header::Names), ("b.csv", Header::NamesAndUnits), ("c.Parquet", Header::Names)]
+        {
+            let path = folder.path().join(name);
+            let format = TableFormat::of(&path).unwrap();
+            record().table().write(format, header, File::create(&path).unwrap()).unwrap();
+            let read = Record::read(&path).unwrap();
+            let bits = |record: &Record| -> Vec<Vec<u64>> {
+                let columns = record.columns.iter().map(|column| &column.values);
+                [&record.time]
+                    .into_iter()
+                    .chain(columns)
+                    .map(|values| values.iter().map(|value| value.to_bits()).collect())
+                    .collect()
+            };
+            assert_eq!(bits(&read), bits(&record()), "{name}");
+            assert_eq!(read.columns[0].name, "boost pressure");
+            assert_eq!(read.columns[0].unit, if name == "a.csv" { "" } else { "Pa" }, "{name}");
+        }
+        let text = fs::read_to_string(folder.path().join("b.csv")).unwrap();
+        assert!(text.starts_with("time (s),boost pressure (Pa),ratio (of two)\n"), "{text}");
+    }
+
+    #[test]
+    fn files_that_are_not_records_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, content, reason) in [
+            ("a.csv", "time,b\n0,1\n1,x\n", "a.csv: line 3, b: expected a number, found \"x\""),
+            ("b.csv", "b,time\n0,1\n", "b.csv: the first column of a record is time"),
+            ("c.csv", "time,b\n1,1\n0,1\n", "c.csv: the time decreases"),
+            ("d.parquet", "no", "cannot read "),
+            ("e.txt", "time\n0\n", "e.txt: a record is a file that ends with .csv or .parquet"),
+        ] {
+            let path = folder.path().join(name);
+            File::create(&path).unwrap().write_all(content.as_bytes()).unwrap();
+            let refusal = format!("{:#}", Record::read(&path).unwrap_err());
+            assert!(refusal.contains(reason), "{refusal}");
+        }
     }
 }

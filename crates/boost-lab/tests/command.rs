@@ -1,6 +1,7 @@
 //! The command, run as a user would, with the FMU of `careless/`: its errors, and the files that it leaves.
 
 use std::fs;
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 use std::thread;
@@ -59,6 +60,9 @@ impl Bench {
     fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_boost-lab"));
         command.args(arguments).current_dir(self.0.path());
+        if ["simulate", "sweep"].contains(&arguments[0]) {
+            command.args(["--fmus", "."]);
+        }
         command
     }
 
@@ -142,11 +146,9 @@ fn outputs_that_are_inputs_or_each_other_are_refused_before_anything_runs() {
     let before = bench.names(".");
     let simulate = ["simulate", "scenario.toml"];
     for (options, reason) in [
-        (["--out", "scenario.toml"].as_slice(), "the input scenario.toml would be lost"),
-        (&["--out", "careless.fmu"], "the input careless.fmu would be lost"),
+        (["--out", "scenario.toml"].as_slice(), "scenario.toml: a record is a file that ends with"),
+        (&["--out", "careless.fmu"], "careless.fmu: a record is a file that ends with"),
         (&["--out", "./signal.csv"], "the input signal.csv would be lost"),
-        (&["--out", "x.csv", "--plot", "signal.csv"], "the input signal.csv would be lost"),
-        (&["--out", "x", "--plot", "./x"], "x is written to the same place"),
         (&["--out", "missing/x.csv"], "cannot write missing/x.csv: "),
     ] {
         let message = bench.refusal(&[&simulate, options].concat());
@@ -296,6 +298,321 @@ fn a_plot_is_what_its_ending_says_and_has_the_panels_of_the_scenario() {
     }
 }
 
+#[test]
+fn a_record_is_what_its_ending_says_and_has_units_if_asked_for() {
+    let bench = Bench::new();
+    for name in ["plain.csv", "record.parquet"] {
+        bench.succeeds(&["simulate", "scenario.toml", "--out", name]);
+    }
+    bench.succeeds(&["simulate", "scenario.toml", "--out", "units.csv", "--units"]);
+    assert!(bench.read("plain.csv").starts_with("time,level\n"));
+    assert!(bench.read("units.csv").starts_with("time (s),level (Pa)\n"));
+    let parquet = fs::read(bench.path("record.parquet")).unwrap();
+    assert!(parquet.starts_with(b"PAR1"));
+    let metadata = String::from_utf8_lossy(&parquet);
+    assert!(metadata.contains(r#"{"level":"Pa","time":"s"}"#));
+    for name in ["record.xlsx", "record", "csv"] {
+        let message = bench.refusal(&["simulate", "scenario.toml", "--out", name]);
+        assert!(
+            message.contains(&format!("{name}: a record is a file that ends with .csv or .parquet")),
+            "{message}"
+        );
+        assert!(!bench.path(name).exists());
+    }
+    let printed = |arguments: &[&str]| String::from_utf8(bench.run(arguments).stdout).unwrap();
+    let compared = printed(&["compare", "units.csv", "record.parquet", "plain.csv", "--plot", "all.html"]);
+    assert_eq!(
+        compared,
+        "record.parquet minus units.csv:\n  level           equal\nplain.csv minus units.csv:\n  level           \
+         equal\nall.html\n"
+    );
+}
+
+/// `level` is the integral of `input`.
+fn last(table: &str) -> f64 {
+    table.lines().last().unwrap().rsplit(',').next().unwrap().parse().unwrap()
+}
+
+#[test]
+fn one_fmu_runs_alone_with_values_of_the_command_line() {
+    let bench = Bench::new();
+    let alone = ["simulate", "careless.fmu", "--step", "0.125"];
+    let message = bench.refusal(&alone);
+    assert!(message.contains("careless.fmu: it says not when a run ends: give --stop-time"), "{message}");
+    let alone = [&alone[..], &["--stop-time", "2"]].concat();
+    bench.succeeds(&alone);
+    // The start value of the input is 1.
+    assert_eq!(last(&bench.read("careless.csv")).to_bits(), 2.0_f64.to_bits());
+    bench.succeeds(&[&alone[..], &["--set", "input=3", "--set", "Careless:flag=true"]].concat());
+    assert_eq!(last(&bench.read("careless.csv")).to_bits(), 6.0_f64.to_bits());
+    bench.succeeds(&[&alone[..], &["--record", "level,Careless:flag", "--set", "flag=true"]].concat());
+    assert!(bench.read("careless.csv").ends_with("2.0,2.0,1.0\n"));
+    bench.write("set.ssv", &parameter_set("flag", "Boolean", "true"));
+    bench.succeeds(&[&alone[..], &["--record", "flag", "--parameters", "set.ssv"]].concat());
+    assert!(bench.read("careless.csv").ends_with("2.0,1.0\n"));
+    bench.write("other.ssv", &parameter_set("flga", "Boolean", "true"));
+    for (options, reason) in [
+        (
+            ["--set", "inptu=1"],
+            "--set inptu=1: no FMU has a variable inptu that can be set; the nearest is input",
+        ),
+        (["--set", "input=x"], "--set input=x: expected a number"),
+        (["--set", "input=1 kPa"], "--set input=1 kPa: the value 1 kPa of input cannot be taken: "),
+        (["--set", "flag=maybe"], "--set flag=maybe: expected true or false"),
+        (
+            ["--set", "fail=eror"],
+            "--set fail=eror: the value eror of fail cannot be taken: it is not one of no, ",
+        ),
+        (["--set", "level=1"], "--set level=1: no FMU has a variable level that can be set"),
+        (["--set", "fail=error"], "fmi2DoStep at 0 s gave fmi2Error"),
+        (["--set", "flag"], "expected NAME=VALUE"),
+        (["--parameters", "other.ssv"], "--parameters other.ssv: no FMU has a parameter of the set any"),
+        (["--fmu", "a=b.fmu"], "--fmu a=b.fmu: an FMU alone has its own"),
+        (["--record", "levl"], "--record: no FMU has a variable levl; the nearest is level"),
+    ] {
+        let message = bench.refusal(&[&alone[..], &options].concat());
+        assert!(message.contains(reason), "{message}");
+    }
+}
+
+fn parameter_set(name: &str, data_type: &str, value: &str) -> String {
+    format!(
+        "<ssv:ParameterSet xmlns:ssv=\"http://ssp-standard.org/SSP1/SystemStructureParameterValues\" version=\"1.0\" \
+         name=\"any\"><ssv:Parameters><ssv:Parameter name=\"{name}\"><ssv:{data_type} value=\"{value}\"/>\
+         </ssv:Parameter></ssv:Parameters></ssv:ParameterSet>"
+    )
+}
+
+#[test]
+fn values_of_the_command_line_replace_those_of_the_scenario() {
+    let bench = Bench::new();
+    bench.scenario(
+        1.0,
+        "values = { input = 5, flag = true }\nrun_in = { duration = 1, during = { fail = \"no\" } }",
+    );
+    bench.succeeds(&["simulate", "scenario.toml", "--set", "input=7", "--stop-time", "2"]);
+    // From the run-in with the same input, one second long.
+    assert_eq!(last(&bench.read("scenario.csv")).to_bits(), 21.0_f64.to_bits());
+    bench.scenario(1.0, "values = { flag = true }\n[inputs]\ninput = { steps = [[0, 1], [0.5, 2]] }");
+    for name in ["input=4", "alone:input=4"] {
+        bench.succeeds(&["simulate", "scenario.toml", "--set", name, "--out", "scenario.csv"]);
+        assert_eq!(last(&bench.read("scenario.csv")).to_bits(), 4.0_f64.to_bits(), "{name}");
+    }
+    for (options, reason) in [
+        (
+            ["--stop-time", "1.1"],
+            "--stop-time 1.1: 1.1 s is not a multiple of the communication step, 0.125 s",
+        ),
+        (["--stop-time", "0"], "--stop-time 0: expected a time after start_time, 0 s"),
+        (["--step", "0.1"], "--step is for a system or an FMU alone; scenario.toml has its own"),
+    ] {
+        let message = bench.refusal(&[&["simulate", "scenario.toml"], &options[..]].concat());
+        assert!(message.contains(reason), "{message}");
+    }
+    bench.scenario(1.0, "run_in = { duration = 1, during = { flag = true }, after = { fail = \"no\" } }");
+    let message = bench.refusal(&["simulate", "scenario.toml", "--set", "flag=false"]);
+    assert!(message.contains("--set flag=false: the scenario sets flag in the run_in of alone"), "{message}");
+}
+
+/// Two FMUs: the first integrates the system's input, the second twice what the first says.
+fn write_system(bench: &Bench, old: &str, new: &str) {
+    const STRUCTURE: &str = r#"<ssd:SystemStructureDescription xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription"
+        xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon" version="1.0" name="Chain">
+      <ssd:System name="Chain">
+        <ssd:Connectors><ssd:Connector name="drive" kind="input"><ssc:Real/></ssd:Connector></ssd:Connectors>
+        <ssd:ParameterBindings><ssd:ParameterBinding source="start.ssv"/></ssd:ParameterBindings>
+        <ssd:Elements>
+          <ssd:Component name="first" source="resources/careless.fmu"><ssd:Connectors>
+            <ssd:Connector name="input" kind="input"/><ssd:Connector name="level" kind="output"/></ssd:Connectors>
+            <ssd:ParameterBindings><ssd:ParameterBinding source="flag.ssv"/></ssd:ParameterBindings></ssd:Component>
+          <ssd:Component name="second" source="resources/careless.fmu"><ssd:Connectors>
+            <ssd:Connector name="input" kind="input"/></ssd:Connectors></ssd:Component>
+        </ssd:Elements>
+        <ssd:Connections>
+          <ssd:Connection startConnector="drive" endElement="first" endConnector="input"/>
+          <ssd:Connection startElement="first" startConnector="level" endElement="second" endConnector="input">
+            <ssc:LinearTransformation factor="2"/></ssd:Connection>
+        </ssd:Connections>
+      </ssd:System>
+      <ssd:DefaultExperiment stopTime="1"/>
+    </ssd:SystemStructureDescription>"#;
+    let structure = STRUCTURE.replace(old, new);
+    assert!(old == new || structure != STRUCTURE, "{old}");
+    let mut archive = zip::ZipWriter::new(fs::File::create(bench.path("chain.ssp")).unwrap());
+    for (name, content) in [
+        ("SystemStructure.ssd", structure.into_bytes()),
+        ("start.ssv", parameter_set("drive", "Real", "3").into_bytes()),
+        ("flag.ssv", parameter_set("flag", "Boolean", "true").into_bytes()),
+        ("resources/careless.fmu", fs::read(bench.path("careless.fmu")).unwrap()),
+    ] {
+        archive.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
+        archive.write_all(&content).unwrap();
+    }
+    archive.finish().unwrap();
+}
+
+#[test]
+fn a_system_runs_with_its_connections_start_values_and_parameters() {
+    let bench = Bench::new();
+    write_system(&bench, "", "");
+    let system = ["simulate", "chain.ssp", "--step", "0.125"];
+    bench.succeeds(&system);
+    let table = bench.read("chain.csv");
+    assert!(table.starts_with("time,drive,first:level,second:level\n0.0,3.0,0.0,0.0\n"), "{table}");
+    // In turn: the sum over k from 1 to 8 of 0.125 s · 2 · (3 · 0.125 k).
+    assert!(table.ends_with("\n1.0,3.0,3.0,3.375\n"), "{table}");
+    bench.succeeds(
+        &[
+            &system[..],
+            &["--set", "drive=6", "--stop-time", "0.5", "--record", "second:level,drive,first:flag"],
+        ]
+        .concat(),
+    );
+    // Twice the sum from 1 to 4.
+    assert!(bench.read("chain.csv").ends_with("\n0.5,1.875,6.0,1.0\n"), "{}", bench.read("chain.csv"));
+    for (options, reason) in [
+        (["--set", "input=1"], "--set input=1: which one? first:input or second:input"),
+        (["--fmu", "first=careless.fmu"], "--fmu first=careless.fmu: a system has its own"),
+        (["--map", "map.json"], "--map map.json: a system has its own conversions"),
+    ] {
+        let message = bench.refusal(&[&system[..], &options].concat());
+        assert!(message.contains(reason), "{message}");
+    }
+    for (old, new, reason) in [
+        ("stopTime=\"1\"", "", "the system in chain.ssp: it says not when a run ends"),
+        (
+            "startElement=\"first\"",
+            "startElement=\"third\"",
+            "the component third, which the system does not have",
+        ),
+        (
+            "careless.fmu\"><ssd:Connectors>\n            <ssd:Connector name=\"input\" kind=\"input\"/></",
+            "none.fmu\"><ssd:Connectors></",
+            "the component second: cannot open ",
+        ),
+        (
+            "name=\"drive\"",
+            "name=\"other\"",
+            "the parameter set any is for the system, which has no input drive",
+        ),
+    ] {
+        write_system(&bench, old, new);
+        let message = bench.refusal(&system);
+        assert!(message.contains(reason), "{message}");
+    }
+}
+
+#[test]
+fn a_missing_fmu_is_answered_with_what_to_do() {
+    let bench = Bench::new();
+    bench.write("wrong.toml", &bench.read("scenario.toml").replace("careless.fmu", "carless.fmu"));
+    let message = bench.refusal(&["simulate", "wrong.toml"]);
+    for part in [
+        "wrong.toml, line 5, fmu[1].file: there is no ./carless.fmu: `cargo run --release -- export` writes BoostPlant.fmu",
+        "the nearest is careless.fmu",
+        "--fmus DIR names another folder and --fmu alone=FILE.fmu another file",
+    ] {
+        assert!(message.contains(part), "{message}");
+    }
+    // The default is the same for all commands, and not the scenario's folder.
+    for arguments in [["simulate", "scenario.toml"].as_slice(), &["sweep", "study.toml"], &["reproduce", "1"]]
+    {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_boost-lab"));
+        let output = command.args(arguments).current_dir(bench.0.path()).output().unwrap();
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert!(
+            message.contains("target/fmu/") && message.contains("cargo run --release -- export"),
+            "{message}"
+        );
+    }
+    let twice = ["simulate", "scenario.toml", "--fmu", "alone=careless.fmu", "--fmu", "alone=careless.fmu"];
+    assert!(bench.refusal(&twice).contains("duplicate FMU: --fmu names alone twice"));
+}
+
+/// The other FMU has no such input.
+#[test]
+fn signals_are_recorded_where_a_replaced_fmu_lacks_the_input() {
+    let bench = Bench::new();
+    bench.scenario(1.0, "inputs = { own = 5 }\n[inputs]\nthrottle = { steps = [[0, 1], [0.5, 2]] }");
+    bench.write(
+        "record.toml",
+        &format!("record = [\"throttle\", \"own\", \"level\"]\n{}", bench.read("scenario.toml")),
+    );
+    let message = bench.refusal(&["simulate", "record.toml"]);
+    assert!(message.contains("inputs.throttle: no FMU has an input throttle"), "{message}");
+    let replaced = bench.run(&["simulate", "record.toml", "--fmu", "alone=careless.fmu"]);
+    let notes = String::from_utf8(replaced.stderr).unwrap();
+    assert!(replaced.status.success(), "{notes}");
+    assert!(
+        notes.contains("note: record.toml, line 9, inputs.throttle: no FMU has an input throttle"),
+        "{notes}"
+    );
+    let table = bench.read("record.csv");
+    assert!(table.starts_with("time,throttle,own,level\n0.0,1.0,5.0,0.0\n"), "{table}");
+    assert!(table.ends_with("\n1.0,2.0,5.0,1.0\n"), "{table}");
+}
+
+#[test]
+fn records_are_compared_as_numbers_and_in_a_plot() {
+    let bench = Bench::new();
+    for (name, input) in [("one.csv", "input=1"), ("two.csv", "input=3")] {
+        bench.succeeds(&["simulate", "scenario.toml", "--set", input, "--out", name]);
+    }
+    let output = bench.run(&["compare", "one.csv", "two.csv"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    // The greatest difference is at the end: 3 - 1 times one second; of 9 rows the root of the mean square of k/4.
+    assert!(text.starts_with("two.csv minus one.csv:\n  input  "), "{text}");
+    assert!(
+        text.contains("  level               2 at 1\u{202f}s       1.19 root of mean square\n"),
+        "{text}"
+    );
+    assert!(text.ends_with("\ntarget/comparison.html\n"), "{text}");
+    let page = bench.read("target/comparison.html");
+    assert!(page.contains("two.csv minus one.csv") && page.contains("\"y\":[0.0,0.25,0.5"), "{text}");
+    for (arguments, reason) in [
+        (["one.csv", "none.csv"].as_slice(), "cannot read none.csv: "),
+        (&["one.csv"], "2 values required"),
+        (
+            &["one.csv", "two.csv", "--variables", "levl"],
+            "one.csv has no variable levl; the nearest is level",
+        ),
+        (&["one.csv", "two.csv", "--plot", "one.csv"], "one.csv: a plot is written to a file that ends with"),
+        (&["one.csv", "scenario.toml"], "scenario.toml: a record is a file that ends with .csv or .parquet"),
+    ] {
+        let message = bench.refusal(&[&["compare"], arguments].concat());
+        assert!(message.contains(reason), "{message}");
+    }
+}
+
+#[test]
+fn a_study_has_a_report() {
+    let bench = Bench::new();
+    let study = bench
+        .read("study.toml")
+        .replace("[1.0, 2.0]", "[1.0, 2.0, 4.0]\n\"alone:fail\" = [\"no\", \"error\"]");
+    bench.write("study.toml", &format!("title = \"Some <inputs>\"\n{study}"));
+    let output = bench.run(&["sweep", "study.toml", "--out", "out", "--units"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(String::from_utf8(output.stdout).unwrap().contains("out/report.html\n"));
+    let page = bench.read("out/report.html");
+    for part in [
+        "<h1>Some &lt;inputs&gt;</h1>",
+        "6 runs, of which 3 failed and 0 have warnings",
+        "<td>last</td><td class=\"number\">1\u{202f}Pa (run 0)</td><td class=\"number\">2\u{202f}Pa (run 2)</td><td class=\"number\">4\u{202f}Pa (run 4)</td>",
+        "<td>alone:input</td><td>3 values from 1 to 4</td>",
+        "<td>alone:fail</td><td>error, no</td>",
+        "<td>1</td><td>alone: fmi2DoStep at 0 s gave fmi2Error",
+        // The runs that did not fail.
+        "\"x\":[1.0,2.0,4.0],\"y\":[1.0,2.0,4.0]",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+    assert!(page.len() < 6_000_000);
+    assert!(
+        bench.read("out/results.csv").starts_with("run,alone:input,alone:fail,last (Pa),error,warnings\n")
+    );
+}
+
 /// It is not replaced by a file.
 #[cfg(unix)]
 #[test]
@@ -368,7 +685,10 @@ fn leftovers_of_a_killed_study_are_removed() {
     bench.write("out/records/.mine", "");
     bench.succeeds(&["sweep", "study.toml", "--out", "out"]);
     assert_eq!(bench.names("out/records"), [".mine", "0.csv", "1.csv"]);
-    assert_eq!(bench.names("out"), ["journal.jsonl", "records", "results.csv", "results.parquet"]);
+    assert_eq!(
+        bench.names("out"),
+        ["journal.jsonl", "records", "report.html", "results.csv", "results.parquet"]
+    );
 }
 
 /// By the controller's range.

@@ -120,9 +120,14 @@ impl Plan {
         writing::refuse_overlap(&outputs, &inputs)?;
 
         let mut built = vec![];
-        for build in &self.builds {
+        for (build, number) in self.builds.iter().zip(1..) {
+            let of = match self.builds.len() {
+                1 => String::new(),
+                builds => format!(" ({number} of {builds})"),
+            };
+            // Its progress, and that it waits for another cargo, are on standard error, which is this one's.
             complain(&format!(
-                "Compiling {} for {}; the first time this takes a minute or more",
+                "Compiling {} for {}{of}, a minute or more the first time; cargo says how far it is:",
                 self.models().collect::<Vec<_>>().join(", "),
                 build.name()
             ));

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::Read;
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 use std::sync::LazyLock;
 
 mod support;
@@ -42,6 +42,40 @@ fn refusal(arguments: &[&str]) -> String {
     let output = cargo_fmu(arguments);
     assert!(!output.status.success(), "{arguments:?} succeeded");
     String::from_utf8(output.stderr).unwrap()
+}
+
+/// Another cargo holds the lock on what is built.
+#[test]
+fn export_says_that_it_compiles_and_that_it_waits_for_another_cargo() {
+    let folder = empty("a locked workspace");
+    fs::create_dir_all(folder.join("src")).unwrap();
+    fs::write(folder.join("src/lib.rs"), "").unwrap();
+    let manifest =
+        "[package]\nname = \"lag\"\n[lib]\nname = \"Lag\"\ncrate-type = [\"cdylib\"]\n[workspace]\n";
+    fs::write(folder.join("Cargo.toml"), manifest).unwrap();
+    let built = folder.join("target/fmu-library");
+    fs::create_dir_all(&built).unwrap();
+    let lock = fs::File::create(built.join(".cargo-lock")).unwrap();
+    lock.lock().unwrap();
+    let mut process = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"))
+        .arg("export")
+        .current_dir(&folder)
+        .env("CARGO_TARGET_DIR", folder.join("target"))
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(process.stderr.take().unwrap()).lines().map(Result::unwrap);
+    let first = lines.next().unwrap();
+    assert!(
+        first.starts_with("Compiling Lag for ") && first.ends_with("cargo says how far it is:"),
+        "{first}"
+    );
+    let waits = lines.find(|line| line.contains("Blocking waiting for file lock"));
+    assert!(waits.is_some(), "it ended without waiting");
+    drop(lock);
+    assert!(lines.any(|line| line.contains("Compiling lag")));
+    // It has no description.
+    assert!(!process.wait().unwrap().success());
 }
 
 /// The headers of a shared library of ELF, with what makes its bytes differ.

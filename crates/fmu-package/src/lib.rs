@@ -1,7 +1,7 @@
 //! Files for the exchange of models and systems.
 //!
 //! Written: [`Fmu`], [`SystemPackage`], [`PlatformList`]. Read, of any maker: [`archive::open`],
-//! [`FmuDescription`] and [`Library`]; [`validation`] finds errors in an FMU. Both: [`ParameterSet`], which is
+//! [`FmuDescription`], [`SystemDescription`] and [`Library`]; [`validation`] finds errors in an FMU. Both: [`ParameterSet`], which is
 //! [checked](ParameterSet::fit) against an FMU, and FMUs that are [`Merged`].
 //!
 //! Common to all commands: [`reading`], [`writing`], [`temporary`] and [`terminal`].
@@ -17,6 +17,7 @@ mod parameter_set;
 mod platform;
 mod platform_list;
 pub mod reading;
+mod system_description;
 mod system_structure;
 pub mod temporary;
 pub mod terminal;
@@ -32,6 +33,9 @@ pub use model_description::{Enumeration, FmuDescription, FmuVariable};
 pub use parameter_set::{Parameter, ParameterSet, Value};
 pub use platform::Platform;
 pub use platform_list::PlatformList;
+pub use system_description::{
+    ComponentDescription, ConnectionDescription, ConnectorDescription, SystemDescription,
+};
 pub use system_structure::{
     Connection, Connector, End, Kind, Placement, System, SystemComponent, SystemPackage, SystemStructure,
 };

@@ -372,7 +372,7 @@ impl Attributes {
     }
 
     /// A number; `default` when there is no such attribute.
-    fn number<T: std::str::FromStr>(&self, key: &str, default: T) -> io::Result<T> {
+    pub(crate) fn number<T: std::str::FromStr>(&self, key: &str, default: T) -> io::Result<T> {
         match self.get(key) {
             None => Ok(default),
             Some(text) => text.trim().parse().map_err(|_| {

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use crate::identify::{Naming, ParameterEstimate, html, identify, json};
 use crate::importer::Fmu;
+use crate::numbers::estimate;
 use anyhow::Result;
 use clap::Args;
 use fmu_package::ParameterSet;
@@ -62,9 +63,8 @@ pub fn run(arguments: Arguments) -> Result<()> {
         complain(&format!("note: {note}"));
     }
     for parameter in identification.parameters() {
-        let error = parameter.standard_error;
-        let ParameterEstimate { name, value, unit, .. } = parameter;
-        print(&format!("{name:32} {value:>14.6e} ± {error:.1e} {unit}\n"))?;
+        let ParameterEstimate { name, value, standard_error, unit, .. } = parameter;
+        print(&format!("{name:32} {} {unit}\n", estimate(*value, *standard_error)))?;
     }
     for parameter in &identification.unidentified {
         print(&format!("{:32} not identified: {}\n", parameter.name, parameter.reason))?;

@@ -1,5 +1,6 @@
 //! The command line's arguments, and the module that runs each command.
 
+mod compare;
 mod identify;
 mod reproduce;
 mod simulate;
@@ -10,6 +11,7 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use crate::importer;
 use crate::mapping;
 use crate::scenario::Scenario;
 use anyhow::{Context, Result, bail};
@@ -17,6 +19,9 @@ use clap::{Args, Parser, Subcommand};
 use fmu_package::terminal::print;
 use fmu_package::writing;
 use indicatif::{ProgressBar, ProgressStyle};
+
+/// Where `boost-fmu export` writes FMUs.
+const FMUS: &str = "target/fmu";
 
 /// What the process ends with.
 const EXIT_STATUSES: &str = "\
@@ -38,20 +43,10 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Run a scenario: FMUs coupled, or one alone
-    Simulate {
-        /// The scenario, which docs/laboratory.md describes
-        #[arg(value_name = "SCENARIO.toml")]
-        scenario: PathBuf,
-        #[command(flatten)]
-        fmus: FmuArguments,
-        /// The file to write, or a folder to write it to [default: SCENARIO.csv]
-        #[arg(long, value_name = "FILE.csv|DIR")]
-        out: Option<PathBuf>,
-        /// Draw what is recorded, in the panels of the scenario
-        #[arg(long, value_name = "FILE.svg|png|html")]
-        plot: Option<PathBuf>,
-    },
+    /// Run a scenario, a system, or one FMU
+    Simulate(Box<simulate::Arguments>),
+    /// Compare records: over each other in one plot, and their differences as numbers
+    Compare(compare::Arguments),
     /// Reproduce the paper's figures, and hold its statements against what the FMUs do
     ///
     /// Exits with 0 when all statements hold, with 1 when one does not and with 2 when an experiment cannot be
@@ -60,7 +55,7 @@ enum Command {
         /// The figures' numbers; all when none is named
         figures: Vec<u32>,
         /// The folder of `BoostPlant.fmu` and `BoostController.fmu`
-        #[arg(long, value_name = "DIR", default_value = "target/fmu")]
+        #[arg(long, value_name = "DIR", default_value = FMUS)]
         fmus: PathBuf,
         /// The folder to write report.html and report.json to
         #[arg(long, value_name = "DIR", default_value = "target/reproduction")]
@@ -75,9 +70,12 @@ enum Command {
         study: PathBuf,
         #[command(flatten)]
         fmus: FmuArguments,
-        /// The folder for results.csv, results.parquet, the journal and the records
+        /// The folder for report.html, results.csv, results.parquet, the journal and the records
         #[arg(long, value_name = "DIR", default_value = "target/sweep")]
         out: PathBuf,
+        /// Write units to the header of results.csv: `name (unit)`
+        #[arg(long)]
+        units: bool,
         /// How many runs there are at once [default: one on each core]
         #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
         threads: Option<u16>,
@@ -92,9 +90,9 @@ enum Command {
 /// Which FMUs a scenario runs.
 #[derive(Args)]
 struct FmuArguments {
-    /// The folder of the FMUs [default: the scenario's folder]
-    #[arg(long = "fmus", value_name = "DIR")]
-    folder: Option<PathBuf>,
+    /// The folder of the FMUs
+    #[arg(long = "fmus", value_name = "DIR", default_value = FMUS)]
+    folder: PathBuf,
     /// Another file for an FMU of the scenario, by its name there
     #[arg(long = "fmu", value_name = "NAME=FILE.fmu", value_parser = name_and_path)]
     files: Vec<(String, PathBuf)>,
@@ -106,14 +104,44 @@ struct FmuArguments {
 impl FmuArguments {
     /// Puts the files in the places of a scenario's FMUs, by their names there, and gives it the maps.
     fn give(&self, scenario: &mut Scenario) -> Result<()> {
-        for (name, file) in &self.files {
+        for (index, (name, file)) in self.files.iter().enumerate() {
+            if self.files[..index].iter().any(|(other, _)| other == name) {
+                bail!("duplicate FMU: --fmu names {name} twice");
+            }
             let Some(member) = scenario.fmus.iter_mut().find(|member| member.name == *name) else {
                 let names: Vec<_> = scenario.fmus.iter().map(|member| member.name.as_str()).collect();
                 bail!("the scenario has no FMU {name}: there are {}", names.join(", "));
             };
             member.file.clone_from(file);
+            scenario.has_replaced_fmus = true;
+        }
+        for member in &scenario.fmus {
+            if !member.file.exists() {
+                return Err(member.location.error(format!(
+                    "there is no {}: {}, --fmus DIR names another folder and --fmu {}=FILE.fmu another file",
+                    member.file.display(),
+                    importer::remedy(&member.file),
+                    member.name
+                )));
+            }
         }
         mapping::give(scenario, &self.maps)
+    }
+
+    /// Refuses other files for FMUs.
+    fn refuse_files(&self, subject: &str) -> Result<()> {
+        match self.files.first() {
+            Some((name, file)) => bail!("--fmu {name}={}: {subject} has its own", file.display()),
+            None => Ok(()),
+        }
+    }
+
+    /// Refuses maps.
+    fn refuse_maps(&self, reason: &str) -> Result<()> {
+        match self.maps.first() {
+            Some(map) => bail!("--map {}: {reason}", map.display()),
+            None => Ok(()),
+        }
     }
 
     /// All files that a run of the scenario depends on.
@@ -132,14 +160,13 @@ enum Identify {
 /// Runs the command. Returns false when the statements of `reproduce` do not all hold.
 pub fn run() -> Result<bool> {
     match Arguments::parse().command {
-        Command::Simulate { scenario, fmus, out, plot } => {
-            simulate::run(&scenario, &fmus, out, plot.as_deref()).map(|()| true)
-        }
+        Command::Simulate(arguments) => simulate::run(&arguments).map(|()| true),
+        Command::Compare(arguments) => compare::run(&arguments).map(|()| true),
         Command::Reproduce { figures, fmus, out } => reproduce::run(&fmus, &out, &figures),
         Command::Tune(arguments) => tune::run(&arguments).map(|()| true),
         Command::Identify { what: Identify::Actuator(arguments) } => identify::run(arguments).map(|()| true),
-        Command::Sweep { study, fmus, out, threads } => {
-            sweep::run(&study, &fmus, &out, threads.map(usize::from)).map(|()| true)
+        Command::Sweep { study, fmus, out, units, threads } => {
+            sweep::run(&study, &fmus, &out, units, threads.map(usize::from)).map(|()| true)
         }
     }
 }
@@ -171,6 +198,15 @@ fn write<'a>(folder: &Path, texts: impl IntoIterator<Item = (&'a str, String)>) 
         print(&format!("{}\n", path.display()))?;
     }
     Ok(())
+}
+
+fn name_and_value(text: &str) -> Result<(String, String)> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.is_empty() && !value.is_empty() => {
+            Ok((name.to_owned(), value.to_owned()))
+        }
+        _ => bail!("expected NAME=VALUE"),
+    }
 }
 
 fn name_and_path(text: &str) -> Result<(String, PathBuf)> {

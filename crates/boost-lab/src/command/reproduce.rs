@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::reproduce::{FIGURES, Laboratory, html, json};
 use anyhow::{Result, bail};
-use fmu_package::terminal::{number, print};
+use fmu_package::terminal::print;
 
 /// Reproduces figures, all where none is named. Whether all statements hold.
 pub fn run(fmus: &Path, out: &Path, numbers: &[u32]) -> Result<bool> {
@@ -20,23 +20,26 @@ pub fn run(fmus: &Path, out: &Path, numbers: &[u32]) -> Result<bool> {
 
     let mut laboratory = Laboratory::new(fmus);
     let mut reproduced = vec![];
-    let mut all_hold = true;
+    let (mut all, mut holding) = (0, 0);
     for figure in figures {
         let found = laboratory.reproduce(figure)?;
         print(&format!("Fig. {}: {}\n", figure.number, figure.title))?;
         for claim in &found.evidence.claims {
             let word = if claim.holds() { "holds" } else { "FAILS" };
-            // A broken FMU may give any number.
-            let value = match claim.value {
-                value if value.abs() < 1e9 => format!("{value:.5}"),
-                value => number(value),
-            };
-            print(&format!("  {word}  {:28} {value:>12} {}\n", claim.name, claim.unit))?;
-            all_hold &= claim.holds();
+            let paper = claim.in_paper().map_or_else(String::new, |value| format!("; paper: {value}"));
+            print(&format!(
+                "  {word}  {:28} {} ({} asked{paper})\n",
+                claim.name,
+                claim.found(),
+                claim.asked(),
+            ))?;
+            all += 1;
+            holding += usize::from(claim.holds());
         }
         reproduced.push(found);
     }
     let html = html(&reproduced, &laboratory.fmus());
     super::write(out, [("report.html", html), ("report.json", json(&reproduced)?)])?;
-    Ok(all_hold)
+    print(&format!("{holding} of {all} statements hold\n"))?;
+    Ok(holding == all)
 }

@@ -1,20 +1,29 @@
-//! `sweep`: a parameter study, to results.csv and results.parquet.
+//! `sweep`: a parameter study, to report.html, results.csv and results.parquet.
 
 use std::path::Path;
 
-use crate::sweep::Study;
 use crate::sweep::journal::StudyJournal;
-use crate::sweep::results::{self, Table};
+use crate::sweep::{Study, report, results};
+use crate::table::{Header, TableFormat};
 use anyhow::Result;
 use fmu_package::terminal::{complain, print};
 use fmu_package::writing;
 
 /// Runs a study, or what is left of it.
-pub fn run(path: &Path, fmus: &super::FmuArguments, out: &Path, threads: Option<usize>) -> Result<()> {
-    let mut study = Study::read(path, fmus.folder.as_deref())?;
+pub fn run(
+    path: &Path,
+    fmus: &super::FmuArguments,
+    out: &Path,
+    units: bool,
+    threads: Option<usize>,
+) -> Result<()> {
+    let mut study = Study::read(path, &fmus.folder)?;
     fmus.give(&mut study.scenario)?;
     super::refuse_overlap(out, &study.outputs(out), &fmus.inputs(&study.scenario))?;
     let study = study.load()?;
+    for note in &study.notes {
+        complain(&format!("note: {note}"));
+    }
     let journal = StudyJournal::open(out, &study.settings()?)?;
     let taken_up = journal.len();
     if taken_up > 0 {
@@ -32,12 +41,14 @@ pub fn run(path: &Path, fmus: &super::FmuArguments, out: &Path, threads: Option<
     bar.finish_and_clear();
     let outcomes = outcomes?;
 
-    let table = Table::new(&study, &outcomes);
-    writing::write(&out.join(results::CSV), |writer| table.write_csv(writer))?;
-    writing::write(&out.join(results::PARQUET), |writer| table.write_parquet(writer))?;
-    for name in [results::CSV, results::PARQUET] {
-        print(&format!("{}\n", out.join(name).display()))?;
+    let table = results::table(&study, &outcomes);
+    let header = if units { Header::NamesAndUnits } else { Header::Names };
+    for (name, format) in [(results::CSV, TableFormat::Csv), (results::PARQUET, TableFormat::Parquet)] {
+        let file = out.join(name);
+        writing::write(&file, |writer| table.write(format, header, writer))?;
+        print(&format!("{}\n", file.display()))?;
     }
+    super::write(out, [(report::HTML, report::html(&study, &outcomes))])?;
     let failed = outcomes.iter().filter(|outcome| outcome.error.is_some()).count();
     Ok(print(&format!("{} runs, {failed} of them failed\n", outcomes.len()))?)
 }

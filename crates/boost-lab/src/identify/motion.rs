@@ -18,6 +18,7 @@ use super::points::{ResidualPoint, residual_panel, residuals, with_measured};
 use super::rod::{Prior, STOPS};
 use super::statistics::{Reliable, Solution, nonlinear};
 use super::{Fit, FitOutcome, Known, Residuals, Unidentified};
+use crate::numbers::quantity;
 use crate::plot::{Figure, Line, Panel, color};
 
 pub const NAMES: [&str; 6] = [
@@ -210,11 +211,11 @@ pub fn identify(
             method: format!(
                 "Nonlinear least squares of chamber pressure and position over {DURATION} s after {} steps, computed \
                  with the measured duty, supply and tank pressure; pressure and position are weighed by their noise \
-                 at rest, {:.3} Pa and {:.3e} m. The areas are proportional to the chamber's volume, which is taken as \
+                 at rest, {} and {}. The areas are proportional to the chamber's volume, which is taken as \
                  {:e} m\u{b3}.",
                 problem.tuning.len(),
-                noise.chamber,
-                noise.position,
+                quantity(noise.chamber, "Pa"),
+                quantity(noise.position, "m"),
                 known.chamber_volume
             ),
             residuals,

@@ -7,7 +7,8 @@ use serde::Serialize;
 
 use super::phases::MeasurementNoise;
 use super::{Fit, Identification, Known, ParameterEstimate, Unidentified};
-use crate::page::{estimate, number, page, quantity};
+use crate::numbers::{estimate, number, quantity};
+use crate::page::page;
 use crate::plot::escaped;
 
 const STYLE: &str = "
@@ -59,7 +60,7 @@ pub fn html(identification: &Identification) -> String {
         noise.map_or_else(String::new, |noise| format!(
             " At rest the chamber's pressure scatters by {}, the position by {}.",
             quantity(noise.chamber, "Pa"),
-            quantity(1e3 * noise.position, "mm")
+            quantity(noise.position, "m")
         )),
     );
     for note in notes {
@@ -99,8 +100,9 @@ fn section(fit: &Fit) -> String {
     text += "</table>\n</div>\n<div class=\"wide\">\n<table>\n<caption>Residuals, root of the mean square</caption>\n<thead><tr>\
              <th>Quantity</th><th>Tuning</th><th>Validation</th><th>Noise at rest</th></tr></thead>\n";
     for residuals in &fit.residuals {
-        let shown =
-            |value: Option<f64>| value.map_or_else(String::new, |value| quantity(value, &residuals.unit));
+        let shown = |value: Option<f64>| {
+            value.map_or_else(String::new, |value| escaped(&quantity(value, &residuals.unit)))
+        };
         text += &format!(
             "<tr><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td></tr>\n",
             escaped(&residuals.name),

@@ -14,7 +14,7 @@ use std::path::Path;
 use std::ptr;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow};
 use fmu_export::c_types::{
     Boolean, CO_SIMULATION, Component, FALSE, FmuState, Integer, TRUE, ValueReference,
 };
@@ -84,6 +84,19 @@ unsafe fn text_at(text: *const c_char) -> String {
     unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned()
 }
 
+/// Why a library was not loaded. That of an FMU from PythonFMU expects Python in the process.
+fn not_loaded(error: libloading::Error) -> anyhow::Error {
+    // The loader's text is the source of the error.
+    let text = format!("{:#}", anyhow::Error::new(error));
+    let remedy = if ["_Py", "Py"].iter().any(|symbol| text.contains(&format!("undefined symbol: {symbol}"))) {
+        "; FMUs of PythonFMU expect Python's library in the process: put LD_PRELOAD=libpython3.11.so, with the path and \
+         the version of yours, before the command"
+    } else {
+        ""
+    };
+    anyhow!("its library cannot be loaded: {text}{remedy}")
+}
+
 /// Declares the functions of a library: the required ones and the optional ones.
 macro_rules! functions {
     (
@@ -100,7 +113,7 @@ macro_rules! functions {
         impl Functions {
             pub fn load(path: &Path) -> Result<Self> {
                 // SAFETY: loading runs the library's initializers; the user chose to run this FMU's code.
-                let library = unsafe { Library::new(path) }.context("its library cannot be loaded")?;
+                let library = unsafe { Library::new(path) }.map_err(not_loaded)?;
                 Ok(Self {
                     $(
                         // SAFETY: the standard declares this signature for this name.

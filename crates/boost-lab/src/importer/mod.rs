@@ -32,6 +32,19 @@ use fmu_package::{FmuDescription, FmuVariable, Linear, ParameterSet, Platform, V
 /// The capability flag for a single instance per process.
 pub(crate) const ONLY_ONCE: &str = "canBeInstantiatedOnlyOncePerProcess";
 
+/// What to do about a missing file.
+pub fn remedy(path: &Path) -> String {
+    let others = path.parent().and_then(|folder| folder.read_dir().ok()).into_iter().flatten().flatten();
+    let others = others.map(|entry| entry.file_name().to_string_lossy().into_owned());
+    let mut others: Vec<_> = others.filter(|name| name.ends_with(".fmu")).collect();
+    others.sort();
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let like = like(&name, others.iter().map(String::as_str));
+    format!(
+        "`cargo run --release -- export` writes BoostPlant.fmu and BoostController.fmu to target/fmu{like}"
+    )
+}
+
 /// An FMU, extracted and loaded.
 pub struct Fmu {
     path: PathBuf,
@@ -50,6 +63,9 @@ impl Fmu {
     }
 
     fn open_anonymous(path: &Path) -> Result<Self> {
+        if !path.exists() {
+            bail!("there is no such file; {}", remedy(path));
+        }
         let folder = folder::extract(path)?;
         let description = folder.path().join("modelDescription.xml");
         if !description.is_file() {

@@ -218,7 +218,10 @@ fn refusal(imported: Result<Arc<Fmu>>) -> String {
 #[test]
 fn a_file_that_is_not_an_fmu_is_refused() {
     let missing = Path::new("missing.fmu");
-    assert!(refusal(Fmu::open(missing)).starts_with("cannot import missing.fmu: it cannot be opened"));
+    assert!(
+        refusal(Fmu::open(missing))
+            .starts_with("cannot import missing.fmu: there is no such file; `cargo run")
+    );
     let folder = tempfile::tempdir().unwrap();
     let text = folder.path().join("text.fmu");
     fs::write(&text, "no archive").unwrap();

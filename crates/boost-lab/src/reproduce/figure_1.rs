@@ -37,6 +37,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "actuator_pressure_change",
                 paper: "From 11.9 V to 11.1 V, the chamber pressure changes by 2500 Pa.",
+                paper_value: Some(2500.0),
                 value: change("actuator_pressure")?,
                 unit: "Pa",
                 least: Some(2450.0),
@@ -49,6 +50,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "position_change",
                 paper: "The wastegate valve position changes by about 10 %.",
+                paper_value: Some(10.0),
                 value: 100.0 * -change("hp_wastegate_position")?,
                 unit: "% of stroke",
                 least: Some(9.0),

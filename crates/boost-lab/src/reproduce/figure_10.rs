@@ -68,6 +68,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "position_range_exact",
                 paper: "With the duty modulated by eq. (9), the position is kept constant.",
+                paper_value: None,
                 value: 100.0 * range(exact.get(POSITION)?),
                 unit: "% of stroke",
                 least: None,
@@ -80,6 +81,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "position_at_rest",
                 paper: "The compensated position is unaffected by the supply voltage disturbance: at rest.",
+                paper_value: None,
                 value: rest,
                 unit: "% of stroke",
                 least: None,
@@ -92,6 +94,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "position_after_pulse",
                 paper: "The same: a tenth of a second after an edge.",
+                paper_value: None,
                 value: greatest(left),
                 unit: "% of stroke",
                 least: None,
@@ -102,6 +105,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "position_range_without",
                 paper: "Without compensator the disturbance moves the wastegate.",
+                paper_value: None,
                 value: 100.0 * range(without.get(POSITION)?),
                 unit: "% of stroke",
                 least: Some(9.0),

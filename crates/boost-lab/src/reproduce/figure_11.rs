@@ -82,6 +82,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "speed_of_greatest_torque",
                 paper: "The LP wastegate fully closed gives maximum torque at lower engine speed.",
+                paper_value: None,
                 value: open.best_speed() - closed.best_speed(),
                 unit: "rpm",
                 least: Some(125.0),
@@ -93,6 +94,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "torque_gained",
                 paper: "The same: more torque at low speed.",
+                paper_value: None,
                 value: closed.value_at(&closed.torques, 1500.0) - open.value_at(&open.torques, 1500.0),
                 unit: "N m",
                 least: Some(1.0),
@@ -103,6 +105,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "torque_lost_at_2000_rpm",
                 paper: "Up to 2000 rpm, where the torque begins to decrease.",
+                paper_value: None,
                 value: greatest_torque - closed.value_at(&closed.torques, 2000.0),
                 unit: "N m",
                 least: Some(1.0),
@@ -114,6 +117,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "back_pressure_at_2000_rpm",
                 paper: "At 2000 rpm the back pressure reaches too high values.",
+                paper_value: None,
                 value: 1e-3 * closed.value_at(&closed.back_pressures, 2000.0),
                 unit: "kPa",
                 least: Some(250.0),

@@ -75,6 +75,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "sum_of_terms",
                 paper: "The duty is the feedforward's and the PID controller's sum.",
+                paper_value: None,
                 value: greatest(sum_error),
                 unit: "%",
                 least: None,
@@ -86,6 +87,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "compensated_output",
                 paper: "The compensator, 12 V over the supply, is behind the limits of the duty.",
+                paper_value: None,
                 value: greatest(output_error),
                 unit: "%",
                 least: None,
@@ -97,6 +99,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "limits_act",
                 paper: "The duty is limited (Fig. 13: its saturation guarantees a fast response).",
+                paper_value: None,
                 value: is_at_limit.iter().sum(),
                 unit: "samples",
                 least: Some(1.0),

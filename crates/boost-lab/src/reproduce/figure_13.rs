@@ -79,6 +79,7 @@ fn claims(following: &Following, papers: &Following, least_duty: f64) -> Vec<Cla
         Claim {
             name: "overshoot_up",
             paper: "For a positive step of the reference, the undershoot is limited to 5 kPa.",
+            paper_value: Some(5000.0),
             value: greatest(following.up.iter().copied()),
             unit: "Pa",
             least: None,
@@ -91,6 +92,7 @@ fn claims(following: &Following, papers: &Following, least_duty: f64) -> Vec<Cla
         Claim {
             name: "overshoot_down",
             paper: "For a decrease of the reference, the largest overshoot is only 1 kPa.",
+            paper_value: Some(1000.0),
             value: greatest(following.down.iter().copied()),
             unit: "Pa",
             least: None,
@@ -103,6 +105,7 @@ fn claims(following: &Following, papers: &Following, least_duty: f64) -> Vec<Cla
             name: "rise_time",
             paper: "Boost pressure follows the steps; the saturation of the PWM signal guarantees a fast \
                       response.",
+            paper_value: None,
             value: greatest(following.rise.iter().copied()),
             unit: "s",
             least: None,
@@ -115,6 +118,7 @@ fn claims(following: &Following, papers: &Following, least_duty: f64) -> Vec<Cla
         Claim {
             name: "end_error",
             paper: "Boost pressure follows the steps in reference value correctly.",
+            paper_value: None,
             value: greatest(following.end_error.iter().copied()),
             unit: "Pa",
             least: None,
@@ -126,6 +130,7 @@ fn claims(following: &Following, papers: &Following, least_duty: f64) -> Vec<Cla
         Claim {
             name: "least_duty",
             paper: "The PWM signal saturates, which guarantees a fast response.",
+            paper_value: None,
             value: least_duty,
             unit: "%",
             least: None,
@@ -136,6 +141,7 @@ fn claims(following: &Following, papers: &Following, least_duty: f64) -> Vec<Cla
         Claim {
             name: "paper_structure_overshoot_up",
             paper: "For a positive step, limited to 5 kPa: with the paper's own structure.",
+            paper_value: Some(5000.0),
             value: greatest(papers.up.iter().copied()),
             unit: "Pa",
             least: None,

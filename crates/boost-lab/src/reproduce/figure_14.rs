@@ -70,6 +70,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "deviation",
                 paper: "The maximum pressure error is 1 kPa (0.8 %).",
+                paper_value: Some(1000.0),
                 value: deviation(&record)?,
                 unit: "Pa",
                 least: None,
@@ -81,6 +82,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "rejection",
                 paper: "The simple compensator is effective.",
+                paper_value: None,
                 value: deviation(&without)? / deviation(&record)?,
                 unit: "",
                 least: Some(5.0),
@@ -92,6 +94,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "position_at_rest",
                 paper: "The wastegate position is almost constant.",
+                paper_value: None,
                 value: 100.0 * range(&positions),
                 unit: "% of stroke",
                 least: None,

@@ -82,6 +82,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "pressure_deviation",
                 paper: "The actuator pressure is the cubic polynomial of the duty in eq. (7) and Table 1.",
+                paper_value: None,
                 value: pressure_error,
                 unit: "Pa",
                 least: None,
@@ -94,6 +95,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "leakage_area_deviation",
                 paper: "The leakage's effective area is the quadratic polynomial of the duty in eq. (6) and Table 1.",
+                paper_value: None,
                 value: 1e6 * area_error,
                 unit: "mm\u{b2}",
                 least: None,

@@ -62,6 +62,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "position_hysteresis",
                 paper: "The hysteresis of the actuator can be neglected: wastegate position.",
+                paper_value: None,
                 value: gap(&position, 95.01),
                 unit: "% of stroke",
                 least: None,
@@ -74,6 +75,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "pressure_hysteresis",
                 paper: "The hysteresis of the actuator can be neglected: actuator pressure.",
+                paper_value: None,
                 value: 1e3 * gap(&pressure, TANK_IS_FLOOR),
                 unit: "Pa",
                 least: None,

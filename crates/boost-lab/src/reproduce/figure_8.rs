@@ -48,6 +48,7 @@ fn spring(laboratory: &mut Laboratory) -> Result<Evidence> {
         claims: vec![Claim {
             name: "spring_stiffening",
             paper: "The spring has a nonlinear behaviour.",
+            paper_value: None,
             value: stiffness(8.0, 9.5) / stiffness(1.0, 4.0),
             unit: "",
             least: Some(1.5),
@@ -101,6 +102,7 @@ fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "pump_on",
                 paper: "The vacuum pump is switched on at 72.5 s.",
+                paper_value: Some(PAPER.0),
                 value: begin,
                 unit: "s",
                 least: Some(PAPER.0 - 1.0),
@@ -112,6 +114,7 @@ fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "pump_duration",
                 paper: "The pump runs until 82.2 s, that is for 9.7 s.",
+                paper_value: Some(PAPER.1 - PAPER.0),
                 value: end - begin,
                 unit: "s",
                 least: Some(PAPER.1 - PAPER.0 - 0.25),
@@ -123,6 +126,7 @@ fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "voltage_drop",
                 paper: "The pump generates a voltage drop.",
+                paper_value: None,
                 value: -least(change("valve.voltage")?),
                 unit: "V",
                 least: Some(0.1),
@@ -134,6 +138,7 @@ fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "position_change",
                 paper: "The voltage drop generates a change in wastegate position.",
+                paper_value: None,
                 value: greatest(change("hp_wastegate_position")?.iter().map(|change| 100.0 * change.abs())),
                 unit: "% of stroke",
                 least: Some(1.0),

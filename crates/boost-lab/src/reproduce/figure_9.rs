@@ -71,6 +71,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 name: "ramp_deviation",
                 paper: "The dynamic behaviour of the actuator pressure is satisfactorily reproduced: in a ramp \
                       it follows the duty.",
+                paper_value: None,
                 value: greatest(lag),
                 unit: "Pa",
                 least: None,
@@ -82,6 +83,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "evacuation_time",
                 paper: "The same in a step up of the duty, which evacuates the actuator: it is followed at once.",
+                paper_value: None,
                 value: evacuating(0.95)?,
                 unit: "s",
                 least: Some(0.05),
@@ -93,6 +95,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "venting_time",
                 paper: "The same in a step down, which vents it.",
+                paper_value: None,
                 value: venting(0.95)?,
                 unit: "s",
                 least: Some(0.05),
@@ -104,6 +107,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "tank_is_floor",
                 paper: "The lowest possible actuator pressure is the tank pressure.",
+                paper_value: None,
                 value: greatest(below_tank),
                 unit: "Pa",
                 least: None,
@@ -115,6 +119,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             Claim {
                 name: "tank_pressure_rise",
                 paper: "Evacuating the actuator raises the tank pressure.",
+                paper_value: None,
                 value: tank,
                 unit: "Pa",
                 least: Some(500.0),

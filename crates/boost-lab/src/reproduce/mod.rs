@@ -24,6 +24,7 @@ use serde::Serialize;
 use crate::importer::Fmu;
 use crate::master::{LoadedFmus, Master};
 use crate::measure;
+use crate::numbers::{number, shown};
 use crate::plot::Figure;
 use crate::record::Record;
 use crate::scenario::Scenario;
@@ -89,6 +90,8 @@ pub struct Claim {
     pub name: &'static str,
     /// The paper's statement.
     pub paper: &'static str,
+    /// The paper's number, in `unit`, where it prints one.
+    pub paper_value: Option<f64>,
     /// The number that the FMUs give.
     pub value: f64,
     /// The unit of `value`, `least` and `most`.
@@ -120,6 +123,33 @@ impl Claim {
         // False for not-a-number.
         self.value >= self.least.unwrap_or(f64::NEG_INFINITY)
             && self.value <= self.most.unwrap_or(f64::INFINITY)
+    }
+
+    /// The number that the FMUs give, with its unit.
+    pub fn found(&self) -> String {
+        let (unit, factor) = self.scale();
+        format!("{} {unit}", number(factor * self.value)).trim_end().to_owned()
+    }
+
+    /// The range that confirms the statement, in the unit of [`Self::found`].
+    pub fn asked(&self) -> String {
+        let shown = |value| number(self.scale().1 * value);
+        match (self.least, self.most) {
+            (Some(least), Some(most)) => format!("{} to {}", shown(least), shown(most)),
+            (Some(least), None) => format!("at least {}", shown(least)),
+            (None, Some(most)) => format!("at most {}", shown(most)),
+            (None, None) => String::new(),
+        }
+    }
+
+    /// The paper's number in the same unit.
+    pub fn in_paper(&self) -> Option<String> {
+        self.paper_value.map(|value| number(self.scale().1 * value))
+    }
+
+    /// The unit that suits the range, and the factor to it.
+    fn scale(&self) -> (String, f64) {
+        shown(self.unit, self.most.or(self.least).unwrap_or(self.value))
     }
 }
 

@@ -4,7 +4,7 @@ use anyhow::Result;
 use serde::Serialize;
 
 use super::{Claim, Drawing, Reproduced};
-use crate::page::{number, page, quantity};
+use crate::page::page;
 use crate::plot::escaped;
 
 const STYLE: &str = "
@@ -89,17 +89,18 @@ fn section(Reproduced { figure, evidence, scenarios }: &Reproduced) -> String {
         };
         text += &format!("<figure>\n{html}<figcaption>{}</figcaption>\n</figure>\n", escaped(caption));
     }
-    text += "<table class=\"claims\">\n<thead><tr><th>The paper</th><th>The FMUs</th><th>Asked for</th><th></th></tr></thead>\n<tbody>\n";
+    text += "<table class=\"claims\">\n<thead><tr><th>The paper</th><th>Its number</th><th>The FMUs</th><th>Asked for</th><th></th></tr></thead>\n<tbody>\n";
     for claim in &evidence.claims {
         let (class, word) = if claim.holds() { ("holds", "holds") } else { ("fails", "fails") };
         text += &format!(
-            "<tr><td>{}<div class=\"how\">{}: {}</div></td><td class=\"number\">{}</td>\
+            "<tr><td>{}<div class=\"how\">{}: {}</div></td><td class=\"number\">{}</td><td class=\"number\">{}</td>\
              <td class=\"number asked\">{}</td><td><span class=\"{class}\">{word}</span></td></tr>\n",
             escaped(claim.paper),
             capitalized(claim.basis.name()),
             escaped(claim.how),
-            quantity(claim.value, claim.unit),
-            asked(claim),
+            escaped(&claim.in_paper().unwrap_or_default()),
+            escaped(&claim.found()),
+            escaped(&claim.asked()),
         );
     }
     text += "</tbody>\n</table>\n";
@@ -121,15 +122,4 @@ fn capitalized(word: &str) -> String {
     letters
         .next()
         .map_or_else(String::new, |first| first.to_uppercase().collect::<String>() + letters.as_str())
-}
-
-/// The range of a claim in words.
-fn asked(claim: &Claim) -> String {
-    let unit = |value| quantity(value, claim.unit);
-    match (claim.least, claim.most) {
-        (Some(least), Some(most)) => format!("{} to {}", number(least), unit(most)),
-        (Some(least), None) => format!("at least {}", unit(least)),
-        (None, Some(most)) => format!("at most {}", unit(most)),
-        (None, None) => String::new(),
-    }
 }

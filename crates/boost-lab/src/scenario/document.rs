@@ -11,18 +11,32 @@ use fmu_package::like;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// A location in a file.
+/// A location in a file, or an argument of the command line.
 #[derive(Clone, Debug)]
 pub struct Location {
-    file: Arc<str>,
-    line: usize,
-    key: String,
+    /// The file, or the argument.
+    source: Arc<str>,
+    /// Line and key in the file.
+    place: Option<(usize, String)>,
 }
 
 impl Location {
+    /// An argument of the command line.
+    pub fn argument(text: &str) -> Self {
+        Self { source: text.into(), place: None }
+    }
+
+    /// The line in the file, if it is one.
+    pub fn line(&self) -> Option<usize> {
+        self.place.as_ref().map(|(line, _)| *line)
+    }
+
     /// An error with its location.
     pub fn error(&self, message: impl Display) -> Error {
-        anyhow!("{}, line {}, {}: {message}", self.file, self.line, self.key)
+        match &self.place {
+            Some((line, key)) => anyhow!("{}, line {line}, {key}: {message}", self.source),
+            None => anyhow!("{}: {message}", self.source),
+        }
     }
 
     /// Puts the location before an error.
@@ -32,7 +46,7 @@ impl Location {
 
     /// The location of a value below this one.
     fn child(&self, key: impl Display, line: usize) -> Self {
-        Self { file: Arc::clone(&self.file), line, key: key.to_string() }
+        Self { source: Arc::clone(&self.source), place: Some((line, key.to_string())) }
     }
 }
 
@@ -60,7 +74,7 @@ impl<'a> Document<'a> {
     }
 
     pub fn root(&self) -> TomlTable<'_> {
-        let location = Location { file: Arc::clone(&self.file), line: 1, key: "the file".to_owned() };
+        let location = Location { source: Arc::clone(&self.file), place: Some((1, "the file".to_owned())) };
         TomlTable {
             document: self,
             table: self.root.get_ref(),
@@ -69,6 +83,12 @@ impl<'a> Document<'a> {
             known: RefCell::default(),
         }
     }
+}
+
+/// Whether a key is another one but for its separators and capitals, and a letter or two.
+fn is_misspelt(key: &str, meant: &str) -> bool {
+    let [key, meant] = [key, meant].map(|key| key.to_lowercase().replace(['_', '-', ' '], ""));
+    strsim::osa_distance(&key, &meant) <= meant.chars().count() / 4
 }
 
 fn line(text: &str, span: &Range<usize>) -> usize {
@@ -101,9 +121,23 @@ impl<'a> TomlTable<'a> {
         self.optional("title").map(|title| title.string("a text")).transpose()
     }
 
-    /// A required value.
+    /// A required value. Where it is missing and a similar key is there, that one is misspelt.
     pub fn required(&self, key: &str, expected: &str) -> Result<Node<'a>> {
-        self.optional(key).ok_or_else(|| self.location.error(format!("{key} is missing: {expected}")))
+        self.optional(key).ok_or_else(|| {
+            let known = self.known.borrow();
+            let unread =
+                self.table.iter().filter(|(other, _)| !known.iter().any(|read| *read == *other.get_ref()));
+            match unread
+                .map(|(other, value)| (other.get_ref(), value))
+                .find(|(other, _)| is_misspelt(other, key))
+            {
+                Some((other, value)) => {
+                    let location = self.node(other, value).location;
+                    location.error(format!("this key is not known; the nearest is {key}"))
+                }
+                None => self.location.error(format!("{key} is missing: {expected}")),
+            }
+        })
     }
 
     /// All values with their keys, in the order of the file.

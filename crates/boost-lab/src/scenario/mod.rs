@@ -9,8 +9,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use boost_interface::NameMap;
 use fmu_package::terminal::number;
-use fmu_package::{ParameterSet, Value, reading};
+use fmu_package::{Linear, ParameterSet, Value, reading};
 use toml::de::DeValue;
+
+use crate::importer::Fmu;
 
 pub use self::document::Location;
 use self::document::{Document, Node, TomlTable};
@@ -34,6 +36,10 @@ pub struct Scenario {
     pub fmus: Vec<Member>,
     /// Signals for the inputs of every FMU that has them.
     pub inputs: Vec<Input>,
+    /// The connections; none where outputs are connected to the inputs of their names.
+    pub connections: Option<Vec<Connection>>,
+    /// Whether an FMU was replaced by another one, which may not have all its inputs.
+    pub has_replaced_fmus: bool,
     /// Noise on connections.
     pub noise: Vec<Noise>,
     /// Noise on recorded values.
@@ -101,6 +107,19 @@ pub struct Input {
     pub location: Location,
 }
 
+/// A connection of a system.
+#[derive(Clone, Debug)]
+pub struct Connection {
+    /// The name of the FMU; none for a signal of the scenario.
+    pub source: Option<String>,
+    /// Its output, or the signal.
+    pub output: String,
+    /// The name of the FMU.
+    pub target: String,
+    pub input: String,
+    pub conversion: Linear,
+}
+
 /// Normally distributed noise on a connection or in the record.
 #[derive(Clone, Debug)]
 pub struct Noise {
@@ -120,11 +139,11 @@ pub struct Recorded {
 }
 
 impl Scenario {
-    /// Reads a file. Paths are relative to its folder, those of FMUs to `fmus` if given.
-    pub fn read(path: &Path, fmus: Option<&Path>) -> Result<Self> {
+    /// Reads a file. Paths are relative to its folder, those of FMUs to `fmus`.
+    pub fn read(path: &Path, fmus: &Path) -> Result<Self> {
         let text = reading::text(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        let mut scenario = Self::parse(&path.to_string_lossy(), &text, folder, fmus.unwrap_or(folder))?;
+        let mut scenario = Self::parse(&path.to_string_lossy(), &text, folder, fmus)?;
         scenario.files.push(path.to_owned());
         Ok(scenario)
     }
@@ -158,6 +177,8 @@ impl Scenario {
             })?,
             fmus: read_members(&root, step, folder, fmus)?,
             inputs: root.optional("inputs").map_or(Ok(vec![]), |node| read_inputs(&node, folder))?,
+            connections: None,
+            has_replaced_fmus: false,
             noise: root.optional("noise").map_or(Ok(vec![]), |node| read_noise(&node))?,
             measurement_noise: root
                 .optional("measurement_noise")
@@ -180,6 +201,34 @@ impl Scenario {
     /// The signal that drives an input of every FMU that has it.
     pub fn input(&self, name: &str) -> Option<&Signal> {
         self.inputs.iter().find(|input| input.name == name).map(|input| &input.signal)
+    }
+
+    /// The inputs of an FMU that a signal of the scenario drives, each with its conversion.
+    pub fn inputs_of<'a>(&'a self, member: &Member, fmu: &Fmu, signal: &'a str) -> Vec<(&'a str, Linear)> {
+        match &self.connections {
+            None => {
+                let is_input = fmu.names("input").any(|name| name == signal);
+                is_input.then_some((signal, Linear::IDENTITY)).into_iter().collect()
+            }
+            Some(connections) => {
+                let driven = connections.iter().filter(|connection| {
+                    connection.source.is_none()
+                        && connection.output == signal
+                        && connection.target == member.name
+                });
+                driven.map(|connection| (connection.input.as_str(), connection.conversion)).collect()
+            }
+        }
+    }
+
+    /// Lets the scenario end at another time (s).
+    pub fn end_at(&mut self, stop_time: f64) -> Result<()> {
+        if stop_time <= self.start_time {
+            bail!("expected a time after start_time, {} s", number(self.start_time));
+        }
+        self.steps = count(stop_time - self.start_time, self.step)?;
+        self.stop_time = stop_time;
+        Ok(())
     }
 
     /// Gives an FMU another value before initialization.
@@ -232,20 +281,24 @@ fn read_members(root: &TomlTable<'_>, step: f64, folder: &Path, fmus: &Path) -> 
     let list = root.required("fmu", EXPECTED)?;
     let mut members: Vec<Member> = vec![];
     for node in list.list(EXPECTED)? {
-        let member = read_member(&node, step, folder, fmus)?;
-        if members.iter().any(|other| other.name == member.name) {
-            return Err(member.location.error(format!("another FMU has the name {}", member.name)));
-        }
-        members.push(member);
+        members.push(read_member(&node, step, folder, fmus, &members)?);
     }
     if members.is_empty() { Err(list.unexpected(EXPECTED)) } else { Ok(members) }
 }
 
-fn read_member(node: &Node<'_>, step: f64, folder: &Path, fmus: &Path) -> Result<Member> {
+/// Reads an FMU that comes after others.
+fn read_member(node: &Node<'_>, step: f64, folder: &Path, fmus: &Path, others: &[Member]) -> Result<Member> {
     let table = node.table("a table [[fmu]]")?;
+    let name_node = table.required("name", "the FMU's name in the scenario")?;
+    let name = name_node.string("a text")?.to_owned();
+    if let Some(other) = others.iter().find(|other| other.name == name) {
+        let line = other.location.line().map_or_else(String::new, |line| format!(", in line {line}"));
+        let message = format!("duplicate FMU: {name} is already the name of another one{line}");
+        return Err(name_node.location().error(message));
+    }
     let file = table.required("file", "the FMU's path")?;
     let member = Member {
-        name: table.required("name", "the FMU's name in the scenario")?.string("a text")?.to_owned(),
+        name,
         file: file.path("the FMU's path", fmus)?,
         map: table.optional("map").map(|node| read_map(&node, folder)).transpose()?,
         location: file.location().clone(),

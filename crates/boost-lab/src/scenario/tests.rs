@@ -112,6 +112,13 @@ fn each_refusal_names_line_and_key_and_what_was_expected() {
             "step = 0.1\nstop_time = 1\n[[fmu]]\nname = \"a\"",
             "line 3, fmu[1]: file is missing: the FMU's path",
         ),
+        ("step = 0.1\nstoptime = 1", "line 2, stoptime: this key is not known; the nearest is stop_time"),
+        ("Stop-Time = 1\nstep = 0.1", "line 1, Stop-Time: this key is not known; the nearest is stop_time"),
+        ("stop_time = 1\nsteps = 0.1", "line 2, steps: this key is not known; the nearest is step"),
+        (
+            "step = 0.1\nstop_time = 1\n[[fmu]]\nnaem = \"a\"",
+            "line 4, fmu[1].naem: this key is not known; the nearest is name",
+        ),
     ];
     for (text, expected) in cases {
         let refusal = refusal(text);
@@ -134,7 +141,10 @@ fn each_refusal_names_line_and_key_and_what_was_expected() {
             "line 6, fmu[1].run_in.duration: 1e301 communication steps of 0.1 s are too many",
         ),
         ("run_in = { begin = 1 }", "line 6, fmu[1].run_in: duration is missing: a time in s"),
-        ("[[fmu]]\nname = \"plant\"\nfile = \"a\"", "line 8, fmu[2].file: another FMU has the name plant"),
+        (
+            "[[fmu]]\nname = \"plant\"\nfile = \"a\"",
+            "line 7, fmu[2].name: duplicate FMU: plant is already the name of another one, in line 5",
+        ),
         (
             "[inputs]\na = \"1\"",
             "line 7, inputs.a: expected a number, or a table with one of steps, points, ramp",

@@ -149,6 +149,14 @@ impl Measure {
         }
     }
 
+    /// Its unit, by that of its variable.
+    pub fn unit<'a>(&self, variable: &'a str) -> &'a str {
+        match self.kind {
+            Kind::Step { quality: Quality::RiseTime, .. } => "s",
+            _ => variable,
+        }
+    }
+
     /// For the journal.
     pub fn setting(&self) -> String {
         format!("{:?} of {}", self.kind, self.variable)

@@ -7,6 +7,7 @@
 mod design;
 pub mod journal;
 mod measures;
+pub mod report;
 pub mod results;
 
 use std::collections::BTreeMap;
@@ -16,7 +17,7 @@ use std::sync::Mutex;
 
 use anyhow::{Context, Result};
 use fmu_package::temporary::remove_unfinished;
-use fmu_package::{Value, reading, writing};
+use fmu_package::{FmuVariable, Value, reading, writing};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use self::design::Design;
@@ -28,11 +29,13 @@ use crate::mapping;
 use crate::master::{LoadedFmus, Master};
 use crate::scenario::document::Document;
 use crate::scenario::{Assignment, Location, Recorded, Scenario};
+use crate::table::{Header, TableFormat};
 
 /// The folder of the runs' records, below that of the results.
 const RECORDS: &str = "records";
 
 pub struct Study {
+    title: Option<String>,
     /// The scenario, with the values that are not varied.
     pub scenario: Scenario,
     parameters: Vec<Parameter>,
@@ -61,14 +64,18 @@ impl Parameter {
 pub struct Loaded {
     study: Study,
     fmus: LoadedFmus,
-    data_types: Vec<String>,
+    /// The variable of each parameter.
+    variables: Vec<FmuVariable>,
+    /// The unit of each measure; empty where there is none.
+    measure_units: Vec<String>,
+    /// What the scenario asks for and the FMUs do not have.
+    pub notes: Vec<String>,
     is_single: bool,
 }
 
 impl Study {
-    /// Reads a file, and the scenario that it names, relative to its folder. Paths of FMUs are relative to `fmus`, or
-    /// else to the scenario's folder.
-    pub fn read(path: &Path, fmus: Option<&Path>) -> Result<Self> {
+    /// Reads a file, and the scenario that it names, relative to its folder. Paths of FMUs are relative to `fmus`.
+    pub fn read(path: &Path, fmus: &Path) -> Result<Self> {
         let text = reading::text(path)?;
         let document = Document::parse(&path.to_string_lossy(), &text)?;
         let root = document.root();
@@ -78,7 +85,7 @@ impl Study {
         // The scenario's messages have their own locations.
         let mut scenario = Scenario::read(&file, fmus)?;
         scenario.files.push(path.to_owned());
-        root.title()?;
+        let title = root.title()?.map(str::to_owned);
         let keeps_records = root.optional("records").map_or(Ok(false), |node| {
             node.value().as_bool().ok_or_else(|| node.unexpected("true where each run's record is kept"))
         })?;
@@ -87,6 +94,7 @@ impl Study {
         let measures = measures::read(&measures, &scenario)?;
         results::refuse_names(&parameters, &measures)?;
         let study = Self {
+            title,
             parameters,
             points,
             keeps_records,
@@ -102,7 +110,7 @@ impl Study {
 
     /// The files and folders of the results.
     pub fn outputs(&self, folder: &Path) -> Vec<PathBuf> {
-        let names = [journal::NAME, results::CSV, results::PARQUET].into_iter();
+        let names = [journal::NAME, results::CSV, results::PARQUET, report::HTML].into_iter();
         names.chain(self.keeps_records.then_some(RECORDS)).map(|name| folder.join(name)).collect()
     }
 
@@ -110,14 +118,17 @@ impl Study {
     pub fn load(self) -> Result<Loaded> {
         let mut fmus = LoadedFmus::default();
         let master = Master::new(&self.scenario, &mut fmus)?;
+        let mut measure_units = vec![];
         for measure in &self.measures {
-            if !master.recorded().any(|name| name == measure.variable) {
+            let Some(column) = master.recorded().find(|column| column.name == measure.variable) else {
                 let message = format!("{} is not among what the scenario records", measure.variable);
                 return Err(measure.location.error(message));
-            }
+            };
+            measure_units.push(measure.unit(&column.unit).to_owned());
         }
+        let notes = master.notes().to_vec();
         drop(master);
-        let mut data_types = vec![];
+        let mut variables = vec![];
         for (index, parameter) in self.parameters.iter().enumerate() {
             let (member, name) = parameter.parts()?;
             let Some(member) = self.scenario.fmus.iter().find(|known| known.name == member) else {
@@ -135,10 +146,10 @@ impl Study {
                 let fitted = value.fit(variable, &[], fmu.description());
                 parameter.location.locate(fitted.map_err(anyhow::Error::from))?;
             }
-            data_types.push(variable.data_type.clone());
+            variables.push(variable.clone());
         }
         let is_single = fmus.iter().any(|fmu| fmu.description().has_capability(ONLY_ONCE));
-        Ok(Loaded { study: self, fmus, data_types, is_single })
+        Ok(Loaded { study: self, fmus, variables, measure_units, notes, is_single })
     }
 }
 
@@ -184,7 +195,7 @@ impl Loaded {
 
     /// All that the results depend on, by name.
     pub fn settings(&self) -> Result<BTreeMap<String, String>> {
-        let Study { scenario, parameters, points, measures, keeps_records } = &self.study;
+        let Study { title: _, scenario, parameters, points, measures, keeps_records } = &self.study;
         let mut settings = BTreeMap::new();
         let mut set = |name: String, value: String| settings.insert(name, value);
         set("records".into(), keeps_records.to_string());
@@ -299,7 +310,9 @@ impl Loaded {
             .collect::<Result<_>>()?;
         if self.study.keeps_records {
             let path = records.join(format!("{run}.csv"));
-            writing::write(&path, |writer| finished.record.write_csv(writer))?;
+            writing::write(&path, |writer| {
+                finished.record.table().write(TableFormat::Csv, Header::Names, writer)
+            })?;
         }
         Ok(outcome)
     }

@@ -5,6 +5,7 @@ use serde::Serialize;
 
 use super::bench::drawn_samples;
 use super::{Cell, CellOrigin, Point, Procedure, ScheduleTable, Strategy, Sweep, Tuning};
+use crate::numbers::{estimate, quantity};
 use crate::page::page;
 use crate::plot::{Figure, Line, Panel, color, escaped};
 
@@ -108,9 +109,9 @@ fn introduction(tuning: &Tuning<'_>, title: &str) -> String {
         ("Plant", task.plant.description().attribute("modelName").to_owned()),
         ("Parameters of the plant", task.plant_parameters_written()),
         ("Controller", task.schedule.controller.clone()),
-        ("\u{3bb}, the desired time constant of the closed loop", format!("{} s", task.schedule.lambda)),
-        ("Supply voltage", format!("{} V", task.schedule.nominal_voltage)),
-        ("Sample time", format!("{} ms", 1e3 * task.schedule.sample_time)),
+        ("\u{3bb}, the desired time constant of the closed loop", quantity(task.schedule.lambda, "s")),
+        ("Supply voltage", quantity(task.schedule.nominal_voltage, "V")),
+        ("Sample time", quantity(1e3 * task.schedule.sample_time, "ms")),
         ("Step of the duty", format!("\u{b1}{} %", procedure.duty_step)),
         (
             "Points of the grid",
@@ -127,7 +128,7 @@ fn introduction(tuning: &Tuning<'_>, title: &str) -> String {
         ),
         (
             "Lift-off of the wastegate, which becomes the controller's least duty",
-            format!("{} %", tuning.least_duty()),
+            quantity(tuning.least_duty(), "%"),
         ),
         (
             "Change of boost pressure in the last second of a hold",
@@ -362,14 +363,8 @@ fn points(tuning: &Tuning<'_>) -> String {
         .to_owned();
     for point in &tuning.points {
         let Some(model) = &point.model else { continue };
-        let estimate = |estimate: super::Estimate, factor: f64, decimals: usize| {
-            format!(
-                "{:.decimals$} \u{b1} {:.*}",
-                factor * estimate.value,
-                decimals + 1,
-                factor * estimate.standard_error
-            )
-            .replace('-', "\u{2212}")
+        let in_unit = |found: super::Estimate, factor: f64| {
+            estimate(factor * found.value, factor * found.standard_error)
         };
         text += &format!(
             "<tr><td>{}</td><td>{:.0}</td><td>{:.2}</td><td>{:.1}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.3}</td>\
@@ -378,9 +373,9 @@ fn points(tuning: &Tuning<'_>) -> String {
             1e-3 * schedule.boost_references[point.row],
             point.hold.duty,
             1e-3 * point.hold.boost_pressure,
-            estimate(model.gain, 1e-3, 3),
-            estimate(model.time_constant, 1.0, 3),
-            estimate(model.delay, 1e3, 1),
+            in_unit(model.gain, 1e-3),
+            in_unit(model.time_constant, 1.0),
+            in_unit(model.delay, 1e3),
             100.0 * model.determination,
             model.residual,
             point.asymmetry,

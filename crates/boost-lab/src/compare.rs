@@ -1,0 +1,288 @@
+//! Compares records: the differences of each from the first, as numbers and as drawings.
+
+use std::fmt::Write as _;
+
+use anyhow::{Result, bail};
+use fmu_package::like;
+
+use crate::numbers::quantity;
+use crate::panels::shown;
+use crate::plot::{Figure, Line, Panel, color, escaped};
+use crate::record::{Column, Record};
+
+/// Points in time that are nearer to each other are the same (s), since they are rounded multiples of a step.
+const ROUNDING: f64 = 1e-9;
+
+pub struct Comparison<'a> {
+    records: &'a [(String, Record)],
+    variables: Vec<Variable<'a>>,
+    /// What cannot be compared, and why.
+    pub notes: Vec<String>,
+}
+
+/// A variable that all records have.
+struct Variable<'a> {
+    name: &'a str,
+    unit: &'a str,
+    /// In the order of the records.
+    columns: Vec<&'a Column>,
+    /// Of each record after the first.
+    differences: Vec<Difference>,
+}
+
+/// The difference of a record from the first, at the times of that.
+struct Difference {
+    points: Vec<(f64, f64)>,
+    /// The greatest, with its time; none where they are equal.
+    greatest: Option<(f64, f64)>,
+    root_mean_square: f64,
+    /// The rows in which one of both is not finite, and the other is another value.
+    undefined: usize,
+}
+
+impl<'a> Comparison<'a> {
+    /// Compares records by their names; of all variables, or of some.
+    pub fn new(records: &'a [(String, Record)], wanted: Option<&[String]>) -> Result<Self> {
+        let [(_, first), others @ ..] = records else { bail!("there is no record to compare") };
+        let mut notes = vec![];
+        for (name, record) in others {
+            if !has_times_of(record, first) {
+                notes.push(format!(
+                    "{name} and {} have different times: values between those of {name} are taken from a line",
+                    records[0].0
+                ));
+            }
+        }
+        let known = || first.columns().iter().map(|column| column.name.as_str());
+        for name in wanted.into_iter().flatten() {
+            if !known().any(|known| known == name) {
+                bail!("{} has no variable {name}{}", records[0].0, like(name, known()));
+            }
+        }
+        let mut variables = vec![];
+        for column in first.columns() {
+            if wanted.is_some_and(|wanted| !wanted.contains(&column.name)) {
+                continue;
+            }
+            let find = |(_, record): &'a (String, Record)| {
+                record.columns().iter().find(|other| other.name == column.name)
+            };
+            let columns: Vec<_> = records.iter().filter_map(find).collect();
+            if columns.len() < records.len() {
+                let missing = records.iter().filter(|record| find(record).is_none());
+                let missing: Vec<_> = missing.map(|(name, _)| name.as_str()).collect();
+                notes.push(format!("{} is not in {}", column.name, missing.join(", ")));
+                continue;
+            }
+            let mut units: Vec<_> = columns.iter().map(|column| column.unit.as_str()).collect();
+            units.retain(|unit| !unit.is_empty());
+            units.dedup();
+            if units.len() > 1 {
+                notes.push(format!("{} is in different units: {}", column.name, units.join(", ")));
+                continue;
+            }
+            let differences = others.iter().zip(&columns[1..]);
+            variables.push(Variable {
+                name: &column.name,
+                unit: units.first().copied().unwrap_or_default(),
+                differences: differences
+                    .map(|((_, record), other)| Difference::new(first.time(), column, record.time(), other))
+                    .collect(),
+                columns,
+            });
+        }
+        for (name, record) in others {
+            let is_new = |column: &&Column| !known().any(|known| known == column.name);
+            for column in record.columns().iter().filter(|_| wanted.is_none()).filter(is_new) {
+                notes.push(format!("{} is only in {name}", column.name));
+            }
+        }
+        if variables.is_empty() {
+            bail!("the records have no variable in common");
+        }
+        Ok(Self { records, variables, notes })
+    }
+
+    /// The differences as a text.
+    pub fn text(&self) -> String {
+        let longest = self.variables.iter().map(|variable| variable.name.chars().count()).max().unwrap_or(0);
+        let mut text = String::new();
+        for (index, (name, _)) in self.records[1..].iter().enumerate() {
+            let _ = writeln!(text, "{name} minus {}:", self.records[0].0);
+            for variable in &self.variables {
+                let [greatest, time, rest] = variable.row(index);
+                let row = format!("  {:longest$}  {greatest:>14} {time:<12} {rest}", variable.name);
+                let _ = writeln!(text, "{}", row.trim_end());
+            }
+        }
+        text
+    }
+
+    /// The differences as tables in HTML.
+    pub fn html(&self) -> String {
+        let mut html = String::new();
+        for (index, (name, _)) in self.records[1..].iter().enumerate() {
+            html += &format!(
+                "<h2>{} minus {}</h2>\n<table>\n<tr><th>Variable</th><th>Greatest difference</th><th>At</th><th>Root \
+                 of the mean square</th></tr>\n",
+                escaped(name),
+                escaped(&self.records[0].0)
+            );
+            for variable in &self.variables {
+                let cells =
+                    variable.row(index).map(|cell| format!("<td class=\"number\">{}</td>", escaped(&cell)));
+                html += &format!("<tr><td>{}</td>{}</tr>\n", escaped(variable.name), cells.concat());
+            }
+            html += "</table>\n";
+        }
+        for note in &self.notes {
+            html += &format!("<p>{}</p>\n", escaped(note));
+        }
+        html
+    }
+
+    /// Each variable of all records in a panel, and the differences beside it.
+    pub fn draw(&self) -> Figure {
+        let title = self.records.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
+        let colors = || color::CYCLE.iter().cycle().copied();
+        let row = |variable: &Variable<'_>| {
+            let size = variable.columns.iter().flat_map(|column| &column.values);
+            let size = size.map(|value| value.abs()).filter(|value| value.is_finite()).fold(0.0, f64::max);
+            let (unit, factor) = shown(variable.unit, size);
+            let lines = self.records.iter().zip(&variable.columns).zip(colors());
+            let lines = lines.map(|(((name, record), column), color)| {
+                Line::new(record.time(), column.values.iter().map(|value| factor * value))
+                    .label(name)
+                    .color(color)
+            });
+            let both = Panel::new("time (s)", &unit).title(variable.name).height(130);
+            let size = variable.differences.iter().filter_map(|difference| difference.greatest);
+            let (unit, factor) =
+                shown(variable.unit, size.fold(0.0, |most, (value, _)| value.abs().max(most)));
+            let differences = self.records[1..].iter().zip(&variable.differences).zip(colors().skip(1));
+            let differences = differences.map(|(((name, _), difference), color)| {
+                let (time, values): (Vec<_>, Vec<_>) = difference.points.iter().copied().unzip();
+                let label = format!("{name} minus {}", self.records[0].0);
+                Line::new(&time, values.into_iter().map(|value| factor * value)).label(&label).color(color)
+            });
+            let apart = Panel::new("time (s)", &unit).title("difference").height(130);
+            [lines.fold(both, Panel::line), differences.fold(apart, Panel::line)]
+        };
+        self.variables.iter().map(row).fold(Figure::new().title(&title), Figure::row).shared_x()
+    }
+}
+
+impl Variable<'_> {
+    /// The greatest difference of a record, its time, and the rest.
+    fn row(&self, record: usize) -> [String; 3] {
+        let Difference { greatest, root_mean_square, undefined, .. } = &self.differences[record];
+        let undefined = match undefined {
+            0 => String::new(),
+            rows => format!("; not a number in one of both in {rows} rows"),
+        };
+        match greatest {
+            Some((value, time)) => [
+                quantity(*value, self.unit),
+                format!("at {}", quantity(*time, "s")),
+                format!("{} root of mean square{undefined}", quantity(*root_mean_square, self.unit)),
+            ],
+            None if undefined.is_empty() => ["equal".to_owned(), String::new(), String::new()],
+            None => ["equal".to_owned(), String::new(), undefined[2..].to_owned()],
+        }
+    }
+}
+
+impl Difference {
+    fn new(times: &[f64], first: &Column, other_times: &[f64], other: &Column) -> Self {
+        let mut points = vec![];
+        let mut undefined = 0;
+        let mut place = 0;
+        for (&time, &value) in times.iter().zip(&first.values) {
+            let Some(counterpart) = at(other_times, &other.values, time, &mut place) else { continue };
+            let is_same = value.to_bits() == counterpart.to_bits() || value.is_nan() && counterpart.is_nan();
+            let difference = if is_same { 0.0 } else { counterpart - value };
+            undefined += usize::from(!difference.is_finite());
+            points.push((time, difference));
+        }
+        let finite = || points.iter().filter(|(_, difference)| difference.is_finite());
+        let greatest = finite().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+        let greatest =
+            greatest.filter(|(_, difference)| *difference != 0.0).map(|&(time, value)| (value, time));
+        let squares: f64 = finite().map(|(_, difference)| difference * difference).sum();
+        let root_mean_square = (squares / finite().count().max(1) as f64).sqrt();
+        Self { greatest, root_mean_square, undefined, points }
+    }
+}
+
+/// A value at a time, between two rows on the line through both; none outside of the record. `place` is the row from
+/// which on to look, for ascending times.
+fn at(times: &[f64], values: &[f64], time: f64, place: &mut usize) -> Option<f64> {
+    while times.get(*place).is_some_and(|&known| known < time - ROUNDING) {
+        *place += 1;
+    }
+    let after = *times.get(*place)?;
+    if after <= time + ROUNDING {
+        return Some(values[*place]);
+    }
+    let before = place.checked_sub(1)?;
+    let share = (time - times[before]) / (after - times[before]);
+    Some(values[before] + share * (values[*place] - values[before]))
+}
+
+fn has_times_of(one: &Record, other: &Record) -> bool {
+    one.time().len() == other.time().len()
+        && one.time().iter().zip(other.time()).all(|(a, b)| (a - b).abs() <= ROUNDING)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(name: &str, unit: &str, rows: &[(f64, f64)]) -> (String, Record) {
+        let mut record =
+            Record::new([("p".to_owned(), unit.to_owned()), (format!("own_{name}"), String::new())]);
+        rows.iter().for_each(|&(time, value)| record.push(time, &[value, 0.0]));
+        (name.to_owned(), record)
+    }
+
+    #[test]
+    fn differences_have_sign_time_and_unit() {
+        let records = [
+            record("a", "Pa", &[(0.0, 1e5), (1.0, 1e5), (2.0, 1e5), (3.0, f64::NAN)]),
+            record("b", "", &[(0.0, 1e5), (1.0, 1e5 - 3e4), (2.0, 1e5 + 4.0), (3.0, 1.0)]),
+        ];
+        let comparison = Comparison::new(&records, None).unwrap();
+        let text = comparison.text();
+        assert!(text.starts_with("b minus a:\n  p  "), "{text}");
+        // The root of (30000² + 4²) / 3.
+        for part in ["\u{2212}30\u{202f}kPa", "at 1\u{202f}s", "17.3\u{202f}kPa root", "in 1 rows"] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+        assert_eq!(comparison.notes, ["own_a is not in b", "own_b is only in b"]);
+        assert!(comparison.html().contains("<td class=\"number\">\u{2212}30\u{202f}kPa</td>"));
+        let html = comparison.draw().html();
+        assert_eq!(html.matches("class=\"panel\"").count(), 2);
+        assert!(html.contains("\"y\":[0.0,-30.0,0.004"), "{html}");
+    }
+
+    #[test]
+    fn records_of_different_times_are_compared_where_both_are() {
+        let records = [
+            record("a", "m", &[(0.0, 0.0), (0.5, 1.0), (1.0 - 1e-12, 2.0), (5.0, 9.0)]),
+            record("b", "m", &[(-1.0, -2.0), (1.0, 2.0), (2.0, 4.0)]),
+        ];
+        let comparison = Comparison::new(&records, Some(&["p".to_owned()])).unwrap();
+        assert!(comparison.text().contains("equal"), "{}", comparison.text());
+        assert_eq!(comparison.variables[0].differences[0].points.len(), 3);
+        assert!(comparison.notes[0].contains("different times"));
+    }
+
+    #[test]
+    fn what_cannot_be_compared_is_named() {
+        let records = [record("a", "Pa", &[(0.0, 1.0)]), record("b", "kPa", &[(0.0, 1.0)])];
+        let refusal =
+            |wanted: Option<&[String]>| Comparison::new(&records, wanted).err().unwrap().to_string();
+        assert_eq!(refusal(None), "the records have no variable in common");
+        assert_eq!(refusal(Some(&["own_b".to_owned()])), "a has no variable own_b; the nearest is own_a");
+    }
+}

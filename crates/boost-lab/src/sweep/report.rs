@@ -1,0 +1,150 @@
+//! The report of a study, for readers, which needs no other file: its measures over its parameters. Programs read
+//! results.csv or results.parquet.
+
+use super::journal::Outcome;
+use super::{Loaded, written};
+use crate::numbers::{number, quantity};
+use crate::page::page;
+use crate::panels::shown;
+use crate::plot::{Figure, Line, Panel, color, escaped};
+use fmu_package::Value;
+
+pub const HTML: &str = "report.html";
+
+/// A row has at most so many panels, so that each is wide enough.
+const MOST_IN_ROW: usize = 3;
+/// At most so many failed runs are listed; results.csv has all.
+const MOST_FAILURES: usize = 20;
+
+pub fn html(loaded: &Loaded, outcomes: &[Outcome]) -> String {
+    let study = loaded.study();
+    let title = study.title.as_deref().unwrap_or("A parameter study");
+    let failed: Vec<_> = outcomes.iter().filter(|outcome| outcome.error.is_some()).collect();
+    let warned = outcomes.iter().filter(|outcome| !outcome.warnings.is_empty()).count();
+    let mut body = format!(
+        "<h1>{}</h1>\n<p>{} runs{}, of which {} failed and {warned} have warnings. results.csv and results.parquet have \
+         each run with its values.</p>\n<h2>Measures</h2>\n<table>\n<tr><th>Measure</th><th>Least</th><th>Median</th>\
+         <th>Greatest</th><th>Not defined</th></tr>\n",
+        escaped(title),
+        outcomes.len(),
+        study
+            .scenario
+            .title
+            .as_deref()
+            .map_or_else(String::new, |title| format!(" of the scenario “{}”", escaped(title))),
+        failed.len(),
+    );
+    for (index, (measure, unit)) in study.measures.iter().zip(&loaded.measure_units).enumerate() {
+        body += &summary(&measure.name, unit, index, outcomes);
+    }
+    body += "</table>\n<h2>Parameters</h2>\n<table>\n<tr><th>Parameter</th><th>Values</th></tr>\n";
+    for (index, parameter) in study.parameters.iter().enumerate() {
+        let values: Vec<_> = study.points.iter().filter_map(|point| point[index].as_ref()).collect();
+        body += &format!(
+            "<tr><td>{}</td><td>{}</td></tr>\n",
+            escaped(&parameter.name),
+            escaped(&range(&values, &loaded.variables[index].unit))
+        );
+    }
+    body += "</table>\n";
+    for (index, (measure, unit)) in study.measures.iter().zip(&loaded.measure_units).enumerate() {
+        body += &format!(
+            "<h2>{}</h2>\n<figure>\n{}<figcaption>{} over each parameter; a dot is a run.</figcaption>\n</figure>\n",
+            escaped(&measure.name),
+            drawing(loaded, outcomes, index, unit).html(),
+            escaped(&measure.name),
+        );
+    }
+    if !failed.is_empty() {
+        body += "<h2>Failed runs</h2>\n<table>\n<tr><th>Run</th><th>Error</th></tr>\n";
+        for outcome in failed.iter().take(MOST_FAILURES) {
+            let error = outcome.error.as_deref().unwrap_or_default();
+            body += &format!("<tr><td>{}</td><td>{}</td></tr>\n", outcome.run, escaped(error));
+        }
+        body += "</table>\n";
+        if failed.len() > MOST_FAILURES {
+            body += &format!("<p>and {} more, in results.csv</p>\n", failed.len() - MOST_FAILURES);
+        }
+    }
+    page(title, "", &body)
+}
+
+/// The row of a measure: its least, median and greatest value, with their runs.
+fn summary(name: &str, unit: &str, index: usize, outcomes: &[Outcome]) -> String {
+    let mut found: Vec<_> =
+        outcomes.iter().filter_map(|outcome| Some((outcome.measures[index]?, outcome.run))).collect();
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let cell = |place: Option<&(f64, usize)>| match place {
+        Some((value, run)) => format!("{} (run {run})", quantity(*value, unit)),
+        None => String::new(),
+    };
+    format!(
+        "<tr><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td>\
+         <td class=\"number\">{} runs</td></tr>\n",
+        escaped(name),
+        escaped(&cell(found.first())),
+        escaped(&cell(found.get(found.len() / 2))),
+        escaped(&cell(found.last())),
+        outcomes.len() - found.len(),
+    )
+}
+
+/// A measure over each parameter that is a number.
+fn drawing(loaded: &Loaded, outcomes: &[Outcome], measure: usize, unit: &str) -> Figure {
+    let study = loaded.study();
+    let size =
+        |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |most, value: f64| value.abs().max(most));
+    let most = size(&mut outcomes.iter().filter_map(|outcome| outcome.measures[measure]));
+    let (unit, factor) = shown(unit, most);
+    let mut panels = vec![];
+    for (index, parameter) in study.parameters.iter().enumerate() {
+        let points = outcomes.iter().filter_map(|outcome| {
+            let value = study.points[outcome.run][index].as_ref().and_then(as_number)?;
+            Some((value, outcome.measures[measure]?))
+        });
+        let (x, y): (Vec<_>, Vec<_>) = points.unzip();
+        if x.is_empty() {
+            continue;
+        }
+        let x_unit = &loaded.variables[index].unit;
+        let (x_unit, x_factor) = shown(x_unit, size(&mut x.iter().copied()));
+        let x: Vec<_> = x.into_iter().map(|value| x_factor * value).collect();
+        let label = match x_unit.as_str() {
+            "" => parameter.name.clone(),
+            unit => format!("{} ({unit})", parameter.name),
+        };
+        let dots = Line::new(&x, y.into_iter().map(|value| factor * value)).color(color::BLUE).dots();
+        panels.push(Panel::new(&label, &unit).line(dots));
+    }
+    panels.chunks(MOST_IN_ROW).fold(Figure::new(), |figure, row| figure.row(row.iter().cloned()))
+}
+
+fn as_number(value: &Value) -> Option<f64> {
+    match value {
+        Value::Real(value, _) => Some(*value),
+        Value::Integer(value) => Some(f64::from(*value)),
+        Value::Boolean(value) => Some(f64::from(u8::from(*value))),
+        Value::String(_) | Value::Enumeration(_) => None,
+    }
+}
+
+/// The values of a parameter in words.
+fn range(values: &[&Value], unit: &str) -> String {
+    let mut numbers: Vec<_> = values.iter().filter_map(|value| as_number(value)).collect();
+    numbers.sort_by(f64::total_cmp);
+    numbers.dedup();
+    match numbers[..] {
+        [] => {
+            let mut texts: Vec<_> = values.iter().map(|value| written(value)).collect();
+            texts.sort();
+            texts.dedup();
+            texts.join(", ")
+        }
+        [only] => quantity(only, unit),
+        [least, .., most] => {
+            let (unit, factor) = shown(unit, most);
+            let both = [least, most].map(|value| number(factor * value));
+            format!("{} values from {} to {} {unit}", numbers.len(), both[0], both[1]).trim_end().to_owned()
+        }
+    }
+}

@@ -1,0 +1,211 @@
+//! Scenarios that are not written as such: one FMU alone, and the system in an .ssp, with the connections, start values
+//! and parameter sets that it has.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use fmu_package::temporary::Folder;
+use fmu_package::terminal::number;
+use fmu_package::{
+    ConnectorDescription, FmuDescription, Kind, Linear, ParameterSet, SystemDescription, Unit, Value,
+    archive, reading,
+};
+
+use crate::scenario::{Connection, Input, Location, Member, Scenario, Signal, Stepping};
+
+/// The structure that every package has (SSP, section 3).
+const STRUCTURE: &str = "SystemStructure.ssd";
+/// Steps of an FMU that names no step, as many as `fmpy simulate` takes.
+const STEPS: f64 = 500.0;
+
+/// When a run begins and ends, and its communication step (s); none where nobody says.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Times {
+    pub start: Option<f64>,
+    pub stop: Option<f64>,
+    pub step: Option<f64>,
+}
+
+impl Times {
+    /// These, or else others.
+    fn or(self, other: Self) -> Self {
+        Self {
+            start: self.start.or(other.start),
+            stop: self.stop.or(other.stop),
+            step: self.step.or(other.step),
+        }
+    }
+
+    fn scenario(self, title: &str) -> Result<Scenario> {
+        let start = self.start.unwrap_or(0.0);
+        let stop = self.stop.context("it says not when a run ends: give --stop-time")?;
+        // A whole number of steps.
+        let step = self.step.unwrap_or((stop - start) / STEPS);
+        if step <= 0.0 || !step.is_finite() {
+            bail!("the communication step is {} s", number(step));
+        }
+        let mut scenario = Scenario {
+            title: Some(title.to_owned()),
+            step,
+            start_time: start,
+            stop_time: stop,
+            steps: 0,
+            stepping: Stepping::InTurn,
+            fmus: vec![],
+            inputs: vec![],
+            connections: None,
+            has_replaced_fmus: false,
+            noise: vec![],
+            measurement_noise: vec![],
+            record: None,
+            panels: None,
+            files: vec![],
+        };
+        scenario.end_at(stop)?;
+        Ok(scenario)
+    }
+}
+
+fn member(name: &str, file: &Path, location: Location) -> Member {
+    Member {
+        name: name.to_owned(),
+        file: file.to_owned(),
+        map: None,
+        location,
+        parameters: vec![],
+        values: vec![],
+        run_in: None,
+        inputs: vec![],
+    }
+}
+
+/// One FMU alone, with the times of its default experiment where no others are given.
+pub fn alone(path: &Path, times: Times) -> Result<Scenario> {
+    let description = FmuDescription::read(path)?;
+    let time = |name: &str| {
+        let value = description.default_experiment.iter().find(|(known, _)| known == name);
+        value.and_then(|(_, text)| text.trim().parse().ok())
+    };
+    let own = Times { start: time("startTime"), stop: time("stopTime"), step: time("stepSize") };
+    let name = description.attribute("modelName");
+    let mut scenario = times.or(own).scenario(name).with_context(|| path.display().to_string())?;
+    scenario.fmus.push(member(name, path, Location::argument(&path.display().to_string())));
+    scenario.files.push(path.to_owned());
+    Ok(scenario)
+}
+
+/// The system of a package, and the folder with its FMUs.
+pub fn read(path: &Path, times: Times) -> Result<(Scenario, Folder)> {
+    let folder = extract(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let mut scenario =
+        of_structure(folder.path(), times).with_context(|| format!("the system in {}", path.display()))?;
+    scenario.files.push(path.to_owned());
+    Ok((scenario, folder))
+}
+
+fn extract(path: &Path) -> Result<Folder> {
+    let mut archive = archive::open(BufReader::new(File::open(path)?))?;
+    Ok(Folder::filled("boost-lab-", |folder| archive::extract(&mut archive, folder))?)
+}
+
+fn of_structure(folder: &Path, times: Times) -> Result<Scenario> {
+    let text = reading::text(&folder.join(STRUCTURE)).with_context(|| format!("it has no {STRUCTURE}"))?;
+    let system = SystemDescription::parse(&text).with_context(|| format!("its {STRUCTURE}"))?;
+    let own = Times { start: system.start_time, stop: system.stop_time, step: system.step_size };
+    let mut scenario = times.or(own).scenario(&system.name)?;
+    let mut descriptions = vec![];
+    for component in &system.components {
+        let file = folder.join(&component.source);
+        let location = Location::argument(&format!("the component {}", component.name));
+        let mut member = member(&component.name, &file, location.clone());
+        for source in &component.parameter_sets {
+            let set = location.locate(ParameterSet::read(&folder.join(source)).map_err(Into::into))?;
+            member.parameters.push((set, location.clone()));
+        }
+        descriptions.push(location.locate(FmuDescription::read(&file).map_err(Into::into))?);
+        scenario.fmus.push(member);
+    }
+    // The unit of a component's connector is the structure's, or else the FMU's.
+    let unit = |component: Option<&str>, connector: &str| -> Option<Unit> {
+        let index = component.map(|name| system.components.iter().position(|known| known.name == name));
+        let (connectors, description): (&[ConnectorDescription], _) = match index {
+            None => (&system.connectors, None),
+            Some(index) => (&system.components[index?].connectors, Some(&descriptions[index?])),
+        };
+        let declared = connectors.iter().find(|known| known.name == connector)?;
+        let own = description.and_then(|description| {
+            description.variable(connector).and_then(|variable| description.unit(&variable.unit))
+        });
+        system.units.iter().find(|unit| unit.name == declared.unit).cloned().or(own)
+    };
+    let mut connections = vec![];
+    for connection in &system.connections {
+        let (start, end) = (&connection.start, &connection.end);
+        // What leaves the system drives nothing.
+        let Some(target) = &end.component else { continue };
+        for name in [start.component.as_ref(), Some(target)].into_iter().flatten() {
+            if !system.components.iter().any(|component| component.name == *name) {
+                bail!("a connection names the component {name}, which the system does not have");
+            }
+        }
+        let units = [start, end].map(|end| unit(end.component.as_deref(), &end.connector));
+        let by_units = match units.map(|unit| unit.and_then(|unit| unit.base)) {
+            [Some(from), Some(to)] if connection.converts_units => from.to(&to).with_context(|| {
+                format!("{} and {} have units that do not convert", start.connector, end.connector)
+            })?,
+            _ => Linear::IDENTITY,
+        };
+        connections.push(Connection {
+            source: start.component.clone(),
+            output: start.connector.clone(),
+            target: target.clone(),
+            input: end.connector.clone(),
+            conversion: by_units.then(connection.transformation),
+        });
+    }
+    scenario.connections = Some(connections);
+    let starts = system.parameter_sets.iter().map(|source| ParameterSet::read(&folder.join(source)));
+    for set in starts.collect::<Result<Vec<_>, _>>()? {
+        for parameter in &set.parameters {
+            take_start(&mut scenario, &system, &set, &parameter.name, &parameter.value)?;
+        }
+    }
+    Ok(scenario)
+}
+
+/// Gives an input of the system its start value, which it keeps.
+fn take_start(
+    scenario: &mut Scenario,
+    system: &SystemDescription,
+    set: &ParameterSet,
+    name: &str,
+    value: &Value,
+) -> Result<()> {
+    let connector = system.connectors.iter().find(|connector| connector.name == name);
+    let Some(connector) = connector.filter(|connector| connector.kind == Some(Kind::Input)) else {
+        bail!("the parameter set {} is for the system, which has no input {name}", set.name);
+    };
+    let base = |unit: &str| {
+        let known = set.units.iter().chain(&system.units).find(|known| known.name == unit);
+        known.and_then(|unit| unit.base)
+    };
+    let number = match value {
+        Value::Real(value, Some(unit)) if *unit != connector.unit => {
+            let conversion = base(unit).zip(base(&connector.unit)).and_then(|(from, to)| from.to(&to));
+            let conversion = conversion.with_context(|| {
+                format!("the unit {unit} of {name} does not convert to {}", connector.unit)
+            })?;
+            conversion.apply(*value)
+        }
+        Value::Real(value, _) => *value,
+        Value::Integer(value) => f64::from(*value),
+        Value::Boolean(value) => f64::from(u8::from(*value)),
+        Value::String(text) | Value::Enumeration(text) => bail!("{name} is not a number: {text}"),
+    };
+    let location = Location::argument(&format!("the system's {name}"));
+    scenario.inputs.retain(|input| input.name != name);
+    scenario.inputs.push(Input { name: name.to_owned(), signal: Signal::Constant(number), location });
+    Ok(())
+}
