@@ -1,7 +1,7 @@
 //! Catches a model's panics, which must not unwind into the importer's stack.
 
-use std::any::Any;
-use std::mem;
+use core::any::Any;
+use core::mem;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::error::Error;
