@@ -53,11 +53,19 @@ pub(crate) struct Memory<M: Model> {
     end: Option<f64>,
     /// Of Model Exchange.
     events: Events,
-    /// How many event iterations there were since Event Mode was entered.
+    /// Of Event Mode.
+    event: EventUnderWay,
+}
+
+/// The event iterations since Event Mode was entered.
+#[derive(Clone, Copy, Debug, Default)]
+struct EventUnderWay {
     iterations: u32,
-    /// Whether one of these has changed a state.
+    /// Whether one of them has changed a state, which the last one is to tell.
     states_changed: bool,
 }
+
+crate::persistent!(EventUnderWay { iterations, states_changed });
 
 impl<M: Model> Memory<M> {
     fn new(interface: Interface) -> Self {
@@ -80,8 +88,7 @@ impl<M: Model> Memory<M> {
             recent_messages: RecentMessages::default(),
             end: None,
             events: Events::new(indicators),
-            iterations: 0,
-            states_changed: false,
+            event: EventUnderWay::default(),
         }
     }
 
@@ -111,8 +118,7 @@ impl<M: Model> Persistent for Memory<M> {
             recent_messages,
             end,
             events,
-            iterations,
-            states_changed,
+            event,
         } = self;
         phase.persist(archive)?;
         model.persist(archive)?;
@@ -126,8 +132,7 @@ impl<M: Model> Persistent for Memory<M> {
         recent_messages.persist(archive)?;
         end.persist(archive)?;
         events.persist(archive)?;
-        iterations.persist(archive)?;
-        states_changed.persist(archive)
+        event.persist(archive)
     }
 }
 

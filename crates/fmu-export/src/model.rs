@@ -61,6 +61,7 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
         })
     }
     /// The described variables, each with its value reference.
+    #[must_use]
     fn described() -> impl Iterator<Item = (ValueReference, &'static VariableDescription)> {
         let numbered = Self::DESCRIPTION.variables.iter().enumerate();
         numbered.map(|(position, variable)| (Self::value_reference(position), variable))

@@ -2,7 +2,8 @@
 
 use core::any::Any;
 use core::mem;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use core::panic::AssertUnwindSafe;
+use std::panic::catch_unwind;
 
 use crate::error::Error;
 

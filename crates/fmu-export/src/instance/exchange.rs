@@ -1,6 +1,6 @@
 //! Model Exchange: time, states and events (FMI 2.0.5, section 3.2).
 
-use super::{Answer, Instance, Memory, check_finite};
+use super::{Answer, EventUnderWay, Instance, Memory, check_finite};
 use crate::c_types::Status;
 use crate::calling_sequence::{Interface, Phase};
 use crate::error::{Error, Shown};
@@ -78,8 +78,7 @@ impl<M: ModelExchange> Instance<M> {
     #[expect(clippy::unnecessary_wraps, reason = "returns what every callable function does")]
     pub(crate) fn enter_event_mode(&mut self) -> Answer {
         self.memory.phase = Phase::EventMode;
-        self.memory.iterations = 0;
-        self.memory.states_changed = false;
+        self.memory.event = EventUnderWay::default();
         Ok(Status::Ok)
     }
 
@@ -109,8 +108,8 @@ impl<M: ModelExchange> Instance<M> {
         let time = due.unwrap_or_else(|| memory.events.time(memory.time, time_rounding(memory.time)));
         let mut info = EventInfo::default();
         if has_changed || due.is_some() {
-            memory.iterations += 1;
-            if memory.iterations > MOST_ITERATIONS {
+            memory.event.iterations += 1;
+            if memory.event.iterations > MOST_ITERATIONS {
                 memory.phase = Phase::Error;
                 return Err(memory.events.endless(memory.time, M::Variables::EVENT_INDICATORS));
             }
@@ -133,10 +132,10 @@ impl<M: ModelExchange> Instance<M> {
             memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.latest());
             check_finite(&memory.variables, memory.time)?;
             memory.announce_next(time, false)?;
-            memory.states_changed |= memory.states() != before;
-            info.states_changed = memory.states_changed;
+            memory.event.states_changed |= memory.states() != before;
+            info.states_changed = memory.event.states_changed;
             info.again = memory.find_changes()? || memory.due().is_some();
-            memory.states_changed &= info.again;
+            memory.event.states_changed &= info.again;
             memory.phase = Phase::EventMode;
         } else {
             // Inputs and parameters that were set may have moved it.
@@ -168,7 +167,7 @@ impl<M: ModelExchange> Instance<M> {
         self.memory.time = time;
         self.memory.stale = true;
         if self.memory.phase == Phase::EventMode {
-            self.memory.iterations = 0;
+            self.memory.event = EventUnderWay::default();
         }
         Ok(Status::Ok)
     }

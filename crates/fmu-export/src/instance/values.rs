@@ -128,11 +128,9 @@ impl<M: Model> Instance<M> {
             Causality::Input => self.takes_input(variable),
             _ => self.is_settable_now(variable),
         };
-        // Real inputs are limited to their bounds later.
-        let within = variable.real_input.is_some()
-            // A solver tries states beyond their bounds, which are the model's to bear, as in fmi2SetContinuousStates.
-            || self.memory.phase == Phase::ContinuousTimeMode
-            || (variable.min..=variable.max).contains(&value);
+        // A solver tries states beyond their bounds, which are the model's to bear, as in fmi2SetContinuousStates.
+        let within =
+            self.memory.phase == Phase::ContinuousTimeMode || (variable.min..=variable.max).contains(&value);
         if settable && value.is_finite() && within {
             Ok(())
         } else {
@@ -201,7 +199,7 @@ impl<M: Model> Instance<M> {
         }
         let &Setter { data_type: requested, as_number, write, .. } = setter;
         for (&reference, &value) in references.iter().zip(values) {
-            // A shortcut for Real inputs, which may be set to any finite value.
+            // Real inputs may be set to any finite value: they are limited to their bounds later.
             if !(Self::is_real_input(reference)
                 && requested == DataType::Real
                 && as_number(value).is_finite())

@@ -313,6 +313,16 @@ def test_values_follow_what_is_set(make: Make) -> None:
     assert instance.vector("Derivatives") == [3.0, 0.0]
 
 
+def test_a_solver_tries_states_beyond_their_bounds(make: Make, fmu: Fmu) -> None:
+    """By fmi2SetReal as by fmi2SetContinuousStates."""
+    instance = running(make)
+    beyond = 2.0 * float(fmu.variables["tank.level"].max)
+    assert instance.set({"tank.level": beyond}) == Status.OK
+    assert instance.vector("ContinuousStates") == [beyond, 0.0]
+    instance.set_states(-beyond, 0.0)
+    assert instance.get("tank.level") == -beyond
+
+
 def test_the_initial_event_mode(make: Make) -> None:
     """Section 3.1: what is read there is right before fmi2NewDiscreteStates, and inputs can still be set."""
     instance = initialized(make, motion__start=2, motion__position=0.5, tank__level=2.0)
@@ -395,6 +405,13 @@ def test_a_tick_comes_a_little_early(make: Make, end: float) -> None:
     instance = running(make, start_time=1e3 - 0.25, **parameters)
     assert have_event(instance, 1e3 - 200 * math.ulp(1e3))[0].next_event_time == 1e3
     assert instance.get("events.ticks") == 1
+
+
+def test_an_event_long_before_the_last_one(make: Make) -> None:
+    """Of an importer that goes back in time: the model is asked for what is next after it."""
+    instance = running(make, events__period=0.25, events__end=0.2)
+    have_event(instance, 0.25)
+    assert have_event(instance, 0.125)[-1].next_event_time == 0.2
 
 
 def test_short_ticks_late_in_time(make: Make) -> None:
