@@ -57,10 +57,9 @@ where
 
     /// All outputs, in the order of the description.
     fn outputs(&self) -> Vec<f64> {
-        let variables = (0..).zip(<M::Variables as Variables>::DESCRIPTION.variables);
-        variables
+        M::Variables::described()
             .filter(|(_, variable)| variable.causality == Causality::Output)
-            .map(|(position, _)| self.variables.real(M::Variables::value_reference(position)))
+            .map(|(reference, _)| self.variables.real(reference))
             .collect()
     }
 

@@ -28,7 +28,12 @@ impl DutyLatch {
 
     /// The time in s at which the next period starts.
     pub fn next(&self, frequency: f64) -> f64 {
-        self.start_time + self.started as f64 / frequency
+        self.start_time + self.next_after_start(frequency)
+    }
+
+    /// The same from the experiment's start.
+    fn next_after_start(&self, frequency: f64) -> f64 {
+        self.started as f64 / frequency
     }
 
     /// Starts one period, with a duty in percent.
@@ -40,7 +45,7 @@ impl DutyLatch {
     /// The time in s from the experiment's start to the next start of a period, if it lies before `end`
     /// (s from there too).
     pub fn next_before(&self, end: f64, frequency: f64) -> Option<f64> {
-        let instant = self.started as f64 / frequency;
+        let instant = self.next_after_start(frequency);
         (instant < end - ROUNDING / frequency).then_some(instant)
     }
 

@@ -24,8 +24,7 @@ fn value_within(random: &mut Random, least: f64, most: f64) -> f64 {
 fn parameters(random: &mut Random) -> Variables {
     loop {
         let mut variables = Variables::default();
-        for (position, variable) in (0..).zip(Variables::DESCRIPTION.variables) {
-            let reference = Variables::value_reference(position);
+        for (reference, variable) in Variables::described() {
             if variable.causality != Causality::Parameter || random.between(0.0, 1.0) < 0.5 {
                 continue;
             }
@@ -59,7 +58,6 @@ fn parameters(random: &mut Random) -> Variables {
 #[test]
 fn all_allowed_values_give_finite_outputs() {
     let mut random = Random(99);
-    let description = Variables::DESCRIPTION;
     for _ in 0..500 {
         let variables = parameters(&mut random);
         let mut bench = Bench::new(&Inputs::default(), |_| {});
@@ -67,7 +65,7 @@ fn all_allowed_values_give_finite_outputs() {
         bench.initialize(&Inputs::default());
         let mut inputs = Inputs::default();
         for number in 0..500 {
-            for variable in description.variables {
+            for variable in Variables::DESCRIPTION.variables {
                 if let Some(position) = variable.real_input
                     && random.between(0.0, 1.0) < 0.1
                 {
@@ -75,8 +73,7 @@ fn all_allowed_values_give_finite_outputs() {
                 }
             }
             bench.sample(number, &inputs);
-            for (position, variable) in (0..).zip(description.variables) {
-                let reference = Variables::value_reference(position);
+            for (reference, variable) in Variables::described() {
                 if !matches!(variable.causality, Causality::Output | Causality::Local)
                     || variable.data_type != DataType::Real
                 {

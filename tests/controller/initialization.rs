@@ -164,9 +164,8 @@ fn declared_dependencies() -> Vec<(&'static str, BTreeSet<&'static str>)> {
 /// depend on exactly what is declared.
 #[test]
 fn initialization_depends_on_what_is_declared() {
-    let description = Variables::DESCRIPTION;
     let mut moved: Vec<(&str, BTreeSet<&str>)> = Vec::new();
-    for variable in description.variables {
+    for variable in Variables::DESCRIPTION.variables {
         if variable.causality == Causality::Output {
             moved.push((variable.name, BTreeSet::new()));
         }
@@ -201,8 +200,7 @@ fn initialization_depends_on_what_is_declared() {
         let variables = Variables { parameters, ..Variables::default() };
         assert_eq!(BoostController::check_parameters(&variables), Ok(()));
         let before = outputs(&variables, &inputs);
-        for (position, variable) in (0..).zip(description.variables) {
-            let reference = Variables::value_reference(position);
+        for (reference, variable) in Variables::described() {
             let changed_to = |value: f64| [value * 1.001, value * 0.999, value * 1.5, value * 0.5];
             if let Some(position) = variable.real_input {
                 for value in changed_to(inputs.real(position)) {

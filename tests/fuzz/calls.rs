@@ -1,6 +1,7 @@
 //! Random calls.
 
-use fmu_export::description::{Causality, DataType, ModelDescription, Variability};
+use fmu_export::Variables;
+use fmu_export::description::{Causality, DataType, Variability};
 use proptest::collection::vec;
 use proptest::option;
 use proptest::prelude::*;
@@ -138,13 +139,8 @@ fn number() -> impl Strategy<Value = Number> {
 }
 
 /// The value references of the variables of a type that meet a condition.
-fn references(
-    description: &'static ModelDescription,
-    data_type: Type,
-    wanted: impl Fn(Causality, Variability) -> bool,
-) -> Vec<u32> {
-    let numbered = (0..).zip(description.variables);
-    numbered
+fn references<V: Variables>(data_type: Type, wanted: impl Fn(Causality, Variability) -> bool) -> Vec<u32> {
+    V::described()
         .filter(|(_, variable)| {
             Type::of(variable.data_type) == data_type && wanted(variable.causality, variable.variability)
         })
@@ -153,34 +149,35 @@ fn references(
 }
 
 /// A value reference, mostly a useful one.
-fn mostly(description: &'static ModelDescription, useful: Vec<u32>) -> BoxedStrategy<u32> {
-    let count = u32::try_from(description.variables.len()).unwrap();
-    let useful = if useful.is_empty() { vec![0] } else { useful };
+fn mostly<V: Variables>(useful: Vec<u32>) -> BoxedStrategy<u32> {
+    let any: Vec<_> = V::described().map(|(reference, _)| reference).collect();
+    let after = any.iter().max().expect("a variable") + 1;
+    let useful = if useful.is_empty() { any.clone() } else { useful };
     prop_oneof![
         30 => select(useful),
-        1 => 0..count,
-        1 => select(vec![count, 1 << 31, u32::MAX]),
+        1 => select(any),
+        1 => select(vec![after, 1 << 31, u32::MAX]),
     ]
     .boxed()
 }
 
 /// A value reference to get.
-fn readable(description: &'static ModelDescription, data_type: Type) -> BoxedStrategy<u32> {
-    mostly(description, references(description, data_type, |_, _| true))
+fn readable<V: Variables>(data_type: Type) -> BoxedStrategy<u32> {
+    mostly::<V>(references::<V>(data_type, |_, _| true))
 }
 
 /// A value reference to set between steps: an input or a tunable parameter.
-fn settable(description: &'static ModelDescription, data_type: Type) -> BoxedStrategy<u32> {
-    let inputs = references(description, data_type, |causality, _| causality == Causality::Input);
-    let tunable = references(description, data_type, |_, variability| variability == Variability::Tunable);
-    mostly(description, [&inputs[..], &inputs, &inputs, &tunable].concat())
+fn settable<V: Variables>(data_type: Type) -> BoxedStrategy<u32> {
+    let inputs = references::<V>(data_type, |causality, _| causality == Causality::Input);
+    let tunable = references::<V>(data_type, |_, variability| variability == Variability::Tunable);
+    mostly::<V>([&inputs[..], &inputs, &inputs, &tunable].concat())
 }
 
 /// Settings of parameters, as before initialization.
-pub fn settings(description: &'static ModelDescription) -> impl Strategy<Value = Vec<Call>> {
-    let setting = data_type().prop_flat_map(move |data_type| {
-        let parameters = references(description, data_type, |causality, _| causality == Causality::Parameter);
-        (mostly(description, parameters), number()).prop_map(move |value| Call::Set(data_type, vec![value]))
+pub fn settings<V: Variables>() -> impl Strategy<Value = Vec<Call>> {
+    let setting = data_type().prop_flat_map(|data_type| {
+        let parameters = references::<V>(data_type, |causality, _| causality == Causality::Parameter);
+        (mostly::<V>(parameters), number()).prop_map(move |value| Call::Set(data_type, vec![value]))
     });
     vec(setting, 0..4)
 }
@@ -234,9 +231,9 @@ fn of_model_exchange() -> impl Strategy<Value = Call> {
 }
 
 /// A call without saved states.
-pub fn without_states(description: &'static ModelDescription) -> BoxedStrategy<Call> {
-    let others = of_every_fmu_or_co_simulation(description);
-    if description.interfaces.model_exchange {
+pub fn without_states<V: Variables>() -> BoxedStrategy<Call> {
+    let others = of_every_fmu_or_co_simulation::<V>();
+    if V::DESCRIPTION.interfaces.model_exchange {
         prop_oneof![2 => others, 1 => of_model_exchange()].boxed()
     } else {
         others.boxed()
@@ -244,9 +241,9 @@ pub fn without_states(description: &'static ModelDescription) -> BoxedStrategy<C
 }
 
 /// A call that every FMU has, or only co-simulation.
-fn of_every_fmu_or_co_simulation(description: &'static ModelDescription) -> impl Strategy<Value = Call> {
-    let input = || settable(description, Type::Real);
-    let output = || readable(description, Type::Real);
+fn of_every_fmu_or_co_simulation<V: Variables>() -> impl Strategy<Value = Call> {
+    let input = || settable::<V>(Type::Real);
+    let output = || readable::<V>(Type::Real);
     let experiment = (
         option::weighted(0.3, prop_oneof![3 => 1e-9..1e-2, 1 => odd_number()]),
         prop_oneof![5 => Just(0.0), 3 => -1e3..1e3, 1 => odd_number()],
@@ -273,12 +270,12 @@ fn of_every_fmu_or_co_simulation(description: &'static ModelDescription) -> impl
         3 => Just(Call::ExitInitializationMode),
         1 => Just(Call::Terminate),
         1 => Just(Call::Reset),
-        8 => data_type().prop_flat_map(move |data_type| {
-            vec(readable(description, data_type), 0..8)
+        8 => data_type().prop_flat_map(|data_type| {
+            vec(readable::<V>(data_type), 0..8)
                 .prop_map(move |references| Call::Get(data_type, references))
         }),
-        12 => data_type().prop_flat_map(move |data_type| {
-            vec((settable(description, data_type), number()), 0..5)
+        12 => data_type().prop_flat_map(|data_type| {
+            vec((settable::<V>(data_type), number()), 0..5)
                 .prop_map(move |values| Call::Set(data_type, values))
         }),
         3 => vec((input(), prop_oneof![8 => 1..=2, 1 => -1..12], prop_oneof![5 => -10.0..10.0, 1 => odd_number()]), 0..4)
@@ -293,9 +290,9 @@ fn of_every_fmu_or_co_simulation(description: &'static ModelDescription) -> impl
 }
 
 /// A call of any function.
-pub fn any_call(description: &'static ModelDescription) -> impl Strategy<Value = Call> {
+pub fn any_call<V: Variables>() -> impl Strategy<Value = Call> {
     prop_oneof![
-        50 => without_states(description),
+        50 => without_states::<V>(),
         4 => (0..PLACES).prop_map(Call::GetState),
         4 => (0..PLACES).prop_map(Call::SetState),
         1 => (0..PLACES).prop_map(Call::FreeState),

@@ -686,7 +686,7 @@ impl<M: Model> Importer<M> {
 
 /// The number for a variable.
 fn real_value<M: Model>(reference: u32, number: Number) -> f64 {
-    match (number, M::Variables::DESCRIPTION.variables.get(reference as usize)) {
+    match (number, M::Variables::description(reference)) {
         // The test model fails on request, which has tests of its own; this value is refused.
         (_, Some(variable)) if variable.name.starts_with("fault.") => f64::INFINITY,
         (Number::Special(value), _) => value,

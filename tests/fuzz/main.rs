@@ -50,14 +50,13 @@ fn any_order<M: Model>(cases: u32, functions: Functions, before: &[Call]) {
 }
 
 fn any_order_of<M: Model>(interface: Interface, cases: u32, functions: Functions, before: &[Call]) {
-    let description = M::Variables::DESCRIPTION;
     let fresh = Importer::<M>::new(interface, functions).snapshot();
     let (sequences, made) = (Cell::new(0), Cell::new(0));
     let strategy = (
-        calls::settings(description),
+        calls::settings::<M::Variables>(),
         any::<proptest::sample::Index>(),
-        proptest::collection::vec(calls::any_call(description), 0..40),
-        proptest::collection::vec(calls::without_states(description), 0..20),
+        proptest::collection::vec(calls::any_call::<M::Variables>(), 0..40),
+        proptest::collection::vec(calls::without_states::<M::Variables>(), 0..20),
     );
     // One in five importers starts at once, the others after a part of the opening.
     let outcome = runner(cases).run(&strategy, |(settings, skipped, head, tail)| {
@@ -82,14 +81,13 @@ fn any_order_of<M: Model>(interface: Interface, cases: u32, functions: Functions
         Ok(())
     });
     outcome.unwrap_or_else(|failure| panic!("{failure}"));
-    let name = description.model_identifier;
+    let name = M::Variables::DESCRIPTION.model_identifier;
     println!("{name}, {interface:?}: {} sequences, {} calls", sequences.get(), made.get());
 }
 
 /// The value reference of a variable.
 fn reference<M: Model>(name: &str) -> u32 {
-    let variables = M::Variables::DESCRIPTION.variables;
-    u32::try_from(variables.iter().position(|variable| variable.name == name).unwrap()).unwrap()
+    M::Variables::described().find(|(_, variable)| variable.name == name).unwrap().0
 }
 
 /// The opening.

@@ -51,18 +51,16 @@ fn attribute(element: &BytesStart<'_>, name: &str) -> String {
 }
 
 pub fn name(reference: ValueReference) -> &'static str {
-    Variables::DESCRIPTION.variables[reference as usize].name
+    Variables::description(reference).expect("the variable exists").name
 }
 
 pub fn reference(wanted: &str) -> ValueReference {
-    let position = Variables::DESCRIPTION.variables.iter().position(|variable| variable.name == wanted);
-    u32::try_from(position.expect("the variable exists")).expect("few variables")
+    Variables::described().find(|(_, variable)| variable.name == wanted).expect("the variable exists").0
 }
 
 /// The Real variables that a condition holds for.
 pub fn reals(condition: impl Fn(ValueReference, Causality, Initial) -> bool) -> Vec<ValueReference> {
-    (0..)
-        .zip(Variables::DESCRIPTION.variables)
+    Variables::described()
         .filter(|(reference, variable)| {
             variable.data_type == DataType::Real
                 && condition(*reference, variable.causality, variable.initial)

@@ -41,7 +41,7 @@ fn random_inputs(random: &mut Random) -> Inputs {
 fn random_parameters(random: &mut Random, share: f64) -> Variables {
     loop {
         let mut variables = Variables::default();
-        for (reference, variable) in (0..).zip(Variables::DESCRIPTION.variables) {
+        for (reference, variable) in Variables::described() {
             let is_parameter = variable.causality == Causality::Parameter
                 || variable.initial == Initial::Exact && variable.causality == Causality::Local;
             if is_parameter && variable.data_type == DataType::Real && random.between(0.0, 1.0) < share {
@@ -76,7 +76,7 @@ fn check_values(bench: &Bench, context: &str, impossible: &mut Vec<String>) {
         }
     };
     let all = f64::MAX;
-    for (reference, variable) in (0..).zip(Variables::DESCRIPTION.variables) {
+    for (reference, variable) in Variables::described() {
         let value = bench.variables.real(reference);
         let calculated = matches!(variable.causality, Causality::Output | Causality::Local);
         let name = variable.name;
@@ -188,7 +188,7 @@ fn check_flows(bench: &Bench, context: &str, impossible: &mut Vec<String>) {
 
 /// Whether all values are finite. In the runtime, getting other values is an error.
 fn is_finite(variables: &Variables) -> bool {
-    (0..).zip(Variables::DESCRIPTION.variables).all(|(reference, _)| variables.real(reference).is_finite())
+    Variables::described().all(|(reference, _)| variables.real(reference).is_finite())
 }
 
 /// The largest pressure difference in Pa on the membrane.

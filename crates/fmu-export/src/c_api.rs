@@ -15,10 +15,10 @@
 
 #![allow(clippy::missing_safety_doc, clippy::too_many_arguments)]
 
+use core::ffi::{CStr, c_char, c_int};
+use core::ptr;
+use core::slice;
 use std::borrow::Cow;
-use std::ffi::{CStr, c_char, c_int};
-use std::ptr;
-use std::slice;
 use std::sync::PoisonError;
 
 use crate::c_types::{
@@ -804,7 +804,7 @@ macro_rules! fmi2_both {
 macro_rules! fmi2_functions {
     ($model:ty; $exit_initialization_mode:ident; $($interface:ident),*) => {
         const _: () = {
-            use ::std::ffi::{c_char, c_int};
+            use ::core::ffi::{c_char, c_int};
             use $crate::c_types::{
                 Boolean, Byte, CallbackFunctions, Component, EventInfo, FmuState, Integer, Status, ValueReference,
             };

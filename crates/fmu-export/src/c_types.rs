@@ -1,7 +1,7 @@
 //! The C types of FMI 2.0.5 (fmi2TypesPlatform.h, fmi2FunctionTypes.h), declared by hand from the
 //! standard: they are few, and a binding generator would need libclang wherever a model is built.
 
-use std::ffi::{c_char, c_int, c_uint, c_void};
+use core::ffi::{c_char, c_int, c_uint, c_void};
 
 /// `fmi2Component`: an instance.
 pub type Component = *mut c_void;
@@ -40,7 +40,7 @@ pub enum Status {
 
 /// The values of `fmi2StatusKind`. Not a Rust enum: the importer may pass any number.
 pub mod status_kind {
-    use std::ffi::c_int;
+    use core::ffi::c_int;
 
     /// `fmi2LastSuccessfulTime`.
     pub const LAST_SUCCESSFUL_TIME: c_int = 2;

@@ -3,7 +3,7 @@
 //! The standard's states `stepInProgress` and `stepCanceled` do not occur, since steps are not asynchronous, and neither
 //! does `fatal`, since an error never affects another instance.
 
-use std::fmt;
+use core::fmt;
 
 use crate::error;
 use crate::persistence::{Archive, Persistent};
@@ -26,7 +26,7 @@ impl fmt::Display for Interface {
     }
 }
 
-/// The states of an instance.
+/// The states of an instance, first those in which values can be set: one comparison finds them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     /// After `fmi2Instantiate` or `fmi2Reset`.
@@ -35,12 +35,12 @@ pub enum Phase {
     InitializationMode,
     /// Between steps of co-simulation.
     StepComplete,
-    /// After a step in which the model asked for the end.
-    StepFailed,
     /// Model Exchange: at an event.
     EventMode,
     /// Model Exchange: between events.
     ContinuousTimeMode,
+    /// After a step in which the model asked for the end.
+    StepFailed,
     /// After `fmi2Terminate`.
     Terminated,
     /// After a failed step or a panic, when the model's state is undefined.
@@ -93,9 +93,9 @@ const ANY: &[Phase] = &[
     Instantiated,
     InitializationMode,
     StepComplete,
-    StepFailed,
     EventMode,
     ContinuousTimeMode,
+    StepFailed,
     Terminated,
     Error,
 ];

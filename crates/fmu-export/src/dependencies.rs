@@ -17,12 +17,10 @@ const POINTS: u64 = 20;
 /// The first dependency that is not declared, or that the model has no derivatives.
 pub fn check_dependencies<M: Model>(variables: &M::Variables) -> Result<(), Error> {
     let model = M::default();
-    let positions = 0..M::Variables::DESCRIPTION.variables.len();
-    let reals = positions.filter(|&position| {
-        let variable = &M::Variables::DESCRIPTION.variables[position];
+    let reals = M::Variables::described().filter(|(_, variable)| {
         variable.data_type == DataType::Real && (variable.real_input.is_some() || variable.state.is_some())
     });
-    let knowns: Vec<_> = reals.map(M::Variables::value_reference).collect();
+    let knowns: Vec<_> = reals.map(|(reference, _)| reference).collect();
     for point in 0..POINTS {
         let mut variables = variables.clone();
         for (number, &known) in knowns.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! A model's variables: static tables that the build generates from the model's declaration, together with the
 //! modelDescription.xml (FMI 2.0.5, section 2.2).
 
-use std::fmt;
+use core::fmt;
 
 /// The handle by which an importer names a variable.
 pub type ValueReference = u32;

@@ -1,6 +1,6 @@
-//! The error of a failed call, as text for the user.
+//! The error of a failed call, as text for the user, and numbers in such texts.
 
-use std::fmt;
+use core::fmt;
 
 /// The error of a failed call; the user gets the message through the importer's logger.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -19,4 +19,19 @@ impl fmt::Display for Error {
     }
 }
 
-impl std::error::Error for Error {}
+impl core::error::Error for Error {}
+
+/// A number in messages: all its digits, but no long rows of zeros.
+#[derive(Debug)]
+pub(crate) struct Shown(pub(crate) f64);
+
+impl fmt::Display for Shown {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // `{:?}` compares the number, which traps for NaN if the importer has enabled the trap.
+        if !self.0.is_finite() {
+            return write!(formatter, "{}", self.0);
+        }
+        let text = format!("{:?}", self.0);
+        formatter.write_str(text.strip_suffix(".0").unwrap_or(&text))
+    }
+}

@@ -1,7 +1,6 @@
 //! Event indicators and time events: when a model has an event, and why.
 
-use crate::error::Error;
-use crate::logger::Shown;
+use crate::error::{Error, Shown};
 use crate::persistence::{Archive, Persistent};
 
 /// How often a model may have an event at one time, each brought about by the one before.

@@ -1,7 +1,7 @@
 //! The inputs during a communication step: values, with the derivatives set by `fmi2SetRealInputDerivatives`
 //! (FMI 2.0.5, section 4.2.1), limited to min and max.
 
-use std::mem;
+use core::mem;
 
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};

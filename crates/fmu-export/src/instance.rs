@@ -8,16 +8,17 @@ mod derivatives;
 mod exchange;
 mod values;
 
-use std::ffi::{CStr, CString};
+use core::ffi::CStr;
+use std::ffi::CString;
 
 use crate::c_types::Status;
 use crate::calling_sequence::{Function, Interface, Phase};
 use crate::description::{ModelDescription, ValueReference};
-use crate::error::Error;
+use crate::error::{Error, Shown};
 use crate::events::Events;
 use crate::inputs::InputSignal;
-use crate::logger::{Delivery, Logger, RecentMessages, Shown, WARNING};
-use crate::model::{Context, Experiment, InputsOf, Model, Step, Variables};
+use crate::logger::{Delivery, Logger, RecentMessages, WARNING};
+use crate::model::{Context, Experiment, InputsOf, Model, Step, Variables, time_rounding};
 use crate::panics::contain;
 use crate::persistence::{Archive, Persistent};
 use crate::resources::Resources;
@@ -26,11 +27,6 @@ use crate::serialized_state;
 /// The tolerance of the importer's time relative to the step. Importers compute communication points as `i * h`, as
 /// a sum, or from integer nanoseconds.
 const TIME_TOLERANCE: f64 = 1e-6;
-
-/// The rounding of a time, relative to its magnitude.
-fn time_rounding(time: f64) -> f64 {
-    64.0 * f64::EPSILON * time.abs()
-}
 
 /// The result of a call: an error, or else `fmi2OK`, `fmi2Warning` or `fmi2Discard`.
 pub(crate) type Answer = Result<Status, Error>;
@@ -57,9 +53,19 @@ pub(crate) struct Memory<M: Model> {
     end: Option<f64>,
     /// Of Model Exchange.
     events: Events,
-    /// How many event iterations there were since Event Mode was entered.
-    iterations: u32,
+    /// Of Event Mode.
+    event: EventUnderWay,
 }
+
+/// The event iterations since Event Mode was entered.
+#[derive(Clone, Copy, Debug, Default)]
+struct EventUnderWay {
+    iterations: u32,
+    /// Whether one of them has changed a state, which the last one is to tell.
+    states_changed: bool,
+}
+
+crate::persistent!(EventUnderWay { iterations, states_changed });
 
 impl<M: Model> Memory<M> {
     fn new(interface: Interface) -> Self {
@@ -82,12 +88,10 @@ impl<M: Model> Memory<M> {
             recent_messages: RecentMessages::default(),
             end: None,
             events: Events::new(indicators),
-            iterations: 0,
+            event: EventUnderWay::default(),
         }
     }
-}
 
-impl<M: Model> Memory<M> {
     /// Sets the state at a position.
     fn set_state(&mut self, position: usize, value: f64) {
         let mut states = vec![0.0; M::Variables::STATE_NAMES.len()];
@@ -114,7 +118,7 @@ impl<M: Model> Persistent for Memory<M> {
             recent_messages,
             end,
             events,
-            iterations,
+            event,
         } = self;
         phase.persist(archive)?;
         model.persist(archive)?;
@@ -128,7 +132,7 @@ impl<M: Model> Persistent for Memory<M> {
         recent_messages.persist(archive)?;
         end.persist(archive)?;
         events.persist(archive)?;
-        iterations.persist(archive)
+        event.persist(archive)
     }
 }
 
@@ -267,7 +271,7 @@ impl<M: Model> Instance<M> {
             Phase::InitializationMode => {
                 let (logger, recent_messages) = (&self.logger, &mut memory.recent_messages);
                 // A warning is given once; without one the status is fmi2OK.
-                let mut log = |category, message: std::fmt::Arguments<'_>| {
+                let mut log = |category, message: core::fmt::Arguments<'_>| {
                     if recent_messages.is_new(&message.to_string()) {
                         logger.message(category, message);
                         if category == WARNING {
@@ -277,7 +281,7 @@ impl<M: Model> Instance<M> {
                 };
                 let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
                 memory.model.initialize(&mut memory.variables, memory.inputs.initial(), &mut context)?;
-                memory.end = context.end;
+                memory.end = context.end()?;
                 check_finite(&memory.variables, memory.time)?;
             }
             Phase::StepComplete | Phase::EventMode | Phase::ContinuousTimeMode | Phase::Terminated => {
@@ -307,7 +311,7 @@ impl<M: Model> Instance<M> {
         }
         let mut status = Status::Ok;
         let logger = &self.logger;
-        let mut log = |category, message: std::fmt::Arguments<'_>| {
+        let mut log = |category, message: core::fmt::Arguments<'_>| {
             if category == WARNING {
                 status = Status::Warning;
             }
@@ -318,11 +322,11 @@ impl<M: Model> Instance<M> {
         memory.phase = Phase::Error;
         let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
         memory.model.step(&mut memory.variables, &step, &mut context)?;
-        let asked = context.end;
+        let asked = context.end()?;
         check_finite(&memory.variables, end)?;
         memory.stale = false;
         if let Some(asked) = asked {
-            return self.end_step_early(asked, end);
+            return Ok(self.end_step_early(asked, end));
         }
         memory.phase = Phase::StepComplete;
         memory.time = end;
@@ -332,14 +336,11 @@ impl<M: Model> Instance<M> {
 
     /// The model asks for the end at a time (s) in the step, which would have ended at another.
     #[cold]
-    fn end_step_early(&mut self, asked: f64, end: f64) -> Answer {
-        if !asked.is_finite() {
-            return Err(Error::new(format!("the model asks for the end at {} s", Shown(asked))));
-        }
+    fn end_step_early(&mut self, asked: f64, end: f64) -> Status {
         // It may be off by rounding.
         self.memory.time = asked.max(self.memory.time).min(end);
         self.memory.end = Some(asked);
-        Ok(self.discard_for_end())
+        self.discard_for_end()
     }
 
     /// The model asks for the end: the step is not completed (section 4.2.1).
@@ -413,13 +414,13 @@ impl<M: Model> Instance<M> {
     }
 
     /// Logs a warning, and returns its status.
-    fn warn(&self, message: std::fmt::Arguments<'_>) -> Status {
+    fn warn(&self, message: core::fmt::Arguments<'_>) -> Status {
         self.logger.message(WARNING, message);
         Status::Warning
     }
 
     /// Logs why a call is discarded.
-    pub(crate) fn log_discarded(&self, message: std::fmt::Arguments<'_>) {
+    pub(crate) fn log_discarded(&self, message: core::fmt::Arguments<'_>) {
         self.logger.discarded(message);
     }
 

@@ -1,15 +1,14 @@
 //! Models of equations as an importer sees them: in co-simulation with the built-in integrator between events and the
 //! events at their times, in Model Exchange without it, and derivatives by dual numbers.
 
-use std::mem;
+use core::mem;
 
 use crate::equations::{Equations, VariablesOf};
-use crate::error::Error;
+use crate::error::{Error, Shown};
 use crate::events::{Event, Events, MOST_ITERATIONS, Side};
 use crate::inputs::InputSignal;
 use crate::integrator::{Integrator, StepFailure, System, Tolerance};
-use crate::logger::Shown;
-use crate::model::{Context, InputsOf, Model, Step, Variables};
+use crate::model::{Context, InputsOf, Model, Step, Variables, time_rounding};
 use crate::model_exchange::ModelExchange;
 use crate::number::Dual;
 
@@ -21,8 +20,8 @@ const MOST_TRIALS: u32 = 100_000;
 const SEARCHED: u32 = 8;
 /// How far beyond its estimate a crossing is looked for, in roundings of the time.
 const ROOT_MARGIN: f64 = 4.0;
-/// An event that is due so little after a communication step, relative to it, belongs to the step: importers compute
-/// their times with rounding.
+/// An event that is due so little after a communication step, relative to it and beyond the rounding of the time, belongs
+/// to the step: importers compute their times with rounding.
 const TIME_TOLERANCE: f64 = 1e-9;
 
 /// A model of equations as a [`Model`], with the built-in integrator for co-simulation.
@@ -193,7 +192,7 @@ impl<E: Equations> Integrated<E> {
     ) -> Result<(), Error> {
         self.time = step.start;
         let end = step.end();
-        let last_event = end + TIME_TOLERANCE * step.size;
+        let last_event = end + TIME_TOLERANCE * step.size + time_rounding(end);
         E::Variables::each_state(variables, |state, value| states[state] = value);
         let mut trials = 0;
         // Inputs and tunable parameters may have jumped since the last step.

@@ -202,7 +202,7 @@ impl Integrator {
             jacobian: vec![0.0; size * size],
             factors: vec![0.0; size * size],
             pivots: vec![0; size],
-            stages: std::array::from_fn(|_| vector()),
+            stages: core::array::from_fn(|_| vector()),
             moved: vector(),
         }
     }

@@ -1,4 +1,6 @@
 #![doc = include_str!("../README.md")]
+// A model's equations may once run without the standard library.
+#![warn(clippy::std_instead_of_core)]
 
 // The runtime's modules; each depends only on those below it:
 //

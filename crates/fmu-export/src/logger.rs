@@ -6,10 +6,11 @@
 //! Messages are logged when a function returns. Then the instance is no longer in use, so that the importer's logger
 //! may call it, which the standard does not forbid.
 
-use std::cell::RefCell;
-use std::ffi::{CStr, CString, c_char};
-use std::fmt;
-use std::mem;
+use core::cell::RefCell;
+use core::ffi::{CStr, c_char};
+use core::fmt;
+use core::mem;
+use std::ffi::CString;
 use std::sync::Arc;
 
 use crate::c_types::{CallbackLogger, ComponentEnvironment, Status};
@@ -156,21 +157,6 @@ impl Delivery {
                 );
             }
         }
-    }
-}
-
-/// A number in messages: all its digits, but no long rows of zeros.
-#[derive(Debug)]
-pub(crate) struct Shown(pub(crate) f64);
-
-impl fmt::Display for Shown {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // `{:?}` compares the number, which traps for NaN if the importer has enabled the trap.
-        if !self.0.is_finite() {
-            return write!(formatter, "{}", self.0);
-        }
-        let text = format!("{:?}", self.0);
-        formatter.write_str(text.strip_suffix(".0").unwrap_or(&text))
     }
 }
 

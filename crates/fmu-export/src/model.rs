@@ -3,10 +3,10 @@
 //! A model knows its typed variables (generated from its JSON) and time; it knows nothing of value
 //! references, of C or of the order in which importers call.
 
-use std::fmt;
+use core::fmt;
 
 use crate::description::{ModelDescription, ValueReference, VariableDescription};
-use crate::error::Error;
+use crate::error::{Error, Shown};
 use crate::inputs::{InputSignal, Inputs};
 use crate::logger;
 use crate::number::{Dual, Number};
@@ -59,6 +59,12 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
         declared.unwrap_or_else(|| {
             ValueReference::try_from(position).expect("there are fewer variables than numbers")
         })
+    }
+    /// The described variables, each with its value reference.
+    #[must_use]
+    fn described() -> impl Iterator<Item = (ValueReference, &'static VariableDescription)> {
+        let numbered = Self::DESCRIPTION.variables.iter().enumerate();
+        numbered.map(|(position, variable)| (Self::value_reference(position), variable))
     }
     /// The inputs as the importer set them, not clamped.
     fn inputs(&self) -> &Self::Inputs;
@@ -229,6 +235,11 @@ impl<I> Step<'_, I> {
     }
 }
 
+/// By how much an importer's time (s) may be off by its rounding: some additions and products.
+pub(crate) fn time_rounding(time: f64) -> f64 {
+    64.0 * f64::EPSILON * time.abs()
+}
+
 /// The arguments of `fmi2SetupExperiment`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Experiment {
@@ -280,6 +291,19 @@ impl<'a> Context<'a> {
     /// Asks the importer to end the simulation, which has reached a time (s) in the present step.
     pub fn terminate(&mut self, time: f64) {
         self.end = Some(time);
+    }
+
+    /// When the model asks for the end, in s.
+    ///
+    /// # Errors
+    /// Where that is not finite.
+    pub(crate) fn end(&self) -> Result<Option<f64>, Error> {
+        match self.end {
+            Some(end) if !end.is_finite() => {
+                Err(Error::new(format!("the model asks for the end at {} s", Shown(end))))
+            }
+            end => Ok(end),
+        }
     }
 
     /// Warns the user of something that may affect the results.

@@ -1,9 +1,9 @@
 //! The numbers that a model's equations are written in: with `f64` they give values, with [`Dual`] their exact
 //! derivatives, too.
 
-use std::cmp::Ordering;
-use std::fmt::Debug;
-use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+use core::cmp::Ordering;
+use core::fmt::Debug;
+use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// A real number of a model's equations.
 ///

@@ -1,8 +1,9 @@
 //! Catches a model's panics, which must not unwind into the importer's stack.
 
-use std::any::Any;
-use std::mem;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use core::any::Any;
+use core::mem;
+use core::panic::AssertUnwindSafe;
+use std::panic::catch_unwind;
 
 use crate::error::Error;
 

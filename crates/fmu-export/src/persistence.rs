@@ -137,7 +137,7 @@ impl Persistent for bool {
 
 impl Persistent for String {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let mut bytes = std::mem::take(self).into_bytes();
+        let mut bytes = core::mem::take(self).into_bytes();
         bytes.resize(archive.length(bytes.len())?, 0);
         archive.bytes(&mut bytes)?;
         *self = Self::from_utf8(bytes)

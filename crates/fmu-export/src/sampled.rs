@@ -7,9 +7,8 @@
 //! coincide with a communication point belongs to the step that begins there, so two times are treated as equal when
 //! such rounding can explain their difference.
 
-use crate::error::Error;
+use crate::error::{Error, Shown};
 use crate::events::Event;
-use crate::logger::Shown;
 use crate::model::{Context, InputsOf, Model, Step, Variables};
 use crate::model_exchange::ModelExchange;
 use crate::persistence::Persistent;
@@ -29,7 +28,7 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
     /// The longest communication step in s, as in [`Model::LONGEST_STEP`].
     const LONGEST_STEP: f64 = f64::MAX;
 
-    /// The time between two samples in s, above 0. It may follow from fixed parameters.
+    /// The time between two samples in s, finite and above 0. It may follow from fixed parameters.
     fn period(variables: &Self::Variables) -> f64;
 
     /// Refuses parameters that contradict each other.
@@ -101,16 +100,6 @@ impl<S: Sampled> Persistent for SampledModel<S> {
 }
 
 impl<S: Sampled> SampledModel<S> {
-    /// The period in s.
-    fn period(variables: &S::Variables) -> Result<f64, Error> {
-        let period = S::period(variables);
-        if period > 0.0 {
-            Ok(period)
-        } else {
-            Err(Error::new(format!("the period of the samples is {} s; it must be above 0", Shown(period))))
-        }
-    }
-
     fn next_sample(&self, period: f64) -> Sample {
         Sample { number: self.executed, time: self.start_time + self.executed as f64 * period }
     }
@@ -132,7 +121,14 @@ impl<S: Sampled> Model for SampledModel<S> {
     const LONGEST_STEP: f64 = S::LONGEST_STEP;
 
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
-        S::check_parameters(variables)
+        S::check_parameters(variables)?;
+        let period = S::period(variables);
+        if period > 0.0 && period.is_finite() {
+            Ok(())
+        } else {
+            let shown = Shown(period);
+            Err(Error::new(format!("the period of the samples is {shown} s; it must be finite and above 0")))
+        }
     }
 
     fn initialize(
@@ -151,7 +147,7 @@ impl<S: Sampled> Model for SampledModel<S> {
         step: &Step<'_, InputsOf<Self>>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let period = Self::period(variables)?;
+        let period = S::period(variables);
         let until = self.end_of_samples(step, period);
         loop {
             let sample = self.next_sample(period);

@@ -6,7 +6,7 @@
 //!
 //! This table is the only data that the instances of a library share.
 
-use std::any::Any;
+use core::any::Any;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 

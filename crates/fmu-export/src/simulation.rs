@@ -1,6 +1,6 @@
 //! A model without an FMU, for tests and programs in Rust.
 
-use std::fmt;
+use core::fmt;
 
 use crate::error::Error;
 use crate::inputs::InputSignal;

@@ -3,6 +3,7 @@ that SciPy computes without them, and against the results of Reference-FMUs (ref
 
 from __future__ import annotations
 
+import ctypes
 import math
 import os
 import shutil
@@ -497,6 +498,23 @@ def test_samples_are_at_their_times_exactly(instance, grid):
     assert expected[-1] + period > times[-1]
     commands = [0.5 + 0.5 * period * number for number in range(len(events))]
     assert [command for _, command in events] == pytest.approx(commands, rel=1e-12)
+
+
+def test_without_states_event_mode_need_not_be_left(instance):
+    """FMI 2.0.5, section 3.2.1: there fmi2SetTime may be called in Event Mode. The limit on iterations is one for each
+    time."""
+    controller = instance("PiController", MODEL_EXCHANGE, start_values={"sample_time": 0.001})
+    for number in range(2500):
+        controller.call("SetTime", ctypes.c_double(number * 0.001))
+        controller.call("NewDiscreteStates", ctypes.byref(controller.info))
+        assert controller.info.next_event_time == (number + 1) * 0.001
+        assert controller.get("command") == pytest.approx(0.5 + 0.0005 * number, rel=1e-12)
+    # In between there is no sample.
+    controller.call("SetTime", ctypes.c_double(2499.5 * 0.001))
+    controller.call("NewDiscreteStates", ctypes.byref(controller.info))
+    assert controller.info.next_event_time == 2500 * 0.001
+    controller.call("EnterContinuousTimeMode")
+    assert controller.get("command") == pytest.approx(0.5 + 0.0005 * 2499, rel=1e-12)
 
 
 @pytest.mark.parametrize("step", [0.1, 0.25, 0.04])

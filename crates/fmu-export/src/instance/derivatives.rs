@@ -4,8 +4,7 @@ use super::{Answer, Instance};
 use crate::c_types::Status;
 use crate::calling_sequence::Phase;
 use crate::description::{Causality, DataType, Initial, ValueReference, VariableDescription};
-use crate::error::Error;
-use crate::logger::Shown;
+use crate::error::{Error, Shown};
 use crate::model::{Model, Variables};
 
 impl<M: Model> Instance<M> {
@@ -63,9 +62,8 @@ impl<M: Model> Instance<M> {
         let status = self.compute_values()?;
         // Along the direction in which states and inputs change.
         let mut direction = self.memory.variables.along_derivatives();
-        for (position, variable) in Self::DESCRIPTION.variables.iter().enumerate() {
+        for (reference, variable) in M::Variables::described() {
             if let Some(input) = variable.real_input {
-                let reference = M::Variables::value_reference(position);
                 direction.set_real(reference, self.memory.inputs.slope(input));
             }
         }

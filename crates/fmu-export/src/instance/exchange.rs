@@ -1,16 +1,13 @@
 //! Model Exchange: time, states and events (FMI 2.0.5, section 3.2).
 
-use super::{Answer, Instance, Memory, check_finite};
+use super::{Answer, EventUnderWay, Instance, Memory, check_finite};
 use crate::c_types::Status;
 use crate::calling_sequence::{Interface, Phase};
-use crate::error::Error;
+use crate::error::{Error, Shown};
 use crate::events::{Event, MOST_ITERATIONS};
-use crate::logger::{EVENT, Shown, WARNING};
-use crate::model::{Context, Variables};
+use crate::logger::{EVENT, WARNING};
+use crate::model::{Context, Variables, time_rounding};
 use crate::model_exchange::ModelExchange;
-
-/// An event that is due so little later, relative to the time, is reached: solvers compute their times with rounding.
-const TIME_TOLERANCE: f64 = 1e-9;
 
 /// What an event has brought about: `fmi2EventInfo`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -19,7 +16,8 @@ pub(crate) struct EventInfo {
     pub(crate) again: bool,
     /// Whether the model asks for the end of the simulation.
     pub(crate) terminate: bool,
-    /// Whether a state has changed.
+    /// Whether a state has changed, in this iteration or an earlier one of the event: the standard's own example of an
+    /// importer (section 3.2.4) looks at the last one alone.
     pub(crate) states_changed: bool,
     /// When the next time event is due, in s.
     pub(crate) next: Option<f64>,
@@ -47,14 +45,9 @@ impl<M: ModelExchange> Memory<M> {
         })
     }
 
-    /// By how much later, in s, an event may be due that is reached.
-    fn tolerance(&self) -> f64 {
-        TIME_TOLERANCE * self.time.abs()
-    }
-
-    /// When the time event that is reached was due.
+    /// When the time event that is reached was due. Importers compute their times with rounding.
     fn due(&self) -> Option<f64> {
-        self.events.next.filter(|next| *next <= self.time + self.tolerance())
+        self.events.next.filter(|next| *next <= self.time + time_rounding(self.time))
     }
 
     /// Asks the model for the next event after a time (s).
@@ -85,7 +78,7 @@ impl<M: ModelExchange> Instance<M> {
     #[expect(clippy::unnecessary_wraps, reason = "returns what every callable function does")]
     pub(crate) fn enter_event_mode(&mut self) -> Answer {
         self.memory.phase = Phase::EventMode;
-        self.memory.iterations = 0;
+        self.memory.event = EventUnderWay::default();
         Ok(Status::Ok)
     }
 
@@ -112,17 +105,17 @@ impl<M: ModelExchange> Instance<M> {
         let memory = &mut self.memory;
         let has_changed = memory.find_changes()?;
         let due = memory.due();
-        let time = due.unwrap_or_else(|| memory.events.time(memory.time, memory.tolerance()));
+        let time = due.unwrap_or_else(|| memory.events.time(memory.time, time_rounding(memory.time)));
         let mut info = EventInfo::default();
         if has_changed || due.is_some() {
-            memory.iterations += 1;
-            if memory.iterations > MOST_ITERATIONS {
+            memory.event.iterations += 1;
+            if memory.event.iterations > MOST_ITERATIONS {
                 memory.phase = Phase::Error;
                 return Err(memory.events.endless(memory.time, M::Variables::EVENT_INDICATORS));
             }
             let before = memory.states();
             let logger = &self.logger;
-            let mut log = |category, message: std::fmt::Arguments<'_>| {
+            let mut log = |category, message: core::fmt::Arguments<'_>| {
                 if category == WARNING {
                     status = Status::Warning;
                 }
@@ -134,13 +127,15 @@ impl<M: ModelExchange> Instance<M> {
             let event =
                 Event { time, is_initial: false, is_due: due.is_some(), indicators: memory.events.changed() };
             memory.model.event(&event, &mut memory.variables, memory.inputs.latest(), &mut context)?;
-            memory.end = context.end.or(memory.end);
+            memory.end = context.end()?.or(memory.end);
             memory.events.accept();
             memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.latest());
             check_finite(&memory.variables, memory.time)?;
             memory.announce_next(time, false)?;
-            info.states_changed = memory.states() != before;
+            memory.event.states_changed |= memory.states() != before;
+            info.states_changed = memory.event.states_changed;
             info.again = memory.find_changes()? || memory.due().is_some();
+            memory.event.states_changed &= info.again;
             memory.phase = Phase::EventMode;
         } else {
             // Inputs and parameters that were set may have moved it.
@@ -172,7 +167,7 @@ impl<M: ModelExchange> Instance<M> {
         self.memory.time = time;
         self.memory.stale = true;
         if self.memory.phase == Phase::EventMode {
-            self.memory.iterations = 0;
+            self.memory.event = EventUnderWay::default();
         }
         Ok(Status::Ok)
     }

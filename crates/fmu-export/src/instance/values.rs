@@ -6,10 +6,19 @@ use super::{Answer, Instance};
 use crate::c_types::Status;
 use crate::calling_sequence::Phase;
 use crate::description::{Causality, DataType, Initial, ValueReference, Variability, VariableDescription};
-use crate::error::Error;
+use crate::error::{Error, Shown};
 use crate::inputs::MAX_ORDER;
-use crate::logger::Shown;
 use crate::model::{Model, Variables};
+
+/// How values of a data type are set.
+struct Setter<V, T> {
+    data_type: DataType,
+    /// The number to compare with the range.
+    as_number: fn(T) -> f64,
+    /// Whether a value is the present one.
+    is_set: fn(&V, ValueReference, T) -> bool,
+    write: fn(&mut V, ValueReference, T),
+}
 
 impl<M: Model> Instance<M> {
     /// The variable of a value reference, if it has the type.
@@ -107,17 +116,21 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
+    /// Whether there is such a variable, and it may be set. Apart from where Real inputs are set, which is fast without.
+    #[inline(never)]
+    fn check(&self, reference: ValueReference, requested: DataType, value: f64) -> Result<(), Error> {
+        self.check_settable(Self::variable(reference, requested)?, value)
+    }
+
     /// Whether a variable may be set in the present state, and to this value (as a number).
     fn check_settable(&self, variable: &VariableDescription, value: f64) -> Result<(), Error> {
         let settable = match variable.causality {
             Causality::Input => self.takes_input(variable),
             _ => self.is_settable_now(variable),
         };
-        // Real inputs are limited to their bounds later.
-        let within = variable.real_input.is_some()
-            // A solver tries states beyond their bounds, which are the model's to bear, as in fmi2SetContinuousStates.
-            || self.memory.phase == Phase::ContinuousTimeMode
-            || (variable.min..=variable.max).contains(&value);
+        // A solver tries states beyond their bounds, which are the model's to bear, as in fmi2SetContinuousStates.
+        let within =
+            self.memory.phase == Phase::ContinuousTimeMode || (variable.min..=variable.max).contains(&value);
         if settable && value.is_finite() && within {
             Ok(())
         } else {
@@ -147,7 +160,7 @@ impl<M: Model> Instance<M> {
     fn set_error(&self, variable: &VariableDescription, value: f64, settable: bool) -> Error {
         Error::new(if !settable {
             format!(
-                "{} (a {}, {}) cannot be set in the state {}",
+                "{} ({}, {}) cannot be set in the state {}",
                 variable.name, variable.causality, variable.variability, self.memory.phase
             )
         } else if !value.is_finite() {
@@ -174,27 +187,24 @@ impl<M: Model> Instance<M> {
         ))
     }
 
-    /// Sets values, after checking all of them. `as_number` is the value to compare with the range, `is_set` tells
-    /// whether it is the present one.
+    /// Sets values, after checking all of them.
     fn set<T: Copy>(
         &mut self,
         references: &[ValueReference],
         values: &[T],
-        requested: DataType,
-        as_number: impl Fn(T) -> f64,
-        is_set: impl Fn(&M::Variables, ValueReference, T) -> bool,
-        write: impl Fn(&mut M::Variables, ValueReference, T),
+        setter: &Setter<M::Variables, T>,
     ) -> Answer {
         if self.memory.phase == Phase::ContinuousTimeMode {
-            return self.set_between_events(references, values, requested, as_number, is_set, write);
+            return self.set_between_events(references, values, setter);
         }
+        let &Setter { data_type: requested, as_number, write, .. } = setter;
         for (&reference, &value) in references.iter().zip(values) {
-            // A shortcut for Real inputs, which may be set to any finite value.
+            // Real inputs may be set to any finite value: they are limited to their bounds later.
             if !(Self::is_real_input(reference)
                 && requested == DataType::Real
                 && as_number(value).is_finite())
             {
-                self.check_settable(Self::variable(reference, requested)?, as_number(value))?;
+                self.check(reference, requested, as_number(value))?;
             }
         }
         let mut status = Status::Ok;
@@ -223,10 +233,7 @@ impl<M: Model> Instance<M> {
         &mut self,
         references: &[ValueReference],
         values: &[T],
-        requested: DataType,
-        as_number: impl Fn(T) -> f64,
-        is_set: impl Fn(&M::Variables, ValueReference, T) -> bool,
-        write: impl Fn(&mut M::Variables, ValueReference, T),
+        &Setter { data_type: requested, as_number, is_set, write }: &Setter<M::Variables, T>,
     ) -> Answer {
         let is_kept = |this: &Self, variable: &VariableDescription, reference, value| {
             variable.causality == Causality::Input && is_set(&this.memory.variables, reference, value)
@@ -261,26 +268,53 @@ impl<M: Model> Instance<M> {
 
     pub(crate) fn set_real(&mut self, references: &[ValueReference], values: &[f64]) -> Answer {
         #[expect(clippy::float_cmp, reason = "whether it is the very value")]
-        let is_set = |variables: &M::Variables, reference, value| variables.real(reference) == value;
-        self.set(references, values, DataType::Real, |value| value, is_set, M::Variables::set_real)
+        let setter = const {
+            &Setter {
+                data_type: DataType::Real,
+                as_number: |value| value,
+                is_set: |variables: &M::Variables, reference, value| variables.real(reference) == value,
+                write: M::Variables::set_real,
+            }
+        };
+        self.set(references, values, setter)
     }
 
     pub(crate) fn set_integer(&mut self, references: &[ValueReference], values: &[i32]) -> Answer {
-        let is_set = |variables: &M::Variables, reference, value| variables.integer(reference) == value;
-        self.set(references, values, DataType::Integer, f64::from, is_set, M::Variables::set_integer)
+        let setter = const {
+            &Setter {
+                data_type: DataType::Integer,
+                as_number: f64::from,
+                is_set: |variables: &M::Variables, reference, value| variables.integer(reference) == value,
+                write: M::Variables::set_integer,
+            }
+        };
+        self.set(references, values, setter)
     }
 
     pub(crate) fn set_boolean(&mut self, references: &[ValueReference], values: &[i32]) -> Answer {
-        let write =
-            |variables: &mut M::Variables, reference, value| variables.set_boolean(reference, value != 0);
-        let is_set =
-            |variables: &M::Variables, reference, value| variables.boolean(reference) == (value != 0);
-        self.set(references, values, DataType::Boolean, |_| 0.0, is_set, write)
+        let setter = const {
+            &Setter {
+                data_type: DataType::Boolean,
+                as_number: |_| 0.0,
+                is_set: |variables: &M::Variables, reference, value| {
+                    variables.boolean(reference) == (value != 0)
+                },
+                write: |variables, reference, value| variables.set_boolean(reference, value != 0),
+            }
+        };
+        self.set(references, values, setter)
     }
 
     pub(crate) fn set_string(&mut self, references: &[ValueReference], values: &[&str]) -> Answer {
-        let is_set = |variables: &M::Variables, reference, value: &str| variables.string(reference) == value;
-        self.set(references, values, DataType::String, |_| 0.0, is_set, M::Variables::set_string)
+        let setter = const {
+            &Setter {
+                data_type: DataType::String,
+                as_number: |_| 0.0,
+                is_set: |variables: &M::Variables, reference, value| variables.string(reference) == value,
+                write: M::Variables::set_string,
+            }
+        };
+        self.set(references, values, setter)
     }
 
     pub(crate) fn set_real_input_derivatives(

@@ -313,6 +313,16 @@ def test_values_follow_what_is_set(make: Make) -> None:
     assert instance.vector("Derivatives") == [3.0, 0.0]
 
 
+def test_a_solver_tries_states_beyond_their_bounds(make: Make, fmu: Fmu) -> None:
+    """By fmi2SetReal as by fmi2SetContinuousStates."""
+    instance = running(make)
+    beyond = 2.0 * float(fmu.variables["tank.level"].max)
+    assert instance.set({"tank.level": beyond}) == Status.OK
+    assert instance.vector("ContinuousStates") == [beyond, 0.0]
+    instance.set_states(-beyond, 0.0)
+    assert instance.get("tank.level") == -beyond
+
+
 def test_the_initial_event_mode(make: Make) -> None:
     """Section 3.1: what is read there is right before fmi2NewDiscreteStates, and inputs can still be set."""
     instance = initialized(make, motion__start=2, motion__position=0.5, tank__level=2.0)
@@ -377,12 +387,13 @@ def test_an_event_without_a_cause_changes_nothing(make: Make) -> None:
 
 @pytest.mark.parametrize("end", [0.0, 1e3])
 def test_a_tick_comes_a_little_early(make: Make, end: float) -> None:
-    """Importers' times are rounded. The model gets the time that it has announced, once, though it is asked for the
-    next event at an earlier one: here also for the end, which it computes from the time alone."""
+    """Importers' times are rounded, by a few units in the last place. The model gets the time that it has announced,
+    once, though it is asked for the next event at an earlier one: here also for the end, which it computes from the
+    time alone."""
     parameters = {"events__period": 0.25, "events__echoes": 2, "events__end": end}
     instance = running(make, start_time=1e3 - 0.25, **parameters)
     assert instance.get("events.ticks") == 1
-    instance.ok("fmi2SetTime", 1e3 * (1 - 5e-10))
+    instance.ok("fmi2SetTime", 1e3 - 20 * math.ulp(1e3))
     instance.ok("fmi2EnterEventMode")
     infos = [instance.new_discrete_states() for _ in range(4)]
     assert [info.new_discrete_states_needed for info in infos] == [1, 1, 0, 0]
@@ -390,10 +401,30 @@ def test_a_tick_comes_a_little_early(make: Make, end: float) -> None:
     assert [info.terminate_simulation for info in infos] == [int(end > 0)] * 4
     assert (instance.get("events.ticks"), instance.get("events.had")) == (2, 6)
     assert instance.get("events.last") == 1e3
-    # Much earlier, it is not due.
+    # Earlier than by rounding, it is not due.
     instance = running(make, start_time=1e3 - 0.25, **parameters)
-    assert have_event(instance, 1e3 * (1 - 5e-9))[0].next_event_time == 1e3
+    assert have_event(instance, 1e3 - 200 * math.ulp(1e3))[0].next_event_time == 1e3
     assert instance.get("events.ticks") == 1
+
+
+def test_an_event_long_before_the_last_one(make: Make) -> None:
+    """Of an importer that goes back in time: the model is asked for what is next after it."""
+    instance = running(make, events__period=0.25, events__end=0.2)
+    have_event(instance, 0.25)
+    assert have_event(instance, 0.125)[-1].next_event_time == 0.2
+
+
+def test_short_ticks_late_in_time(make: Make) -> None:
+    """At 1e6 s, a millionth of a second is 8590 units in the last place: it is told from the next one."""
+    start_time, period = 1e6, 1e-6
+    instance = running(make, start_time=start_time, events__period=period)
+    for tick in range(1, 20):
+        due = start_time + tick * period
+        assert have_event(instance, due - period / 2)[0].next_event_time == due
+        assert instance.get("events.ticks") == tick
+        (info,) = have_event(instance, due)
+        assert info.next_event_time == start_time + (tick + 1) * period
+        assert (instance.get("events.ticks"), instance.get("events.last")) == (tick + 1, due)
 
 
 def test_a_tick_comes_late(make: Make) -> None:
@@ -492,20 +523,31 @@ def test_no_chatter(make: Make) -> None:
 
 def test_which_events_change_states(make: Make) -> None:
     """A tick adds the lift to the level; at the wall the motion begins again, and has a second event at once, as the
-    indicator returns. Where no state changes, none is announced, or importers would loop."""
+    indicator returns. The last call says it of the whole event, as importers like the standard's example
+    (section 3.2.4) look at that alone. Where no state changes, none is announced, or importers would loop."""
     instance = initialized(make, events__period=0.25, events__wall=0.5)
     assert [info.values_of_continuous_states_changed for info in finish_event(instance)] == [0]
     instance.ok("fmi2SetTime", 0.25)
     instance.ok("fmi2EnterEventMode")
     assert instance.set({"lift": 2}) == Status.OK
-    assert [info.values_of_continuous_states_changed for info in finish_event(instance)] == [1, 0]
+    assert [info.values_of_continuous_states_changed for info in finish_event(instance)] == [1, 1]
     assert instance.vector("ContinuousStates") == [2.0, 0.0]
     # The level passed settings.high, too.
     assert instance.get("tank.full") == 1
     instance.set_states(2.0, 0.75)
-    assert [info.values_of_continuous_states_changed for info in have_event(instance)] == [1, 0]
+    instance.ok("fmi2EnterEventMode")
+    infos = [instance.new_discrete_states() for _ in range(3)]
+    assert [info.new_discrete_states_needed for info in infos] == [1, 0, 0]
+    assert [info.values_of_continuous_states_changed for info in infos] == [1, 1, 0]
+    instance.ok("fmi2EnterContinuousTimeMode")
     assert instance.vector("ContinuousStates") == [2.0, 0.0]
     assert instance.get("events.hits") == 1
+    assert [info.values_of_continuous_states_changed for info in have_event(instance)] == [0]
+    # An event that an importer leaves too early leaves nothing to the next one.
+    instance.set_states(2.0, 0.75)
+    instance.ok("fmi2EnterEventMode")
+    assert instance.new_discrete_states().new_discrete_states_needed
+    instance.ok("fmi2EnterContinuousTimeMode")
     assert [info.values_of_continuous_states_changed for info in have_event(instance)] == [0]
 
 
@@ -553,6 +595,22 @@ def test_the_model_asks_for_the_end(make: Make, logging_on: bool) -> None:
         assert each.new_discrete_states().terminate_simulation
         each.ok("fmi2Terminate")
         assert each.get("time") == 0.5
+
+
+@pytest.mark.parametrize("manner", NOT_FINITE)
+def test_an_end_at_no_time(make: Make, manner: str) -> None:
+    """An Error wherever the model asks for it; initialization can be repeated."""
+    text = f"the model asks for the end at {NOT_FINITE[manner]} s"
+    instance = before_failure(make, "end", manner, "fmi2ExitInitializationMode")
+    assert instance.refuses("fmi2ExitInitializationMode") == text
+    instance.choose(fault__place="nowhere").ok("fmi2ExitInitializationMode")
+    assert instance.new_discrete_states().terminate_simulation == 0
+    instance = before_failure(make, "end", manner, "fmi2NewDiscreteStates")
+    assert instance.refuses("fmi2NewDiscreteStates", byref(EventInfo())) == text
+    instance.refuses("fmi2EnterContinuousTimeMode", names=["error"])
+    instance = make().initialize().choose(fault__place="end", fault__manner=manner)
+    assert instance.refuses("fmi2DoStep", 0.0, STEP, 1) == text
+    instance.refuses("fmi2DoStep", 0.0, STEP, 1, names=["error"])
 
 
 def test_a_step_to_the_end_of_the_model(make: Make) -> None:

@@ -243,6 +243,21 @@ fn an_event_that_only_rounding_puts_after_a_step_belongs_to_it() {
     assert_eq!(simulation.variables.outputs.steps, 1);
 }
 
+/// Late, the rounding of the time is more than the tolerance relative to the step.
+#[test]
+fn late_in_time_too_an_event_that_only_rounding_puts_after_a_step_belongs_to_it() {
+    let mut simulation = simulation::<Stairs>(1e-6);
+    let due = 1e6_f64;
+    simulation.variables.parameters.interval = due;
+    simulation.experiment.start_time = due - 0.1;
+    simulation.initialize().unwrap();
+    let end = due.next_down().next_down();
+    simulation.step(end - simulation.time).unwrap();
+    assert_eq!(simulation.time.to_bits(), end.to_bits());
+    assert_eq!(simulation.variables.outputs.steps, 1);
+    assert_eq!(simulation.variables.outputs.last_step.to_bits(), due.to_bits());
+}
+
 #[test]
 fn an_input_that_jumps_is_an_event_at_the_beginning_of_the_step() {
     let mut simulation = simulation::<Stairs>(1e-6);

@@ -117,6 +117,14 @@ fn fail(variables: &mut Variables, here: Place) -> Result<(), Error> {
     Ok(())
 }
 
+/// Asks for the end at a time that is not finite, if this is selected.
+fn end_at_no_time(variables: &Variables, context: &mut Context<'_>) {
+    let fault = &variables.parameters.fault;
+    if fault.place == Place::End {
+        context.terminate(if fault.manner == Manner::Infinity { f64::INFINITY } else { f64::NAN });
+    }
+}
+
 /// The sign of the motion.
 fn sign(gear: Gear) -> f64 {
     if gear == Gear::Forward { 1.0 } else { -1.0 }
@@ -201,6 +209,7 @@ impl Model for TestModel {
         }
         context.event(format_args!("the level starts at {}", variables.states.tank.level));
         fail(variables, Place::Initialize)?;
+        end_at_no_time(variables, context);
         self.steps = variables.parameters.settings.first;
         self.start_time = context.experiment.start_time;
         (self.ticks, self.hits, self.had, self.last) = (0, 0, 0, 0.0);
@@ -239,6 +248,7 @@ impl Model for TestModel {
         if end > 0.0 && step.start < end && end <= step.end() {
             context.terminate(end);
         }
+        end_at_no_time(variables, context);
         Ok(())
     }
 
@@ -333,6 +343,7 @@ impl ModelExchange for TestModel {
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         fail(variables, Place::Event)?;
+        end_at_no_time(variables, context);
         let end = variables.parameters.events.end;
         if self.last < end && end <= event.time {
             context.terminate(end);

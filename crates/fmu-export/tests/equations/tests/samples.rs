@@ -1,0 +1,45 @@
+//! Sampled models.
+
+use fmu_export::{Context, Error, InputsOf, Persistent, Sample, Sampled, SampledModel, Simulation};
+use fmu_export_equations::stairs;
+
+/// Counts its samples.
+#[derive(Clone, Debug, Default, Persistent)]
+struct Counter;
+
+impl Sampled for Counter {
+    type Variables = stairs::Variables;
+
+    fn period(variables: &Self::Variables) -> f64 {
+        variables.parameters.interval
+    }
+
+    fn sample(
+        &mut self,
+        sample: Sample,
+        variables: &mut Self::Variables,
+        _inputs: &InputsOf<SampledModel<Self>>,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        variables.outputs.steps += 1;
+        variables.outputs.last_step = sample.time;
+        Ok(())
+    }
+}
+
+/// Otherwise a step would have samples without end, or none.
+#[test]
+fn a_period_that_is_not_finite_and_above_zero_is_refused() {
+    for (period, shown) in [(0.0, "0"), (-0.1, "-0.1"), (f64::NAN, "NaN"), (f64::INFINITY, "inf")] {
+        let expected = format!("the period of the samples is {shown} s; it must be finite and above 0");
+        let mut simulation = Simulation::<SampledModel<Counter>>::default();
+        simulation.variables.parameters.interval = period;
+        assert_eq!(simulation.initialize().unwrap_err().to_string(), expected);
+    }
+    let mut simulation = Simulation::<SampledModel<Counter>>::default();
+    simulation.variables.parameters.interval = 0.5;
+    simulation.initialize().unwrap();
+    simulation.step(0.75).unwrap();
+    assert_eq!(simulation.variables.outputs.steps, 2);
+    assert_eq!(simulation.variables.outputs.last_step.to_bits(), 0.5_f64.to_bits());
+}
