@@ -13,7 +13,7 @@ use anyhow::{Context, Result, bail};
 use cargo_metadata::{CrateType, Metadata, MetadataCommand, Package};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use fmu_export_build::Interfaces;
+use fmu_export_build::{Interfaces, Version};
 use fmu_package::terminal::{complain, print};
 use fmu_package::{Fmu, Library, Platform, PlatformList, library, reading, writing};
 
@@ -41,6 +41,10 @@ pub struct Export {
     /// of Rust, which may end in the oldest glibc, as x86_64-unknown-linux-gnu.2.17 [default: this platform]
     #[arg(long = "target", value_name = "TARGET")]
     targets: Vec<Target>,
+    /// The version of FMI: 2, 3, or 2,3 for both; an FMU of FMI 3.0 is written to the folder `fmi3` [default: that which
+    /// the variable `FMU_FMI_VERSION` names, or 2]
+    #[arg(long = "fmi", value_name = "VERSION", value_delimiter = ',', value_parser = versions())]
+    versions: Vec<Version>,
     /// The interfaces of FMI that the FMUs offer [default: those that the variable `FMU_INTERFACES` names, or cs]
     #[arg(long, value_name = "INTERFACES", value_parser = interfaces())]
     interfaces: Option<Interfaces>,
@@ -54,6 +58,8 @@ pub struct Export {
 pub struct Plan {
     metadata: Metadata,
     builds: Vec<Build>,
+    /// Nothing where the environment decides.
+    versions: Vec<Option<Version>>,
     interfaces: Option<Interfaces>,
     binaries: Vec<(Platform, PathBuf)>,
     /// The package of each model.
@@ -78,8 +84,12 @@ impl Export {
         let metadata = command.exec().context("cargo finds no package here; run this in its folder")?;
         let models = choose(&metadata, &self.models, &self.packages)?;
         let out = self.out.unwrap_or_else(|| metadata.target_directory.join("fmu").into());
-        let Self { interfaces, binaries, .. } = self;
-        Ok(Plan { metadata, builds, interfaces, binaries, models, out })
+        let Self { mut versions, interfaces, binaries, .. } = self;
+        versions.sort();
+        versions.dedup();
+        let versions =
+            if versions.is_empty() { vec![None] } else { versions.into_iter().map(Some).collect() };
+        Ok(Plan { metadata, builds, versions, interfaces, binaries, models, out })
     }
 }
 
@@ -95,10 +105,24 @@ impl Plan {
         &self.out
     }
 
-    /// The file of a model's FMU.
+    /// The file of a model's FMU of FMI 2.0.
     #[must_use]
     pub fn fmu(&self, model: &str) -> PathBuf {
         self.out.join(format!("{model}.fmu"))
+    }
+
+    /// The folder of the FMUs of FMI 3.0.
+    fn folder_of_fmi3(&self) -> PathBuf {
+        self.out.join("fmi3")
+    }
+
+    /// The file of the FMU with a description.
+    fn fmu_of(&self, model: &str, description: &str) -> PathBuf {
+        let of_fmi2 = self.fmu(model);
+        match of_fmi2.file_name() {
+            Some(name) if description.contains(" fmiVersion=\"3.") => self.folder_of_fmi3().join(name),
+            _ => of_fmi2,
+        }
     }
 
     /// Builds and writes the FMUs, and says so. `inputs` and `outputs` are other files that the command reads and
@@ -107,8 +131,9 @@ impl Plan {
     /// # Errors
     /// When a library cannot be built or does not fit, or a file cannot be read or written.
     pub fn run(&self, inputs: &[PathBuf], outputs: &[PathBuf]) -> Result<()> {
-        let libraries = self.binaries.iter();
-        let given = libraries
+        let mut given = self
+            .binaries
+            .iter()
             .map(|(platform, file)| ModelLibrary::read(*platform, file))
             .collect::<Result<Vec<_>>>()?;
         fs::create_dir_all(&self.out)
@@ -119,37 +144,78 @@ impl Plan {
             self.binaries.iter().map(|(_, file)| file.clone()).chain(inputs.iter().cloned()).collect();
         writing::refuse_overlap(&outputs, &inputs)?;
 
-        let mut built = vec![];
-        for build in &self.builds {
+        for (number, &version) in self.versions.iter().enumerate() {
+            // One after the other, as the second build writes its libraries over those of the first.
+            let built = self.compile(version)?;
+            let descriptions = descriptions(self.models(), &built)?;
+            let (of_these, others) = given.into_iter().partition(|given| given.is_of(&descriptions));
+            given = others;
+            if number + 1 == self.versions.len()
+                && let Some(stray) = given.first()
+            {
+                let models = self.models().collect::<Vec<_>>().join(" or ");
+                bail!("{}: it was built from another description than {models}", stray.refused());
+            }
+            self.pack(&built, &descriptions, of_these)?;
+        }
+        Ok(())
+    }
+
+    /// Builds the libraries of a version of FMI.
+    fn compile(&self, version: Option<Version>) -> Result<Vec<(Build, Compiled)>> {
+        let compile = |build: &Build| {
             complain(&format!(
                 "Compiling {} for {}; the first time this takes a minute or more",
                 self.models().collect::<Vec<_>>().join(", "),
                 build.name()
             ));
-            built.push((
-                build.clone(),
-                compile(&self.metadata, self.models.values(), build, self.interfaces)?,
-            ));
-        }
-        let descriptions = descriptions(self.models(), &built)?;
-        let mut libraries = libraries_of(&descriptions, &built, given)?;
-        for (&name, description) in &descriptions {
+            let compiled = compile(&self.metadata, self.models.values(), build, version, self.interfaces)?;
+            Ok((build.clone(), compiled))
+        };
+        self.builds.iter().map(compile).collect()
+    }
+
+    /// Writes the FMUs of what was built, with libraries that were built elsewhere, and says so.
+    fn pack(
+        &self,
+        built: &[(Build, Compiled)],
+        descriptions: &BTreeMap<&str, String>,
+        given: Vec<ModelLibrary<'_>>,
+    ) -> Result<()> {
+        let mut libraries = libraries_of(descriptions, built, given)?;
+        for (&name, description) in descriptions {
             let libraries = libraries.remove(name).unwrap_or_default();
             let generated = built[0].1.generated(name)?;
             let mut files = documentation(&generated, &libraries)?;
             files.extend(resources(&generated)?);
-            files.extend(licenses::files(name, &self.models[name], &built)?);
+            files.extend(licenses::files(name, &self.models[name], built)?);
             let fmu = Fmu {
                 model_identifier: name,
                 model_description: description,
                 libraries: libraries.into_iter().collect(),
                 files,
             };
-            write(&fmu, &self.fmu(name))?;
-            validate::check(&self.fmu(name))?;
+            let file = self.fmu_of(name, description);
+            if let Some(folder) = file.parent() {
+                fs::create_dir_all(folder)
+                    .with_context(|| format!("cannot create the folder {}", folder.display()))?;
+            }
+            write(&fmu, &file)?;
+            validate::check(&file)?;
         }
         Ok(())
     }
+}
+
+/// The values of `--fmi`.
+fn versions() -> impl TypedValueParser<Value = Version> {
+    let values = Version::ALL.map(|version| {
+        PossibleValue::new(version.as_str()).help(match version {
+            Version::Two => "FMI 2.0, which nearly every tool imports",
+            Version::Three => "FMI 3.0",
+        })
+    });
+    PossibleValuesParser::new(values).try_map(|text| text.parse::<Version>())
 }
 
 /// The values of `--interfaces`.
@@ -252,13 +318,24 @@ impl<'a> ModelLibrary<'a> {
         Ok(given)
     }
 
+    /// Whether it was built from one of some descriptions.
+    fn is_of(&self, descriptions: &BTreeMap<&str, String>) -> bool {
+        self.model_of(descriptions).is_some()
+    }
+
+    /// The model whose description it was built from; by its GUID, a library knows that.
+    fn model_of<'d>(&self, descriptions: &BTreeMap<&'d str, String>) -> Option<&'d str> {
+        let is_of =
+            |description: &str| guid(description).is_some_and(|guid| holds(&self.bytes, guid.as_bytes()));
+        descriptions.iter().find(|(_, description)| is_of(description)).map(|(&name, _)| name)
+    }
+
     fn refused(&self) -> String {
         format!("{} cannot be the library for {}", self.file.display(), self.platform.folder())
     }
 }
 
-/// The libraries of each model: those that were compiled, and those that were built elsewhere. By its GUID,
-/// each knows the description that it was built from.
+/// The libraries of each model: those that were compiled, and those that were built elsewhere.
 fn libraries_of<'a>(
     descriptions: &BTreeMap<&'a str, String>,
     built: &[(Build, Compiled)],
@@ -274,10 +351,7 @@ fn libraries_of<'a>(
 
     let mut libraries: BTreeMap<&str, BTreeMap<Platform, Vec<u8>>> = BTreeMap::new();
     for given in all {
-        let model = descriptions.iter().find(|(_, description)| {
-            guid(description).is_some_and(|guid| holds(&given.bytes, guid.as_bytes()))
-        });
-        let Some((&name, _)) = model else {
+        let Some(name) = given.model_of(descriptions) else {
             let models = descriptions.keys().copied().collect::<Vec<_>>().join(" or ");
             bail!("{}: it was built from another description than {models}", given.refused());
         };
@@ -294,9 +368,11 @@ fn libraries_of<'a>(
     Ok(libraries)
 }
 
-/// A description's GUID.
+/// A description's GUID, or instantiation token.
 fn guid(model_description: &str) -> Option<&str> {
-    model_description.split("guid=\"").nth(1).and_then(|rest| rest.split('"').next())
+    let attributes = [" guid=\"", " instantiationToken=\""];
+    let begin = attributes.iter().find_map(|attribute| model_description.split(attribute).nth(1));
+    begin.and_then(|rest| rest.split('"').next())
 }
 
 /// Whether bytes hold a text.

@@ -24,7 +24,7 @@ use model::Model;
 use resources::Resources;
 
 pub use error::{Error, Finding};
-pub use interfaces::{INTERFACES_VARIABLE, Interfaces};
+pub use interfaces::{Fmi, INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
 
 /// The JSON Schema of a model's declaration, for editors, as the file `model.schema.json`.
 pub const SCHEMA: &str = include_str!("../schema/model.schema.json");
@@ -83,7 +83,7 @@ pub struct Generated {
 }
 
 /// Generates the interface of a model into the folder of its name in `OUT_DIR`. For build scripts. The environment
-/// variable [`INTERFACES_VARIABLE`] chooses the interfaces of FMI.
+/// variables [`VERSION_VARIABLE`] and [`INTERFACES_VARIABLE`] choose the version of FMI and its interfaces.
 ///
 /// When the declaration is refused, the build ends with what is wrong: an error for each finding, with file, line
 /// and key.
@@ -93,13 +93,14 @@ pub struct Generated {
 pub fn generate(declaration: impl AsRef<Path>) {
     let declaration = declaration.as_ref();
     println!("cargo::rerun-if-changed={}", declaration.display());
+    println!("cargo::rerun-if-env-changed={VERSION_VARIABLE}");
     println!("cargo::rerun-if-env-changed={INTERFACES_VARIABLE}");
     let out_dir = env::var("OUT_DIR").expect("OUT_DIR is set for build scripts only");
-    let interfaces = Interfaces::of_environment().unwrap_or_else(|reason| {
+    let fmi = Fmi::of_environment().unwrap_or_else(|reason| {
         println!("cargo::error={reason}");
         process::exit(1);
     });
-    match generate_into(declaration, Path::new(&out_dir), &Package::of_build_script(), interfaces) {
+    match generate_into(declaration, Path::new(&out_dir), &Package::of_build_script(), fmi) {
         Ok(generated) => {
             for source in generated.sources {
                 println!("cargo::rerun-if-changed={}", source.display());
@@ -119,13 +120,13 @@ pub fn generate(declaration: impl AsRef<Path>) {
 /// Generates the interface of a model into the folder of its name in a folder.
 ///
 /// # Errors
-/// When the declaration or a file that it names cannot be read, or contradicts itself or FMI 2.0, or when the
+/// When the declaration or a file that it names cannot be read, or contradicts itself or FMI, or when the
 /// documentation names what the model does not have.
 pub fn generate_into(
     declaration: &Path,
     out_dir: &Path,
     package: &Package,
-    interfaces: Interfaces,
+    fmi: impl Into<Fmi>,
 ) -> Result<Generated, Error> {
     let file = declaration;
     let (declaration, source) = Source::read::<Declaration>(file)?;
@@ -139,8 +140,8 @@ pub fn generate_into(
     let units_file = beside("units", &declaration.units)?;
     let units = units_file.as_deref().map(read_units).transpose()?.unwrap_or_default();
     let model =
-        Model::new(&declaration, &units, package, interfaces).map_err(|refusals| source.error(refusals))?;
-    let structure = dependencies::Structure::new(&model.scalars);
+        Model::new(&declaration, &units, package, fmi.into()).map_err(|refusals| source.error(refusals))?;
+    let structure = dependencies::Structure::new(&model.scalars, model.fmi.version);
     let description = xml::Description::new(&model, &structure);
     let read_fragment = |file: PathBuf| fragment::read(&file, &page::anchors(&model));
     let fragment = beside("documentation", &declaration.documentation)?.map(read_fragment).transpose()?;

@@ -87,7 +87,7 @@ impl ::fmu_export::Variables for Variables {{
     const MODEL_DESCRIPTION_XML: &'static str = include_str!(\"modelDescription.xml\");
     const STATE_NAMES: &'static [&'static str] = &States::NAMES;
     const STATE_NOMINALS: &'static [f64] = &[{nominals}];
-{event_indicators}{value_references}{dependencies}
+{event_indicators}{value_references}{arrays}{dependencies}
     fn inputs(&self) -> &Inputs {{
         &self.inputs
     }}
@@ -137,6 +137,7 @@ impl ::fmu_export::Variables for Variables {{
             nominals = self.nominals(),
             event_indicators = self.event_indicators(),
             value_references = self.value_references(),
+            arrays = self.arrays_of_fmi3(),
             dependencies = self.dependencies(),
             numbers = self.numbers(),
             accessors = accessors.concat(),
@@ -164,7 +165,30 @@ impl ::fmu_export::Variables for Variables {{
         if names.is_empty() {
             return String::new();
         }
-        format!("    const EVENT_INDICATORS: &'static [&'static str] = &{names:?};\n")
+        let mut text = format!("    const EVENT_INDICATORS: &'static [&'static str] = &{names:?};\n");
+        if let Some(first) = self.model.in_place(Place::EventIndicators).next() {
+            let first = self.model.scalars[first].value_reference;
+            let _ = writeln!(text, "    const FIRST_EVENT_INDICATOR: fmi::ValueReference = {first};");
+        }
+        text
+    }
+
+    /// The arrays that are one variable each, where there are any.
+    fn arrays_of_fmi3(&self) -> String {
+        let reference = |&position: &usize| self.model.scalars[position].value_reference;
+        let arrays = self.model.arrays();
+        if arrays.is_empty() {
+            return String::new();
+        }
+        let arrays: Vec<Vec<_>> = arrays.iter().map(|array| array.iter().map(reference).collect()).collect();
+        let mut inner: Vec<_> = arrays.iter().flat_map(|array| &array[1..]).collect();
+        inner.sort_unstable();
+        let arrays: Vec<_> = arrays.iter().map(|array| format!("&{array:?}")).collect();
+        format!(
+            "    const ARRAYS: &'static [&'static [fmi::ValueReference]] = &[{}];
+    const INNER_ELEMENTS: &'static [fmi::ValueReference] = &{inner:?};\n",
+            arrays.join(", ")
+        )
     }
 
     /// What Real outputs and derivatives depend on, where that is declared.
@@ -256,7 +280,8 @@ impl ::fmu_export::Variables for Variables {{
     /// The arms of the getter and the setter of a type.
     fn accessors(&self, accessor: &str) -> (String, String) {
         let (mut getters, mut setters) = (String::new(), String::new());
-        for scalar in &self.model.scalars[1..] {
+        let is_held = |scalar: &&Scalar| !matches!(scalar.place, Place::Time | Place::EventIndicators);
+        for scalar in self.model.scalars.iter().filter(is_held) {
             let of_type = match scalar.data_type {
                 DataType::Real => "real",
                 DataType::Integer | DataType::Enumeration(_) => "integer",
@@ -345,8 +370,8 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
 }};
 ",
             model.identifier,
-            model.interfaces.co_simulation(),
-            model.interfaces.model_exchange(),
+            model.fmi.interfaces.co_simulation(),
+            model.fmi.interfaces.model_exchange(),
             model.declaration.resources.is_some(),
             capabilities.interpolate_inputs,
             capabilities.get_and_set_state,
@@ -403,7 +428,7 @@ fn full_path(scalar: &Scalar) -> String {
         Place::States => "states",
         Place::Derivatives => "derivatives",
         Place::Outputs => "outputs",
-        Place::Locals | Place::Time => "locals",
+        Place::Locals | Place::Time | Place::EventIndicators => "locals",
     };
     format!("{place}.{}", scalar.path)
 }

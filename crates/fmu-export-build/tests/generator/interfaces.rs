@@ -57,7 +57,10 @@ fn the_typed_interface_has_the_functions_and_the_table_of_the_interfaces() {
     ] {
         let generated = generate(interfaces);
         let text = read(&generated.variables);
-        assert!(text.contains(&format!("pub use ::fmu_export::{functions} as export_fmi2;\n")), "{text}");
+        assert!(
+            text.contains(&format!("pub use ::fmu_export::{functions} as export_functions;\n")),
+            "{text}"
+        );
         let table = Described { co_simulation, model_exchange };
         assert!(text.contains(&format!("    interfaces: fmi::{table:?},\n")), "{text}");
         let differs = |line: &&str| !of_co_simulation.lines().any(|other| other == *line);

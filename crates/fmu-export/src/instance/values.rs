@@ -3,29 +3,40 @@
 use std::ffi::CString;
 
 use super::{Answer, Instance};
-use crate::c_types::Status;
 use crate::calling_sequence::Phase;
 use crate::description::{Causality, DataType, Initial, ValueReference, Variability, VariableDescription};
 use crate::error::Error;
 use crate::inputs::MAX_ORDER;
 use crate::logger::Shown;
 use crate::model::{Model, Variables};
+use crate::status::Status;
+
+pub(super) const REALS: &[DataType] = &[DataType::Real];
+const BOOLEANS: &[DataType] = &[DataType::Boolean];
+const STRINGS: &[DataType] = &[DataType::String];
 
 impl<M: Model> Instance<M> {
-    /// The variable of a value reference, if it has the type.
+    /// The variable of a value reference, if it has one of some types.
     pub(super) fn variable(
         reference: ValueReference,
-        requested: DataType,
+        types: &[DataType],
     ) -> Result<&'static VariableDescription, Error> {
         let variable = M::Variables::description(reference).ok_or_else(|| {
             Error::new(format!("there is no variable with the value reference {reference}"))
         })?;
-        let is_integer = variable.data_type == DataType::Enumeration && requested == DataType::Integer;
-        if variable.data_type == requested || is_integer {
+        if types.contains(&variable.data_type) {
             Ok(variable)
         } else {
             Err(Error::new(format!("the variable {} is of the type {:?}", variable.name, variable.data_type)))
         }
+    }
+
+    /// Gets or sets variables of a type that no variable has.
+    pub(crate) fn refuse_all(references: &[ValueReference]) -> Answer {
+        for &reference in references {
+            Self::variable(reference, &[])?;
+        }
+        Ok(Status::Ok)
     }
 
     fn is_real_input(reference: ValueReference) -> bool {
@@ -41,11 +52,11 @@ impl<M: Model> Instance<M> {
     fn get(
         &mut self,
         references: &[ValueReference],
-        requested: DataType,
+        types: &[DataType],
         mut read: impl FnMut(&M::Variables, usize, ValueReference) -> Result<(), Error>,
     ) -> Answer {
         for &reference in references {
-            Self::variable(reference, requested)?;
+            Self::variable(reference, types)?;
         }
         let status = self.compute_values()?;
         for (index, &reference) in references.iter().enumerate() {
@@ -57,7 +68,7 @@ impl<M: Model> Instance<M> {
     pub(crate) fn get_real(&mut self, references: &[ValueReference], values: &mut [f64]) -> Answer {
         let time = self.memory.time;
         let mut no_number = Ok(());
-        let status = self.get(references, DataType::Real, |variables, index, reference| {
+        let status = self.get(references, REALS, |variables, index, reference| {
             let variable = Self::checked(reference);
             let value =
                 if variable.causality == Causality::Independent { time } else { variables.real(reference) };
@@ -74,23 +85,33 @@ impl<M: Model> Instance<M> {
             Ok(()) => Ok(status),
             // A solver has tried states of which there is no such value; it can try others.
             Err(error) if self.memory.phase == Phase::ContinuousTimeMode => {
-                self.log_discarded(format_args!("fmi2GetReal: {error}"));
+                self.log_discarded(format_args!("{error}"));
                 Ok(Status::Discard)
             }
             Err(error) => Err(error),
         }
     }
 
-    pub(crate) fn get_integer(&mut self, references: &[ValueReference], values: &mut [i32]) -> Answer {
-        self.get(references, DataType::Integer, |variables, index, reference| {
-            values[index] = variables.integer(reference);
+    /// Gets variables of some types that are integers here.
+    pub(crate) fn get_integers<T: From<i32>>(
+        &mut self,
+        references: &[ValueReference],
+        values: &mut [T],
+        types: &[DataType],
+    ) -> Answer {
+        self.get(references, types, |variables, index, reference| {
+            values[index] = variables.integer(reference).into();
             Ok(())
         })
     }
 
-    pub(crate) fn get_boolean(&mut self, references: &[ValueReference], values: &mut [i32]) -> Answer {
-        self.get(references, DataType::Boolean, |variables, index, reference| {
-            values[index] = i32::from(variables.boolean(reference));
+    pub(crate) fn get_boolean<T: From<bool>>(
+        &mut self,
+        references: &[ValueReference],
+        values: &mut [T],
+    ) -> Answer {
+        self.get(references, BOOLEANS, |variables, index, reference| {
+            values[index] = variables.boolean(reference).into();
             Ok(())
         })
     }
@@ -98,7 +119,7 @@ impl<M: Model> Instance<M> {
     /// Leaves the values in [`Instance::strings`].
     pub(crate) fn get_string(&mut self, references: &[ValueReference]) -> Answer {
         let mut strings = Vec::with_capacity(references.len());
-        let status = self.get(references, DataType::String, |variables, _, reference| {
+        let status = self.get(references, STRINGS, |variables, _, reference| {
             let text = variables.string(reference);
             strings.push(CString::new(text).map_err(|_| Error::new("a string with a NUL in it"))?);
             Ok(())
@@ -180,21 +201,18 @@ impl<M: Model> Instance<M> {
         &mut self,
         references: &[ValueReference],
         values: &[T],
-        requested: DataType,
+        types: &[DataType],
         as_number: impl Fn(T) -> f64,
         is_set: impl Fn(&M::Variables, ValueReference, T) -> bool,
         write: impl Fn(&mut M::Variables, ValueReference, T),
     ) -> Answer {
         if self.memory.phase == Phase::ContinuousTimeMode {
-            return self.set_between_events(references, values, requested, as_number, is_set, write);
+            return self.set_between_events(references, values, types, as_number, is_set, write);
         }
         for (&reference, &value) in references.iter().zip(values) {
             // A shortcut for Real inputs, which may be set to any finite value.
-            if !(Self::is_real_input(reference)
-                && requested == DataType::Real
-                && as_number(value).is_finite())
-            {
-                self.check_settable(Self::variable(reference, requested)?, as_number(value))?;
+            if !(Self::is_real_input(reference) && types == REALS && as_number(value).is_finite()) {
+                self.check_settable(Self::variable(reference, types)?, as_number(value))?;
             }
         }
         let mut status = Status::Ok;
@@ -223,7 +241,7 @@ impl<M: Model> Instance<M> {
         &mut self,
         references: &[ValueReference],
         values: &[T],
-        requested: DataType,
+        types: &[DataType],
         as_number: impl Fn(T) -> f64,
         is_set: impl Fn(&M::Variables, ValueReference, T) -> bool,
         write: impl Fn(&mut M::Variables, ValueReference, T),
@@ -232,7 +250,7 @@ impl<M: Model> Instance<M> {
             variable.causality == Causality::Input && is_set(&this.memory.variables, reference, value)
         };
         for (&reference, &value) in references.iter().zip(values) {
-            let variable = Self::variable(reference, requested)?;
+            let variable = Self::variable(reference, types)?;
             if !is_kept(self, variable, reference, value) {
                 self.check_settable(variable, as_number(value))?;
             }
@@ -262,25 +280,38 @@ impl<M: Model> Instance<M> {
     pub(crate) fn set_real(&mut self, references: &[ValueReference], values: &[f64]) -> Answer {
         #[expect(clippy::float_cmp, reason = "whether it is the very value")]
         let is_set = |variables: &M::Variables, reference, value| variables.real(reference) == value;
-        self.set(references, values, DataType::Real, |value| value, is_set, M::Variables::set_real)
+        self.set(references, values, REALS, |value| value, is_set, M::Variables::set_real)
     }
 
-    pub(crate) fn set_integer(&mut self, references: &[ValueReference], values: &[i32]) -> Answer {
+    /// Sets variables of some types that are integers here.
+    pub(crate) fn set_integers(
+        &mut self,
+        references: &[ValueReference],
+        values: &[i32],
+        types: &[DataType],
+    ) -> Answer {
         let is_set = |variables: &M::Variables, reference, value| variables.integer(reference) == value;
-        self.set(references, values, DataType::Integer, f64::from, is_set, M::Variables::set_integer)
+        self.set(references, values, types, f64::from, is_set, M::Variables::set_integer)
     }
 
-    pub(crate) fn set_boolean(&mut self, references: &[ValueReference], values: &[i32]) -> Answer {
-        let write =
-            |variables: &mut M::Variables, reference, value| variables.set_boolean(reference, value != 0);
+    /// Any value but 0 is true.
+    pub(crate) fn set_boolean<T: Copy + Default + PartialEq>(
+        &mut self,
+        references: &[ValueReference],
+        values: &[T],
+    ) -> Answer {
+        let is_true = |value| value != T::default();
+        let write = |variables: &mut M::Variables, reference, value| {
+            variables.set_boolean(reference, is_true(value));
+        };
         let is_set =
-            |variables: &M::Variables, reference, value| variables.boolean(reference) == (value != 0);
-        self.set(references, values, DataType::Boolean, |_| 0.0, is_set, write)
+            |variables: &M::Variables, reference, value| variables.boolean(reference) == is_true(value);
+        self.set(references, values, BOOLEANS, |_| 0.0, is_set, write)
     }
 
     pub(crate) fn set_string(&mut self, references: &[ValueReference], values: &[&str]) -> Answer {
         let is_set = |variables: &M::Variables, reference, value: &str| variables.string(reference) == value;
-        self.set(references, values, DataType::String, |_| 0.0, is_set, M::Variables::set_string)
+        self.set(references, values, STRINGS, |_| 0.0, is_set, M::Variables::set_string)
     }
 
     pub(crate) fn set_real_input_derivatives(
@@ -304,9 +335,9 @@ impl<M: Model> Instance<M> {
                 self.memory.inputs.set_derivative(position, order, value);
             } else if value != 0.0 && self.memory.inputs.ignore_derivative(position) {
                 status = self.warn(format_args!(
-                    "fmi2SetRealInputDerivatives: the input {} is discrete and constant; its derivatives \
+                    "{}: the input {} is discrete and constant; its derivatives \
                      are ignored",
-                    variable.name
+                    self.function, variable.name
                 ));
             }
         }
@@ -315,7 +346,7 @@ impl<M: Model> Instance<M> {
 
     /// The Real input and order of a derivative, if it may be set.
     fn input_derivative(reference: ValueReference, order: i32, value: f64) -> Result<(usize, usize), Error> {
-        let variable = Self::variable(reference, DataType::Real)?;
+        let variable = Self::variable(reference, REALS)?;
         let name = variable.name;
         let Some(position) = variable.real_input else {
             return Err(Error::new(format!("the variable {name} is not an input")));
