@@ -12,7 +12,7 @@ use std::sync::Arc;
 use super::c_types::{
     Binary, Boolean, Byte, Clock, ClockUpdateCallback, Enumeration, FALSE, FmuState, Instance,
     InstanceEnvironment, IntermediateUpdateCallback, LogMessageCallback, PreemptionCallback, Status, String,
-    TRUE, ValueReference,
+    ValueReference,
 };
 use super::calling_sequence::Function;
 use crate::c_boundary::{
@@ -634,7 +634,7 @@ pub unsafe fn do_step<M: Model>(
             let terminate_simulation = not_null("terminateSimulation", terminate_simulation)?;
             let early_return = not_null("earlyReturn", early_return)?;
             let last_successful_time = not_null("lastSuccessfulTime", last_successful_time)?;
-            let mut write = |instance: &instance::Instance<M>, ends: bool| {
+            let write = |instance: &instance::Instance<M>, ends: bool| {
                 let time = instance.last_successful_time();
                 let is_early = ends && time < current_communication_point + communication_step_size;
                 event_handling_needed.write_unaligned(FALSE);

@@ -24,8 +24,6 @@ pub type Binary = *const u8;
 /// `fmi3IntervalQualifier` and `fmi3DependencyKind`, as importers' memory holds them.
 pub type Enumeration = c_int;
 
-/// `fmi3True`.
-pub const TRUE: Boolean = 1;
 /// `fmi3False`.
 pub const FALSE: Boolean = 0;
 

@@ -20,7 +20,15 @@ impl<M: Model> Instance<M> {
     ) -> Answer {
         Self::check_differentiates("providesDirectionalDerivative is false")?;
         for &unknown in unknowns {
-            self.check_unknown(Self::variable(unknown, REALS)?)?;
+            let variable = Self::variable(unknown, REALS)?;
+            // Event indicators never are (FMI 3.0.2, section 2.2.11).
+            if unknown >= M::Variables::FIRST_EVENT_INDICATOR {
+                return Err(Error::new(format!(
+                    "{} is not an unknown: it is an event indicator",
+                    variable.name
+                )));
+            }
+            self.check_unknown(variable)?;
         }
         let mut direction = M::Variables::zero();
         for (position, (&known, &seed)) in knowns.iter().zip(seeds).enumerate() {
