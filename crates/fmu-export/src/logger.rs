@@ -60,13 +60,15 @@ pub(crate) struct Delivery {
 
 impl Logger {
     /// A logger with debug logging on or off for all categories.
+    #[allow(clippy::arc_with_non_send_sync, reason = "an instance may be called by one thread after another")]
     pub(crate) fn new(
-        recipient: Option<Arc<dyn Recipient>>,
+        recipient: Option<impl Recipient + 'static>,
         categories: &'static [&'static str],
         debug_logging: bool,
         always_warns: bool,
     ) -> Self {
         let enabled = vec![debug_logging; categories.len()];
+        let recipient = recipient.map(|recipient| Arc::new(recipient) as Arc<dyn Recipient>);
         Self { recipient, categories, enabled, always_warns, pending: RefCell::default() }
     }
 

@@ -87,7 +87,7 @@ impl ::fmu_export::Variables for Variables {{
     const MODEL_DESCRIPTION_XML: &'static str = include_str!(\"modelDescription.xml\");
     const STATE_NAMES: &'static [&'static str] = &States::NAMES;
     const STATE_NOMINALS: &'static [f64] = &[{nominals}];
-{event_indicators}{value_references}{arrays}{dependencies}
+{event_indicators}{value_references}{dependencies}
     fn inputs(&self) -> &Inputs {{
         &self.inputs
     }}
@@ -137,7 +137,6 @@ impl ::fmu_export::Variables for Variables {{
             nominals = self.nominals(),
             event_indicators = self.event_indicators(),
             value_references = self.value_references(),
-            arrays = self.arrays_of_fmi3(),
             dependencies = self.dependencies(),
             numbers = self.numbers(),
             accessors = accessors.concat(),
@@ -388,14 +387,15 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
         positions
     }
 
-    /// Their value references, unless these are 0, 1, 2, ….
+    /// Their value references, unless these are 0, 1, 2, …, and those of arrays.
     fn value_references(&self) -> String {
         let scalars = self.by_value_reference().into_iter().map(|position| &self.model.scalars[position]);
         let references: Vec<_> = scalars.map(|scalar| scalar.value_reference).collect();
         if (0..).zip(&references).all(|(position, reference)| position == *reference) {
-            return String::new();
+            return self.arrays_of_fmi3();
         }
-        format!("    const VALUE_REFERENCES: &'static [fmi::ValueReference] = &{references:?};\n")
+        let arrays = self.arrays_of_fmi3();
+        format!("    const VALUE_REFERENCES: &'static [fmi::ValueReference] = &{references:?};\n{arrays}")
     }
 
     fn real_inputs(&self) -> impl Iterator<Item = usize> {

@@ -7,7 +7,6 @@
 
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::ptr;
-use std::sync::Arc;
 
 pub use crate::c_boundary::silence_panics;
 
@@ -83,7 +82,7 @@ pub unsafe fn instantiate<M: Model>(
     // SAFETY: the importer passes null or a string.
     let name = unsafe { c_string("instanceName", instance_name) };
     let instance_name = name.as_ref().map_or_else(|_| c"".to_owned(), |&name| name.to_owned());
-    let recipient = callback.map(|function| Arc::new(Callback { function, environment, instance_name }) as _);
+    let recipient = callback.map(|function| Callback { function, environment, instance_name });
     let logger = Logger::new(recipient, description.log_categories, logging_on != FALSE, true);
     let check = || -> Result<Interface, Error> {
         // C's white space: section 2.1.5 requires at least one other character.

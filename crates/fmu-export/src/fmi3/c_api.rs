@@ -7,7 +7,6 @@
 
 use std::ffi::{CStr, c_char};
 use std::ptr;
-use std::sync::Arc;
 
 use super::c_types::{
     Binary, Boolean, Byte, Clock, ClockUpdateCallback, Enumeration, FALSE, FmuState, Instance,
@@ -61,7 +60,7 @@ unsafe fn instantiate<M: Model>(
     log_message: Option<LogMessageCallback>,
 ) -> Instance {
     let description = M::Variables::DESCRIPTION;
-    let recipient = log_message.map(|function| Arc::new(Callback { function, environment }) as _);
+    let recipient = log_message.map(|function| Callback { function, environment });
     let logger = Logger::new(recipient, description.log_categories, logging_on != FALSE, false);
     let check = || -> Result<Interface, Error> {
         // SAFETY: the caller's promise.
