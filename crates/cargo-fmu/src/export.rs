@@ -125,12 +125,12 @@ impl Plan {
         }
     }
 
-    /// Builds and writes the FMUs, and says so. `inputs` and `outputs` are other files that the command reads and
+    /// Builds and writes the FMUs, says so, and returns their files. `inputs` and `outputs` are other files that the command reads and
     /// writes: none may be read and written.
     ///
     /// # Errors
     /// When a library cannot be built or does not fit, or a file cannot be read or written.
-    pub fn run(&self, inputs: &[PathBuf], outputs: &[PathBuf]) -> Result<()> {
+    pub fn run(&self, inputs: &[PathBuf], outputs: &[PathBuf]) -> Result<Vec<PathBuf>> {
         let mut given = self
             .binaries
             .iter()
@@ -144,6 +144,7 @@ impl Plan {
             self.binaries.iter().map(|(_, file)| file.clone()).chain(inputs.iter().cloned()).collect();
         writing::refuse_overlap(&outputs, &inputs)?;
 
+        let mut written = vec![];
         for (number, &version) in self.versions.iter().enumerate() {
             // One after the other, as the second build writes its libraries over those of the first.
             let built = self.compile(version)?;
@@ -156,9 +157,9 @@ impl Plan {
                 let models = self.models().collect::<Vec<_>>().join(" or ");
                 bail!("{}: it was built from another description than {models}", stray.refused());
             }
-            self.pack(&built, &descriptions, of_these)?;
+            written.extend(self.pack(&built, &descriptions, of_these)?);
         }
-        Ok(())
+        Ok(written)
     }
 
     /// Builds the libraries of a version of FMI.
@@ -175,14 +176,15 @@ impl Plan {
         self.builds.iter().map(compile).collect()
     }
 
-    /// Writes the FMUs of what was built, with libraries that were built elsewhere, and says so.
+    /// Writes the FMUs of what was built, with libraries that were built elsewhere, says so, and returns their files.
     fn pack(
         &self,
         built: &[(Build, Compiled)],
         descriptions: &BTreeMap<&str, String>,
         given: Vec<ModelLibrary<'_>>,
-    ) -> Result<()> {
+    ) -> Result<Vec<PathBuf>> {
         let mut libraries = libraries_of(descriptions, built, given)?;
+        let mut written = vec![];
         for (&name, description) in descriptions {
             let libraries = libraries.remove(name).unwrap_or_default();
             let generated = built[0].1.generated(name)?;
@@ -202,8 +204,9 @@ impl Plan {
             }
             write(&fmu, &file)?;
             validate::check(&file)?;
+            written.push(file);
         }
-        Ok(())
+        Ok(written)
     }
 }
 
