@@ -120,7 +120,7 @@ impl Plan {
     fn fmu_of(&self, model: &str, description: &str) -> PathBuf {
         let of_fmi2 = self.fmu(model);
         match of_fmi2.file_name() {
-            Some(name) if description.contains(" fmiVersion=\"3.") => self.folder_of_fmi3().join(name),
+            Some(name) if is_fmi3(description) => self.folder_of_fmi3().join(name),
             _ => of_fmi2,
         }
     }
@@ -188,7 +188,7 @@ impl Plan {
         for (&name, description) in descriptions {
             let libraries = libraries.remove(name).unwrap_or_default();
             let generated = built[0].1.generated(name)?;
-            let mut files = documentation(&generated, &libraries)?;
+            let mut files = documentation(&generated, description, &libraries)?;
             files.extend(resources(&generated)?);
             files.extend(licenses::files(name, &self.models[name], built)?);
             let fmu = Fmu {
@@ -371,6 +371,11 @@ fn libraries_of<'a>(
     Ok(libraries)
 }
 
+/// Whether a description is one of FMI 3.0.
+fn is_fmi3(model_description: &str) -> bool {
+    model_description.contains(" fmiVersion=\"3.")
+}
+
 /// A description's GUID, or instantiation token.
 fn guid(model_description: &str) -> Option<&str> {
     let attributes = [" guid=\"", " instantiationToken=\""];
@@ -384,9 +389,10 @@ fn holds(bytes: &[u8], text: &[u8]) -> bool {
 }
 
 /// The page that the build generated in a folder, the list of the platforms that the FMU has libraries for, and
-/// the icon where the model has one.
+/// the icon and the terminals where the model has them.
 fn documentation(
     generated: &Path,
+    description: &str,
     libraries: &BTreeMap<Platform, Vec<u8>>,
 ) -> Result<Vec<(String, Vec<u8>)>> {
     let mut platforms = PlatformList::default();
@@ -397,9 +403,14 @@ fn documentation(
         ("documentation/index.html".to_owned(), reading::bytes(&generated.join("index.html"))?),
         (PlatformList::PATH.to_owned(), platforms.to_string().into_bytes()),
     ];
-    let icon = generated.join("model.png");
-    if icon.is_file() {
-        files.push(("model.png".to_owned(), reading::bytes(&icon)?));
+    for (name, path) in
+        [("model.png", "model.png"), ("terminalsAndIcons.xml", "terminalsAndIcons/terminalsAndIcons.xml")]
+    {
+        let file = generated.join(name);
+        // In FMI 3.0 a picture would need a place in terminalsAndIcons.xml.
+        if file.is_file() && !(name == "model.png" && is_fmi3(description)) {
+            files.push((path.to_owned(), reading::bytes(&file)?));
+        }
     }
     Ok(files)
 }

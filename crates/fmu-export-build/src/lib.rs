@@ -78,6 +78,8 @@ pub struct Generated {
     pub documentation: PathBuf,
     /// The icon, `model.png` beside them, where the declaration names one.
     pub icon: Option<PathBuf>,
+    /// The terminals, `terminalsAndIcons.xml` beside them, where the declaration has any.
+    pub terminals: Option<PathBuf>,
     /// The folder of the files that the model reads at run time, `resources` beside them, where the declaration names
     /// one.
     pub resources: Option<PathBuf>,
@@ -164,10 +166,13 @@ pub fn generate_into(
             Err(error) => Err(Error::of_file(&file, error)),
         }
     };
-    let icon_file = folder.join("model.png");
-    if icon.is_none() && icon_file.exists() {
-        // Of a build before the icon was taken out of the declaration.
-        fs::remove_file(&icon_file).map_err(|error| Error::of_file(&icon_file, error))?;
+    let terminals = (!model.declaration.terminals.is_empty()).then_some("terminalsAndIcons.xml");
+    for (is_there, name) in [(icon.is_some(), "model.png"), (terminals.is_some(), "terminalsAndIcons.xml")] {
+        let file = folder.join(name);
+        if !is_there && file.exists() {
+            // Of a build before this was taken out of the declaration.
+            fs::remove_file(&file).map_err(|error| Error::of_file(&file, error))?;
+        }
     }
     let resources_folder = folder.join("resources");
     if resources_folder.exists() {
@@ -189,6 +194,9 @@ pub fn generate_into(
         variables: write("variables.rs", rust::generate(&model, &structure, &description.guid).as_bytes())?,
         documentation: write("index.html", page.as_bytes())?,
         icon: icon.map(|icon| write("model.png", &icon)).transpose()?,
+        terminals: terminals
+            .map(|name| write(name, xml::terminals::write(&model.declaration.terminals).as_bytes()))
+            .transpose()?,
     })
 }
 

@@ -208,6 +208,7 @@ impl<'a> Model<'a> {
         check::type_names(declaration, &parts, &mut refusals);
         check::outputs(&scalars, &mut refusals);
         check::calculated_parameters(&scalars, &mut refusals);
+        check::terminals(declaration, &scalars, &mut refusals);
         dependencies::refuse_cycles(&scalars, &mut refusals);
         refusals.check()?;
         if fmi.version == Version::Three && fmi.interfaces.model_exchange() {

@@ -5,6 +5,7 @@
 
 mod fmi2;
 mod fmi3;
+pub(crate) mod terminals;
 
 use std::io;
 

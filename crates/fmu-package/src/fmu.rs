@@ -64,7 +64,7 @@ impl Fmu<'_> {
 fn refuse_stray(path: &str) -> io::Result<()> {
     let mut parts = path.split('/');
     let folder = parts.next().unwrap_or_default();
-    let is_inside = ["documentation", "resources", "sources"].contains(&folder)
+    let is_inside = ["documentation", "resources", "sources", "terminalsAndIcons"].contains(&folder)
         && path.contains('/')
         && parts.all(|part| !["", ".", ".."].contains(&part));
     if (is_inside || path == "model.png") && !path.contains(['\\', ':']) {
