@@ -444,13 +444,13 @@ pub(crate) unsafe fn deserialize<M: Model>(
 pub(crate) unsafe fn set_continuous_states<M: ModelExchange>(
     handle: *mut c_void,
     function: impl Function,
-    name: &str,
+    [name, count_name]: [&str; 2],
     (states, count): (*const f64, usize),
 ) -> Status {
     // SAFETY: the caller's promise.
     unsafe {
         call::<M>(handle, function, |instance| {
-            check_count(name, count, M::Variables::STATE_NAMES)?;
+            check_count(count_name, count, M::Variables::STATE_NAMES)?;
             instance.set_continuous_states(&elements(name, states, count)?)
         })
     }
@@ -463,14 +463,14 @@ pub(crate) unsafe fn set_continuous_states<M: ModelExchange>(
 pub(crate) unsafe fn get_array<M: Model>(
     handle: *mut c_void,
     function: impl Function,
-    (name, names): (&str, &[&str]),
+    ([name, count_name], names): ([&str; 2], &[&str]),
     (values, count): (*mut f64, usize),
     get: impl FnOnce(&mut Instance<M>, &mut [f64]) -> Answer,
 ) -> Status {
     // SAFETY: the caller's promise.
     unsafe {
         call::<M>(handle, function, |instance| {
-            check_count(name, count, names)?;
+            check_count(count_name, count, names)?;
             write_elements(name, values, count, |values| get(instance, values))
         })
     }

@@ -558,16 +558,21 @@ pub unsafe fn set_continuous_states<M: ModelExchange>(
 ) -> Status {
     // SAFETY: the component and the array are the importer's (see the module).
     unsafe {
-        c_boundary::set_continuous_states::<M>(component, Function::SetContinuousStates, "x", (states, count))
+        c_boundary::set_continuous_states::<M>(
+            component,
+            Function::SetContinuousStates,
+            ["x", "nx"],
+            (states, count),
+        )
     }
 }
 
 /// Defines functions that get an array for all states or event indicators.
 macro_rules! arrays {
-    ($($name:ident: $function:ident, $argument:literal, $elements:ident;)*) => {$(
+    ($($name:ident: $function:ident, $arguments:expr, $elements:ident;)*) => {$(
         #[doc = concat!("`fmi2", stringify!($function), "`.")]
         pub unsafe fn $name<M: ModelExchange>(component: Component, values: *mut f64, count: usize) -> Status {
-            let (function, of) = (Function::$function, ($argument, M::Variables::$elements));
+            let (function, of) = (Function::$function, ($arguments, M::Variables::$elements));
             // SAFETY: the component and the array are the importer's (see the module).
             unsafe { c_boundary::get_array::<M>(component, function, of, (values, count), Instance::$name) }
         }
@@ -575,10 +580,10 @@ macro_rules! arrays {
 }
 
 arrays! {
-    get_derivatives: GetDerivatives, "derivatives", STATE_NAMES;
-    get_event_indicators: GetEventIndicators, "eventIndicators", EVENT_INDICATORS;
-    get_continuous_states: GetContinuousStates, "x", STATE_NAMES;
-    get_nominals_of_continuous_states: GetNominalsOfContinuousStates, "x_nominal", STATE_NAMES;
+    get_derivatives: GetDerivatives, ["derivatives", "nx"], STATE_NAMES;
+    get_event_indicators: GetEventIndicators, ["eventIndicators", "ni"], EVENT_INDICATORS;
+    get_continuous_states: GetContinuousStates, ["x", "nx"], STATE_NAMES;
+    get_nominals_of_continuous_states: GetNominalsOfContinuousStates, ["x_nominal", "nx"], STATE_NAMES;
 }
 
 /// Makes the 34 C functions of FMI 2.0 Co-Simulation for a [`Model`], in a library of the crate type `cdylib`.

@@ -716,15 +716,22 @@ pub unsafe fn set_continuous_states<M: ModelExchange>(
 ) -> Status {
     let (function, states) = (Function::SetContinuousStates, (states, count));
     // SAFETY: the instance and the array are the importer's (see the module).
-    unsafe { c_boundary::set_continuous_states::<M>(instance, function, "continuousStates", states) }
+    unsafe {
+        c_boundary::set_continuous_states::<M>(
+            instance,
+            function,
+            ["continuousStates", "nContinuousStates"],
+            states,
+        )
+    }
 }
 
 /// Defines functions that get an array for all states or event indicators.
 macro_rules! arrays {
-    ($($name:ident: $function:ident, $get:ident, $argument:literal, $elements:ident;)*) => {$(
+    ($($name:ident: $function:ident, $get:ident, $arguments:expr, $elements:ident;)*) => {$(
         #[doc = concat!("`fmi3", stringify!($function), "`.")]
         pub unsafe fn $name<M: ModelExchange>(instance: Instance, values: *mut f64, count: usize) -> Status {
-            let (function, of) = (Function::$function, ($argument, M::Variables::$elements));
+            let (function, of) = (Function::$function, ($arguments, M::Variables::$elements));
             // SAFETY: the instance and the array are the importer's (see the module).
             unsafe { c_boundary::get_array::<M>(instance, function, of, (values, count), instance::Instance::$get) }
         }
@@ -732,11 +739,11 @@ macro_rules! arrays {
 }
 
 arrays! {
-    get_continuous_state_derivatives: GetContinuousStateDerivatives, get_derivatives, "derivatives", STATE_NAMES;
-    get_event_indicators: GetEventIndicators, get_event_indicators, "eventIndicators", EVENT_INDICATORS;
-    get_continuous_states: GetContinuousStates, get_continuous_states, "continuousStates", STATE_NAMES;
+    get_continuous_state_derivatives: GetContinuousStateDerivatives, get_derivatives, ["derivatives", "nContinuousStates"], STATE_NAMES;
+    get_event_indicators: GetEventIndicators, get_event_indicators, ["eventIndicators", "nEventIndicators"], EVENT_INDICATORS;
+    get_continuous_states: GetContinuousStates, get_continuous_states, ["continuousStates", "nContinuousStates"], STATE_NAMES;
     get_nominals_of_continuous_states: GetNominalsOfContinuousStates, get_nominals_of_continuous_states,
-        "nominals", STATE_NAMES;
+        ["nominals", "nContinuousStates"], STATE_NAMES;
 }
 
 /// Defines functions that get the number of states or event indicators.
