@@ -11,8 +11,8 @@ use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::system::System;
 use boost_fmu::plant::variables::{InitializationMode, Inputs, Parameters, States, Variables};
 use fmu_export::Variables as _;
-use fmu_export::c_types::ValueReference;
 use fmu_export::description::Causality;
+use fmu_export::fmi2::c_types::ValueReference;
 
 use crate::closed_loop::{Fmus, Models, controller_library};
 use crate::direct::Direct;

@@ -7,8 +7,8 @@ use boost_fmu::controller::BoostController;
 use boost_fmu::controller::variables::Inputs as ControllerInputs;
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables::Inputs as PlantInputs;
-use fmu_export::c_types::ValueReference;
 use fmu_export::description::Causality;
+use fmu_export::fmi2::c_types::ValueReference;
 
 use crate::boost_steps::BOOST_STEPS;
 use crate::direct::Direct;

@@ -5,11 +5,11 @@ use std::ffi::{CString, c_char, c_int};
 use std::path::PathBuf;
 use std::ptr;
 
-use fmu_export::c_types::{
+use fmu_export::description::{Causality, VariableDescription};
+use fmu_export::fmi2::c_types::{
     Boolean, CO_SIMULATION, CallbackFunctions, Component, FALSE, FmuState, Integer, Status, TRUE,
     ValueReference,
 };
-use fmu_export::description::{Causality, VariableDescription};
 use fmu_export::{Model, Variables};
 
 /// Declares functions by their names in the standard.

@@ -5,8 +5,8 @@ use std::sync::OnceLock;
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables::{InitializationMode, Inputs, Parameters, States, Variables};
 use fmu_export::Inputs as _;
-use fmu_export::c_types::ValueReference;
 use fmu_export::description::Causality;
+use fmu_export::fmi2::c_types::ValueReference;
 
 use crate::direct::Direct;
 use crate::library::{Instance, Library, State};

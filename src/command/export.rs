@@ -18,11 +18,18 @@ pub fn run(export: Export, parameters: &[PathBuf]) -> Result<()> {
         if !parameters.is_empty() {
             bail!("parameter sets are bound in the system of {}; export both", members.join(" and "));
         }
-        return plan.run(&[], &[]);
+        plan.run(&[], &[])?;
+        return Ok(());
     }
     let system = plan.folder().join("Boost.ssp");
-    plan.run(parameters, std::slice::from_ref(&system))?;
+    let written = plan.run(parameters, std::slice::from_ref(&system))?;
     for member in members {
+        if !written.contains(&plan.fmu(member)) {
+            if !parameters.is_empty() {
+                bail!("parameter sets are bound in Boost.ssp, which takes FMUs of FMI 2.0");
+            }
+            return Ok(());
+        }
         if FmuDescription::read(&plan.fmu(member))?.interface("CoSimulation").is_none() {
             if !parameters.is_empty() {
                 bail!("parameter sets are bound in Boost.ssp, which takes FMUs for co-simulation");

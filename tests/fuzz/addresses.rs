@@ -4,9 +4,9 @@ use std::ffi::c_int;
 use std::ptr;
 
 use boost_fmu::controller::BoostController;
-use fmu_export::c_api;
-use fmu_export::c_types::{FmuState, Status, status_kind};
 use fmu_export::description::ValueReference;
+use fmu_export::fmi2::c_api;
+use fmu_export::fmi2::c_types::{FmuState, Status, status_kind};
 
 use super::importer::{Functions, Importer, Interface};
 use super::{opening, reference};

@@ -4,11 +4,11 @@ use std::ffi::{CString, c_char};
 use std::marker::PhantomData;
 use std::ptr;
 
-use fmu_export::c_types::{
+use fmu_export::fmi2::c_types::{
     Boolean, CO_SIMULATION, CallbackFunctions, Component, EventInfo, FALSE, FmuState, MODEL_EXCHANGE, Status,
     status_kind,
 };
-use fmu_export::{Model, ModelExchange, Variables as _, c_api};
+use fmu_export::{Model, ModelExchange, Variables as _, fmi2::c_api};
 use proptest::prelude::*;
 use proptest::test_runner::TestCaseError;
 

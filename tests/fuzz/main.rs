@@ -16,7 +16,7 @@ use std::env;
 
 use boost_fmu::controller::BoostController;
 use boost_fmu::plant::BoostPlant;
-use fmu_export::c_types::Status;
+use fmu_export::fmi2::c_types::Status;
 use fmu_export::{Integrated, Model, Variables as _};
 use fmu_export_equations::test_model::TestModel;
 use fmu_export_equations::{BouncingBall, Stairs};

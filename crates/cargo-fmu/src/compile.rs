@@ -7,7 +7,7 @@ use std::process::Stdio;
 
 use anyhow::{Context, Result, bail};
 use cargo_metadata::{CrateType, Message, Metadata, Package};
-use fmu_export_build::{INTERFACES_VARIABLE, Interfaces};
+use fmu_export_build::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
 use fmu_package::reading;
 
 use super::target::Build;
@@ -51,11 +51,12 @@ impl Compiled {
     }
 }
 
-/// Compiles packages of a workspace, for the interfaces that are chosen, if any; cargo's progress shows on stderr.
+/// Compiles packages of a workspace, for the version of FMI and the interfaces that are chosen, if any; cargo's progress shows on stderr.
 pub fn compile<'a>(
     metadata: &Metadata,
     packages: impl Iterator<Item = &'a Package>,
     build: &Build,
+    version: Option<Version>,
     interfaces: Option<Interfaces>,
 ) -> Result<Compiled> {
     let mut command = build.command();
@@ -65,6 +66,9 @@ pub fn compile<'a>(
         .arg(metadata.workspace_root.join("Cargo.toml"))
         .stdin(Stdio::null())
         .stdout(Stdio::piped());
+    if let Some(version) = version {
+        command.env(VERSION_VARIABLE, version.to_string());
+    }
     if let Some(interfaces) = interfaces {
         command.env(INTERFACES_VARIABLE, interfaces.to_string());
     }

@@ -13,7 +13,7 @@ use anyhow::{Context, Result, bail};
 use cargo_metadata::{CrateType, Metadata, MetadataCommand, Package};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use fmu_export_build::Interfaces;
+use fmu_export_build::{Interfaces, Version};
 use fmu_package::terminal::{complain, print};
 use fmu_package::{Fmu, Library, Platform, PlatformList, library, reading, writing};
 
@@ -41,6 +41,10 @@ pub struct Export {
     /// of Rust, which may end in the oldest glibc, as x86_64-unknown-linux-gnu.2.17 [default: this platform]
     #[arg(long = "target", value_name = "TARGET")]
     targets: Vec<Target>,
+    /// The version of FMI: 2, 3, or 2,3 for both; an FMU of FMI 3.0 is written to the folder `fmi3` [default: that which
+    /// the variable `FMU_FMI_VERSION` names, or 2]
+    #[arg(long = "fmi", value_name = "VERSION", value_delimiter = ',', value_parser = versions())]
+    versions: Vec<Version>,
     /// The interfaces of FMI that the FMUs offer [default: those that the variable `FMU_INTERFACES` names, or cs]
     #[arg(long, value_name = "INTERFACES", value_parser = interfaces())]
     interfaces: Option<Interfaces>,
@@ -54,6 +58,8 @@ pub struct Export {
 pub struct Plan {
     metadata: Metadata,
     builds: Vec<Build>,
+    /// Nothing where the environment decides.
+    versions: Vec<Option<Version>>,
     interfaces: Option<Interfaces>,
     binaries: Vec<(Platform, PathBuf)>,
     /// The package of each model.
@@ -78,8 +84,12 @@ impl Export {
         let metadata = command.exec().context("cargo finds no package here; run this in its folder")?;
         let models = choose(&metadata, &self.models, &self.packages)?;
         let out = self.out.unwrap_or_else(|| metadata.target_directory.join("fmu").into());
-        let Self { interfaces, binaries, .. } = self;
-        Ok(Plan { metadata, builds, interfaces, binaries, models, out })
+        let Self { mut versions, interfaces, binaries, .. } = self;
+        versions.sort();
+        versions.dedup();
+        let versions =
+            if versions.is_empty() { vec![None] } else { versions.into_iter().map(Some).collect() };
+        Ok(Plan { metadata, builds, versions, interfaces, binaries, models, out })
     }
 }
 
@@ -95,20 +105,35 @@ impl Plan {
         &self.out
     }
 
-    /// The file of a model's FMU.
+    /// The file of a model's FMU of FMI 2.0.
     #[must_use]
     pub fn fmu(&self, model: &str) -> PathBuf {
         self.out.join(format!("{model}.fmu"))
     }
 
-    /// Builds and writes the FMUs, and says so. `inputs` and `outputs` are other files that the command reads and
+    /// The folder of the FMUs of FMI 3.0.
+    fn folder_of_fmi3(&self) -> PathBuf {
+        self.out.join("fmi3")
+    }
+
+    /// The file of the FMU with a description.
+    fn fmu_of(&self, model: &str, description: &str) -> PathBuf {
+        let of_fmi2 = self.fmu(model);
+        match of_fmi2.file_name() {
+            Some(name) if is_fmi3(description) => self.folder_of_fmi3().join(name),
+            _ => of_fmi2,
+        }
+    }
+
+    /// Builds and writes the FMUs, says so, and returns their files. `inputs` and `outputs` are other files that the command reads and
     /// writes: none may be read and written.
     ///
     /// # Errors
     /// When a library cannot be built or does not fit, or a file cannot be read or written.
-    pub fn run(&self, inputs: &[PathBuf], outputs: &[PathBuf]) -> Result<()> {
-        let libraries = self.binaries.iter();
-        let given = libraries
+    pub fn run(&self, inputs: &[PathBuf], outputs: &[PathBuf]) -> Result<Vec<PathBuf>> {
+        let mut given = self
+            .binaries
+            .iter()
             .map(|(platform, file)| ModelLibrary::read(*platform, file))
             .collect::<Result<Vec<_>>>()?;
         fs::create_dir_all(&self.out)
@@ -119,11 +144,30 @@ impl Plan {
             self.binaries.iter().map(|(_, file)| file.clone()).chain(inputs.iter().cloned()).collect();
         writing::refuse_overlap(&outputs, &inputs)?;
 
-        let mut built = vec![];
-        for (build, number) in self.builds.iter().zip(1..) {
+        let mut written = vec![];
+        for (number, &version) in self.versions.iter().enumerate() {
+            // One after the other, as the second build writes its libraries over those of the first.
+            let built = self.compile(version)?;
+            let descriptions = descriptions(self.models(), &built)?;
+            let (of_these, others) = given.into_iter().partition(|given| given.is_of(&descriptions));
+            given = others;
+            if number + 1 == self.versions.len()
+                && let Some(stray) = given.first()
+            {
+                let models = self.models().collect::<Vec<_>>().join(" or ");
+                bail!("{}: it was built from another description than {models}", stray.refused());
+            }
+            written.extend(self.pack(&built, &descriptions, of_these)?);
+        }
+        Ok(written)
+    }
+
+    /// Builds the libraries of a version of FMI.
+    fn compile(&self, version: Option<Version>) -> Result<Vec<(Build, Compiled)>> {
+        let compile = |(number, build): (usize, &Build)| {
             let of = match self.builds.len() {
                 1 => String::new(),
-                builds => format!(" ({number} of {builds})"),
+                builds => format!(" ({} of {builds})", number + 1),
             };
             // Its progress, and that it waits for another cargo, are on standard error, which is this one's.
             complain(&format!(
@@ -131,30 +175,55 @@ impl Plan {
                 self.models().collect::<Vec<_>>().join(", "),
                 build.name()
             ));
-            built.push((
-                build.clone(),
-                compile(&self.metadata, self.models.values(), build, self.interfaces)?,
-            ));
-        }
-        let descriptions = descriptions(self.models(), &built)?;
-        let mut libraries = libraries_of(&descriptions, &built, given)?;
-        for (&name, description) in &descriptions {
+            let compiled = compile(&self.metadata, self.models.values(), build, version, self.interfaces)?;
+            Ok((build.clone(), compiled))
+        };
+        self.builds.iter().enumerate().map(compile).collect()
+    }
+
+    /// Writes the FMUs of what was built, with libraries that were built elsewhere, says so, and returns their files.
+    fn pack(
+        &self,
+        built: &[(Build, Compiled)],
+        descriptions: &BTreeMap<&str, String>,
+        given: Vec<ModelLibrary<'_>>,
+    ) -> Result<Vec<PathBuf>> {
+        let mut libraries = libraries_of(descriptions, built, given)?;
+        let mut written = vec![];
+        for (&name, description) in descriptions {
             let libraries = libraries.remove(name).unwrap_or_default();
             let generated = built[0].1.generated(name)?;
-            let mut files = documentation(&generated, &libraries)?;
+            let mut files = documentation(&generated, description, &libraries)?;
             files.extend(resources(&generated)?);
-            files.extend(licenses::files(name, &self.models[name], &built)?);
+            files.extend(licenses::files(name, &self.models[name], built)?);
             let fmu = Fmu {
                 model_identifier: name,
                 model_description: description,
                 libraries: libraries.into_iter().collect(),
                 files,
             };
-            write(&fmu, &self.fmu(name))?;
-            validate::check(&self.fmu(name))?;
+            let file = self.fmu_of(name, description);
+            if let Some(folder) = file.parent() {
+                fs::create_dir_all(folder)
+                    .with_context(|| format!("cannot create the folder {}", folder.display()))?;
+            }
+            write(&fmu, &file)?;
+            validate::check(&file)?;
+            written.push(file);
         }
-        Ok(())
+        Ok(written)
     }
+}
+
+/// The values of `--fmi`.
+fn versions() -> impl TypedValueParser<Value = Version> {
+    let values = Version::ALL.map(|version| {
+        PossibleValue::new(version.as_str()).help(match version {
+            Version::Two => "FMI 2.0, which nearly every tool imports",
+            Version::Three => "FMI 3.0",
+        })
+    });
+    PossibleValuesParser::new(values).try_map(|text| text.parse::<Version>())
 }
 
 /// The values of `--interfaces`.
@@ -257,13 +326,24 @@ impl<'a> ModelLibrary<'a> {
         Ok(given)
     }
 
+    /// Whether it was built from one of some descriptions.
+    fn is_of(&self, descriptions: &BTreeMap<&str, String>) -> bool {
+        self.model_of(descriptions).is_some()
+    }
+
+    /// The model whose description it was built from; by its GUID, a library knows that.
+    fn model_of<'d>(&self, descriptions: &BTreeMap<&'d str, String>) -> Option<&'d str> {
+        let is_of =
+            |description: &str| guid(description).is_some_and(|guid| holds(&self.bytes, guid.as_bytes()));
+        descriptions.iter().find(|(_, description)| is_of(description)).map(|(&name, _)| name)
+    }
+
     fn refused(&self) -> String {
         format!("{} cannot be the library for {}", self.file.display(), self.platform.folder())
     }
 }
 
-/// The libraries of each model: those that were compiled, and those that were built elsewhere. By its GUID,
-/// each knows the description that it was built from.
+/// The libraries of each model: those that were compiled, and those that were built elsewhere.
 fn libraries_of<'a>(
     descriptions: &BTreeMap<&'a str, String>,
     built: &[(Build, Compiled)],
@@ -279,10 +359,7 @@ fn libraries_of<'a>(
 
     let mut libraries: BTreeMap<&str, BTreeMap<Platform, Vec<u8>>> = BTreeMap::new();
     for given in all {
-        let model = descriptions.iter().find(|(_, description)| {
-            guid(description).is_some_and(|guid| holds(&given.bytes, guid.as_bytes()))
-        });
-        let Some((&name, _)) = model else {
+        let Some(name) = given.model_of(descriptions) else {
             let models = descriptions.keys().copied().collect::<Vec<_>>().join(" or ");
             bail!("{}: it was built from another description than {models}", given.refused());
         };
@@ -299,9 +376,16 @@ fn libraries_of<'a>(
     Ok(libraries)
 }
 
-/// A description's GUID.
+/// Whether a description is one of FMI 3.0.
+fn is_fmi3(model_description: &str) -> bool {
+    model_description.contains(" fmiVersion=\"3.")
+}
+
+/// A description's GUID, or instantiation token.
 fn guid(model_description: &str) -> Option<&str> {
-    model_description.split("guid=\"").nth(1).and_then(|rest| rest.split('"').next())
+    let attributes = [" guid=\"", " instantiationToken=\""];
+    let begin = attributes.iter().find_map(|attribute| model_description.split(attribute).nth(1));
+    begin.and_then(|rest| rest.split('"').next())
 }
 
 /// Whether bytes hold a text.
@@ -310,9 +394,10 @@ fn holds(bytes: &[u8], text: &[u8]) -> bool {
 }
 
 /// The page that the build generated in a folder, the list of the platforms that the FMU has libraries for, and
-/// the icon where the model has one.
+/// the icon and the terminals where the model has them.
 fn documentation(
     generated: &Path,
+    description: &str,
     libraries: &BTreeMap<Platform, Vec<u8>>,
 ) -> Result<Vec<(String, Vec<u8>)>> {
     let mut platforms = PlatformList::default();
@@ -323,9 +408,14 @@ fn documentation(
         ("documentation/index.html".to_owned(), reading::bytes(&generated.join("index.html"))?),
         (PlatformList::PATH.to_owned(), platforms.to_string().into_bytes()),
     ];
-    let icon = generated.join("model.png");
-    if icon.is_file() {
-        files.push(("model.png".to_owned(), reading::bytes(&icon)?));
+    for (name, path) in
+        [("model.png", "model.png"), ("terminalsAndIcons.xml", "terminalsAndIcons/terminalsAndIcons.xml")]
+    {
+        let file = generated.join(name);
+        // In FMI 3.0 a picture would need a place in terminalsAndIcons.xml.
+        if file.is_file() && !(name == "model.png" && is_fmi3(description)) {
+            files.push((path.to_owned(), reading::bytes(&file)?));
+        }
     }
     Ok(files)
 }

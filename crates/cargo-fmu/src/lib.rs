@@ -72,6 +72,7 @@ Examples:
   cargo fmu export                                      # all models, for this platform, into target/fmu
   cargo fmu export -p decay --target linux64 --target win64
   cargo fmu export --interfaces cs,me                   # for co-simulation and Model Exchange
+  cargo fmu export --fmi 2,3                            # for FMI 2.0, and for FMI 3.0 in the folder fmi3
   cargo fmu export --target linux64 --binary darwin64=libdecay.dylib
   cargo fmu export --parameters slow.ssv                # and decay.ssp, in which the set is bound")]
     Export {

@@ -168,6 +168,37 @@ def test_the_interfaces_are_those_of_the_option_or_the_environment(decay):
     assert "FMU_INTERFACES: 'both' is not one of cs, me and cs,me" in refused.stderr
 
 
+def test_the_version_of_fmi_is_that_of_the_option_or_the_environment(decay):
+    out = decay / "versions"
+    export = ["cargo", "fmu", "export", "--out", str(out)]
+    files = [out / "decay.fmu", out / "fmi3/decay.fmu"]
+    for arguments, variables, expected in [
+        (["--fmi", "3"], {}, files[1:]),
+        (["--fmi", "2"], {"FMU_FMI_VERSION": "3"}, files[:1]),
+        ([], {"FMU_FMI_VERSION": "3"}, files[1:]),
+        (["--fmi", "3,2"], {}, files),
+        (["--fmi", "2,3", "--interfaces", "cs,me"], {}, files),
+    ]:
+        shutil.rmtree(out, ignore_errors=True)
+        run(decay, *export, *arguments, **variables)
+        assert sorted(out.rglob("*.fmu")) == sorted(expected)
+        for file in expected:
+            version = "3.0" if file.parent.name == "fmi3" else "2.0"
+            assert read_description(file).attrib["fmiVersion"] == version
+            assert validate_fmu(file) == []
+            assert "0 errors" in run(decay, "cargo", "fmu", "validate", str(file))
+            assert version in run(decay, "cargo", "fmu", "info", str(file))
+    # The same bits in both.
+    for interface in ("CoSimulation", "ModelExchange"):
+        old, new = (fmpy.simulate_fmu(file, fmi_type=interface, stop_time=5) for file in files)
+        assert old["x"].tolist() == new["x"].tolist()
+    refused = subprocess.run(
+        [TARGET / "debug/cargo-fmu", "export", "--fmi", "1"], cwd=decay, capture_output=True, text=True
+    )
+    assert refused.returncode == 2
+    assert "invalid value '1' for '--fmi <VERSION>'" in refused.stderr
+
+
 def test_resources_are_packed(decay, folder):
     package = folder / "with resources"
     shutil.copytree(decay, package, ignore=shutil.ignore_patterns("target"))

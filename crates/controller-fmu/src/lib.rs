@@ -2,4 +2,4 @@
 //! [`boost_fmu::controller::BoostController`].
 #![allow(non_snake_case)]
 
-boost_fmu::controller::variables::export_fmi2!(boost_fmu::controller::BoostController);
+boost_fmu::controller::variables::export_functions!(boost_fmu::controller::BoostController);

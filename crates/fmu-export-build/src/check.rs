@@ -100,6 +100,31 @@ fn event_indicators(declaration: &Declaration, refusals: &mut Refusals) {
     }
 }
 
+/// Terminals: their names, and that their variables are there, each once.
+pub(crate) fn terminals(declaration: &Declaration, scalars: &[Scalar], refusals: &mut Refusals) {
+    let terminals = &declaration.terminals;
+    unique("terminals", terminals.iter().map(|terminal| terminal.name.clone()), refusals);
+    for (number, terminal) in terminals.iter().enumerate() {
+        let key = format!("terminals[{number}]");
+        if let Err(reason) = field_name(&terminal.name) {
+            refusals.add(format!("{key}.name"), reason);
+        }
+        if let Some(Err(reason)) = terminal.description.as_deref().map(one_line) {
+            refusals.add(format!("{key}.description"), reason);
+        }
+        let mut seen = BTreeSet::new();
+        for (position, name) in terminal.variables.iter().enumerate() {
+            let key = format!("{key}.variables[{position}]");
+            if !scalars.iter().any(|scalar| scalar.name == *name) {
+                let nearest = nearest(name, scalars.iter().map(|scalar| scalar.name.clone()));
+                refusals.add(key, format!("{}: there is no variable '{name}'{nearest}", terminal.name));
+            } else if !seen.insert(name) {
+                refusals.add(key, format!("{}: '{name}' is in it twice", terminal.name));
+            }
+        }
+    }
+}
+
 /// The texts that are free to choose, all of which become attributes of XML.
 fn texts(declaration: &Declaration, refusals: &mut Refusals) {
     let mut check = |key: String, text: &str| {

@@ -63,6 +63,35 @@ pub(crate) struct Declaration {
     /// The names of the event indicators: the functions whose change of sign is an event.
     #[serde(default)]
     pub(crate) event_indicators: Vec<String>,
+    /// Groups of variables that tools connect in one stroke with those of another FMU.
+    #[serde(default)]
+    pub(crate) terminals: Vec<TerminalDeclaration>,
+}
+
+/// A group of variables that tools connect in one stroke (FMI 3.0.2, section 2.4.9).
+#[derive(Debug, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub(crate) struct TerminalDeclaration {
+    pub(crate) name: String,
+    pub(crate) description: Option<String>,
+    /// Default: bus.
+    #[serde(default)]
+    pub(crate) matching_rule: MatchingRule,
+    /// The variables, by whose names the members are connected.
+    pub(crate) variables: Vec<String>,
+}
+
+/// Which members of two connected terminals are connected.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "camelCase")]
+pub(crate) enum MatchingRule {
+    /// All, which must have the same names on both sides.
+    Plug,
+    /// Those whose names are on both sides.
+    #[default]
+    Bus,
 }
 
 /// Times in seconds.

@@ -6,6 +6,7 @@
 
 use crate::declaration::Causality;
 use crate::error::Refusals;
+use crate::interfaces::Version;
 use crate::model::{Place, Reads, Scalar};
 
 /// The lists of the XML's `ModelStructure`.
@@ -25,7 +26,12 @@ pub(crate) struct Unknown {
 }
 
 impl Structure {
-    pub(crate) fn new(scalars: &[Scalar]) -> Self {
+    /// In FMI 3.0 an unknown depends on parameters as well (section 2.4.8).
+    pub(crate) fn new(scalars: &[Scalar], version: Version) -> Self {
+        let known_in_steps: fn(&Scalar) -> bool = match version {
+            Version::Two => Scalar::known_in_steps,
+            Version::Three => |scalar| scalar.known_in_steps() || scalar.place == Place::Parameters,
+        };
         let unknowns = |wanted: fn(&Scalar) -> bool,
                         known: fn(&Scalar) -> bool,
                         reads: fn(&Scalar) -> &Reads| {
@@ -33,7 +39,7 @@ impl Structure {
             let unknown = |scalar| Unknown { scalar, dependencies: closure(scalars, scalar, known, reads) };
             wanted.map(unknown).collect()
         };
-        let in_steps = |wanted| unknowns(wanted, Scalar::known_in_steps, |scalar| &scalar.reads);
+        let in_steps = |wanted| unknowns(wanted, known_in_steps, |scalar| &scalar.reads);
         Self {
             outputs: in_steps(|scalar| scalar.causality == Some(Causality::Output)),
             derivatives: in_steps(|scalar| scalar.place == Place::Derivatives),

@@ -1,4 +1,4 @@
-//! Which interfaces of FMI 2.0 an FMU offers: a choice of its export, not of its declaration.
+//! What an FMU offers of FMI, a version and interfaces of it: a choice of its export, not of its declaration.
 
 use std::env::{self, VarError};
 use std::fmt;
@@ -7,6 +7,95 @@ use std::str::FromStr;
 /// The environment variable that names the interfaces of what [`generate`](crate::generate) generates, as the text of
 /// an [`Interfaces`]; co-simulation when it is not set.
 pub const INTERFACES_VARIABLE: &str = "FMU_INTERFACES";
+
+/// The environment variable that names the version of FMI of what [`generate`](crate::generate) generates, as the text of
+/// a [`Version`]; 2.0 when it is not set.
+pub const VERSION_VARIABLE: &str = "FMU_FMI_VERSION";
+
+/// What an FMU offers of FMI.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Fmi {
+    /// The version of the standard.
+    pub version: Version,
+    /// The interfaces of that version.
+    pub interfaces: Interfaces,
+}
+
+impl From<Interfaces> for Fmi {
+    fn from(interfaces: Interfaces) -> Self {
+        Self { interfaces, ..Self::default() }
+    }
+}
+
+impl Fmi {
+    /// What the environment asks for.
+    pub(crate) fn of_environment() -> Result<Self, String> {
+        Ok(Self {
+            version: of_environment(VERSION_VARIABLE)?,
+            interfaces: of_environment(INTERFACES_VARIABLE)?,
+        })
+    }
+
+    /// The macro of `fmu-export` that makes the functions.
+    pub(crate) fn macro_name(self) -> &'static str {
+        match (self.version, self.interfaces) {
+            (Version::Two, Interfaces::CoSimulation) => "fmi2_co_simulation",
+            (Version::Two, Interfaces::ModelExchange) => "fmi2_model_exchange",
+            (Version::Two, Interfaces::Both) => "fmi2_both",
+            (Version::Three, Interfaces::CoSimulation) => "fmi3_co_simulation",
+            // Every library has all functions.
+            (Version::Three, Interfaces::ModelExchange | Interfaces::Both) => "fmi3_model_exchange",
+        }
+    }
+}
+
+/// What a variable of the environment asks for.
+fn of_environment<T: Default + FromStr<Err = String>>(variable: &str) -> Result<T, String> {
+    match env::var(variable) {
+        Ok(text) => text.parse().map_err(|reason| format!("{variable}: {reason}")),
+        Err(VarError::NotPresent) => Ok(T::default()),
+        Err(error) => Err(format!("{variable}: {error}")),
+    }
+}
+
+/// A version of FMI. Their texts are `2` and `3`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Version {
+    /// FMI 2.0.
+    #[default]
+    Two,
+    /// FMI 3.0.
+    Three,
+}
+
+impl Version {
+    /// Every version.
+    pub const ALL: [Self; 2] = [Self::Two, Self::Three];
+
+    /// The text.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Two => "2",
+            Self::Three => "3",
+        }
+    }
+}
+
+impl FromStr for Version {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let known = Self::ALL.into_iter().find(|version| version.as_str() == text);
+        known.ok_or_else(|| format!("'{text}' is not one of 2 and 3"))
+    }
+}
+
+impl fmt::Display for Version {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(self.as_str())
+    }
+}
 
 /// The interfaces that an FMU offers (FMI 2.0.5, sections 3 and 4). Their texts are `cs`, `me` and `cs,me`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -44,24 +133,6 @@ impl Interfaces {
     #[must_use]
     pub fn model_exchange(self) -> bool {
         self != Self::CoSimulation
-    }
-
-    /// Those that the environment asks for.
-    pub(crate) fn of_environment() -> Result<Self, String> {
-        match env::var(INTERFACES_VARIABLE) {
-            Ok(text) => text.parse().map_err(|reason| format!("{INTERFACES_VARIABLE}: {reason}")),
-            Err(VarError::NotPresent) => Ok(Self::default()),
-            Err(error) => Err(format!("{INTERFACES_VARIABLE}: {error}")),
-        }
-    }
-
-    /// The macro of `fmu-export` that makes their functions.
-    pub(crate) fn macro_name(self) -> &'static str {
-        match self {
-            Self::CoSimulation => "fmi2_co_simulation",
-            Self::ModelExchange => "fmi2_model_exchange",
-            Self::Both => "fmi2_both",
-        }
     }
 
     /// Their names, for people.

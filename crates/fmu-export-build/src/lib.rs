@@ -25,7 +25,7 @@ use model::Model;
 use resources::Resources;
 
 pub use error::{Error, Finding};
-pub use interfaces::{INTERFACES_VARIABLE, Interfaces};
+pub use interfaces::{Fmi, INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
 
 /// The JSON Schema of a model's declaration, for editors, as the file `model.schema.json`.
 pub const SCHEMA: &str = include_str!("../schema/model.schema.json");
@@ -78,13 +78,15 @@ pub struct Generated {
     pub documentation: PathBuf,
     /// The icon, `model.png` beside them, where the declaration names one.
     pub icon: Option<PathBuf>,
+    /// The terminals, `terminalsAndIcons.xml` beside them, where the declaration has any.
+    pub terminals: Option<PathBuf>,
     /// The folder of the files that the model reads at run time, `resources` beside them, where the declaration names
     /// one.
     pub resources: Option<PathBuf>,
 }
 
 /// Generates the interface of a model into the folder of its name in `OUT_DIR`. For build scripts. The environment
-/// variable [`INTERFACES_VARIABLE`] chooses the interfaces of FMI.
+/// variables [`VERSION_VARIABLE`] and [`INTERFACES_VARIABLE`] choose the version of FMI and its interfaces.
 ///
 /// When the declaration is refused, the build ends with what is wrong: an error for each finding, with file, line
 /// and key.
@@ -94,13 +96,14 @@ pub struct Generated {
 pub fn generate(declaration: impl AsRef<Path>) {
     let declaration = declaration.as_ref();
     println!("cargo::rerun-if-changed={}", declaration.display());
+    println!("cargo::rerun-if-env-changed={VERSION_VARIABLE}");
     println!("cargo::rerun-if-env-changed={INTERFACES_VARIABLE}");
     let out_dir = env::var("OUT_DIR").expect("OUT_DIR is set for build scripts only");
-    let interfaces = Interfaces::of_environment().unwrap_or_else(|reason| {
+    let fmi = Fmi::of_environment().unwrap_or_else(|reason| {
         println!("cargo::error={reason}");
         process::exit(1);
     });
-    match generate_into(declaration, Path::new(&out_dir), &Package::of_build_script(), interfaces) {
+    match generate_into(declaration, Path::new(&out_dir), &Package::of_build_script(), fmi) {
         Ok(generated) => {
             for source in generated.sources {
                 println!("cargo::rerun-if-changed={}", source.display());
@@ -120,13 +123,13 @@ pub fn generate(declaration: impl AsRef<Path>) {
 /// Generates the interface of a model into the folder of its name in a folder.
 ///
 /// # Errors
-/// When the declaration or a file that it names cannot be read, or contradicts itself or FMI 2.0, or when the
+/// When the declaration or a file that it names cannot be read, or contradicts itself or FMI, or when the
 /// documentation names what the model does not have.
 pub fn generate_into(
     declaration: &Path,
     out_dir: &Path,
     package: &Package,
-    interfaces: Interfaces,
+    fmi: impl Into<Fmi>,
 ) -> Result<Generated, Error> {
     let file = declaration;
     let (declaration, source) = Source::read::<Declaration>(file)?;
@@ -140,8 +143,8 @@ pub fn generate_into(
     let units_file = beside("units", &declaration.units)?;
     let units = units_file.as_deref().map(read_units).transpose()?.unwrap_or_default();
     let model =
-        Model::new(&declaration, &units, package, interfaces).map_err(|refusals| source.error(refusals))?;
-    let structure = dependencies::Structure::new(&model.scalars);
+        Model::new(&declaration, &units, package, fmi.into()).map_err(|refusals| source.error(refusals))?;
+    let structure = dependencies::Structure::new(&model.scalars, model.fmi.version);
     let description = xml::Description::new(&model, &structure);
     let read_fragment = |file: PathBuf| fragment::read(&file, &page::anchors(&model));
     let fragment = beside("documentation", &declaration.documentation)?.map(read_fragment).transpose()?;
@@ -163,10 +166,13 @@ pub fn generate_into(
             Err(error) => Err(Error::of_file(&file, error)),
         }
     };
-    let icon_file = folder.join("model.png");
-    if icon.is_none() && icon_file.exists() {
-        // Of a build before the icon was taken out of the declaration.
-        fs::remove_file(&icon_file).map_err(|error| Error::of_file(&icon_file, error))?;
+    let terminals = (!model.declaration.terminals.is_empty()).then_some("terminalsAndIcons.xml");
+    for (is_there, name) in [(icon.is_some(), "model.png"), (terminals.is_some(), "terminalsAndIcons.xml")] {
+        let file = folder.join(name);
+        if !is_there && file.exists() {
+            // Of a build before this was taken out of the declaration.
+            fs::remove_file(&file).map_err(|error| Error::of_file(&file, error))?;
+        }
     }
     let resources_folder = folder.join("resources");
     if resources_folder.exists() {
@@ -188,6 +194,9 @@ pub fn generate_into(
         variables: write("variables.rs", rust::generate(&model, &structure, &description.guid).as_bytes())?,
         documentation: write("index.html", page.as_bytes())?,
         icon: icon.map(|icon| write("model.png", &icon)).transpose()?,
+        terminals: terminals
+            .map(|name| write(name, xml::terminals::write(&model.declaration.terminals).as_bytes()))
+            .transpose()?,
     })
 }
 

@@ -10,19 +10,19 @@ use serde_json::Value;
 use crate::Package;
 use crate::check;
 use crate::declaration::{
-    Causality, ComponentDeclaration, Declaration, Described, Initial, UnitDeclaration, Variability,
-    VariableDeclaration,
+    Causality, ComponentDeclaration, Declaration, Described, Initial, UnitDeclaration, UnitNames,
+    Variability, VariableDeclaration,
 };
 use crate::dependencies;
 use crate::error::{Refusal, Refusals, nearest};
-use crate::interfaces::Interfaces;
+use crate::interfaces::{Fmi, Version};
 use crate::rust;
 use crate::units::{self, Unit, Units};
 
 /// A model that is ready to be printed.
 pub(crate) struct Model<'a> {
     pub(crate) declaration: &'a Declaration,
-    pub(crate) interfaces: Interfaces,
+    pub(crate) fmi: Fmi,
     pub(crate) identifier: String,
     pub(crate) description: Option<String>,
     pub(crate) author: Option<String>,
@@ -69,7 +69,7 @@ impl Field<'_> {
     }
 }
 
-/// The field of the generated `Variables` that holds a value; time is in none.
+/// The field of the generated `Variables` that holds a value; time and event indicators are in none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Place {
     Time,
@@ -79,6 +79,7 @@ pub(crate) enum Place {
     Derivatives,
     Locals,
     Outputs,
+    EventIndicators,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -185,7 +186,7 @@ impl<'a> Model<'a> {
         declaration: &'a Declaration,
         units: &'a [UnitDeclaration],
         package: &'a Package,
-        interfaces: Interfaces,
+        fmi: Fmi,
     ) -> Result<Self, Refusals> {
         let mut flattening = Flattening::new(declaration);
         let given = |text: &str| Some(text.to_owned()).filter(|text| !text.is_empty());
@@ -202,16 +203,20 @@ impl<'a> Model<'a> {
         flattening.assign_value_references();
         flattening.look_up_reads();
         let units = flattening.find_units(&Units::new(units));
-        let Flattening { parts, scalars, mut refusals, .. } = flattening;
+        let Flattening { parts, mut scalars, mut refusals, .. } = flattening;
         check::state_groups(declaration, &parts, &scalars, &mut refusals);
         check::type_names(declaration, &parts, &mut refusals);
         check::outputs(&scalars, &mut refusals);
         check::calculated_parameters(&scalars, &mut refusals);
+        check::terminals(declaration, &scalars, &mut refusals);
         dependencies::refuse_cycles(&scalars, &mut refusals);
         refusals.check()?;
+        if fmi.version == Version::Three && fmi.interfaces.model_exchange() {
+            add_event_indicators(&declaration.event_indicators, &mut scalars);
+        }
         Ok(Self {
             declaration,
-            interfaces,
+            fmi,
             identifier,
             description: declaration.description.clone().or_else(|| given(&package.description)),
             author: declaration.author.clone().or_else(|| given(&package.authors.replace(':', ", "))),
@@ -224,10 +229,47 @@ impl<'a> Model<'a> {
         })
     }
 
+    /// The arrays that are one variable each, by the positions of their elements: in FMI 3.0 those whose elements have one
+    /// unit, and of states the derivatives. In FMI 2.0 there are none.
+    pub(crate) fn arrays(&self) -> Vec<Vec<usize>> {
+        let mut arrays = Vec::new();
+        if self.fmi.version == Version::Three {
+            for field in self.parts.iter().flat_map(|part| &part.fields) {
+                let declaration = field.declaration;
+                if declaration.dimensions.is_empty() || matches!(declaration.unit, Some(UnitNames::Each(_))) {
+                    continue;
+                }
+                arrays.push(field.positions.clone());
+                if field.place == Place::States {
+                    arrays.push(field.positions.iter().map(|position| position + 1).collect());
+                }
+            }
+        }
+        arrays.sort_by_key(|array| self.scalars[array[0]].value_reference);
+        arrays
+    }
+
     /// The positions of the variables of a place.
     pub(crate) fn in_place(&self, place: Place) -> impl Iterator<Item = usize> {
         (0..self.scalars.len()).filter(move |&position| self.scalars[position].place == place)
     }
+}
+
+/// Adds the event indicators, which in FMI 3.0 are variables, with the value references that follow all others.
+fn add_event_indicators(names: &[String], scalars: &mut Vec<Scalar>) {
+    let last = scalars.iter().map(|scalar| scalar.value_reference).max().unwrap_or(0);
+    scalars.extend(names.iter().zip(last + 1..).map(|(name, value_reference)| Scalar {
+        name: format!("event_indicators.{name}"),
+        value_reference,
+        description: Some(format!("Event indicator {name}")),
+        place: Place::EventIndicators,
+        causality: Some(Causality::Local),
+        initial: Some(Initial::Calculated),
+        unit: None,
+        reads: None,
+        initial_reads: None,
+        ..Scalar::time()
+    }));
 }
 
 /// The categories that the runtime logs under, unless they are declared, and the declared ones.

@@ -14,6 +14,7 @@ use crate::declaration::{Causality, UnitNames, VariableDeclaration};
 use crate::dependencies::Structure;
 use crate::document::{self, Document};
 use crate::fragment::Fragment;
+use crate::interfaces::Version;
 use crate::model::{DataType, Field, Model, Part, Place, Start};
 use crate::xml;
 
@@ -89,7 +90,7 @@ pub(crate) fn write(
         facts = page.facts(guid),
         capabilities = page.capabilities(),
         commands = page.commands(),
-        events = if model.interfaces.model_exchange() {
+        events = if model.fmi.interfaces.model_exchange() {
             " In Model Exchange tunable parameters and discrete variables change at events alone."
         } else {
             ""
@@ -104,7 +105,7 @@ pub(crate) fn write(
     );
     let header = format!(
         "<p>FMU for {}</p>\n<h1>{}</h1>\n<p class=\"lead\">{}</p>",
-        model.interfaces.names(),
+        model.fmi.interfaces.names(),
         escape(&model.identifier),
         escape(model.description.as_deref().unwrap_or_default()),
     );
@@ -184,7 +185,7 @@ impl<'m, 'a> Page<'m, 'a> {
         });
         let counts = counts.collect::<Vec<_>>().join(", ");
         let experiment = self.experiment();
-        let interface = format!("FMI 2.0 for {}", model.interfaces.names());
+        let interface = format!("FMI {}.0 for {}", model.fmi.version, model.fmi.interfaces.names());
         let event_indicators = model.declaration.event_indicators.join(", ");
         let facts = [
             ("Interface", Some(interface.as_str())),
@@ -193,13 +194,13 @@ impl<'m, 'a> Page<'m, 'a> {
             ("Copyright", model.declaration.copyright.as_deref()),
             ("License", model.license.as_deref()),
             ("Generation tool", Some(xml::GENERATION_TOOL)),
-            ("GUID", Some(guid)),
+            (if model.fmi.version == Version::Two { "GUID" } else { "Instantiation token" }, Some(guid)),
             ("Default experiment", experiment.as_deref()),
             ("Scalar variables", Some(&counts)),
             (
                 "Event indicators",
                 Some(event_indicators.as_str())
-                    .filter(|names| model.interfaces.model_exchange() && !names.is_empty()),
+                    .filter(|names| model.fmi.interfaces.model_exchange() && !names.is_empty()),
             ),
         ];
         let facts = facts.into_iter().filter_map(|(term, text)| Some((term, text?)));
@@ -217,7 +218,7 @@ impl<'m, 'a> Page<'m, 'a> {
 
     fn capabilities(&self) -> String {
         let has = &self.model.declaration.capabilities;
-        let co_simulation = self.model.interfaces.co_simulation();
+        let co_simulation = self.model.fmi.interfaces.co_simulation();
         let of_steps = [
             (
                 "canHandleVariableCommunicationStepSize",

@@ -28,7 +28,7 @@ impl Place {
             Self::Parameters => "Parameters",
             Self::Inputs => "Inputs",
             Self::States | Self::Derivatives => "States",
-            Self::Locals | Self::Time => "Locals",
+            Self::Locals | Self::Time | Self::EventIndicators => "Locals",
             Self::Outputs => "Outputs",
         }
     }
@@ -38,7 +38,7 @@ impl Place {
             Self::Parameters => "The parameters",
             Self::Inputs => "The inputs",
             Self::States | Self::Derivatives => "The continuous-time states",
-            Self::Locals | Self::Time => "The local variables other than states",
+            Self::Locals | Self::Time | Self::EventIndicators => "The local variables other than states",
             Self::Outputs => "The outputs other than states",
         }
     }
@@ -124,16 +124,16 @@ pub(crate) fn generate(model: &Model<'_>, structure: &Structure, guid: &str) -> 
 
 #[allow(unused_imports)]
 pub use generated::*;
-/// Defines the functions of FMI 2.0 for a model with these variables.
+/// Defines the functions of FMI for a model with these variables.
 #[allow(unused_imports)]
-pub use ::fmu_export::{} as export_fmi2;
+pub use ::fmu_export::{} as export_functions;
 
 #[allow(dead_code, unused_variables, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 mod generated {{
 use ::fmu_export::description as fmi;
 ",
         model.identifier,
-        model.interfaces.macro_name(),
+        model.fmi.macro_name(),
     );
     for enumeration in &model.declaration.enumerations {
         text += &enumeration_text(enumeration);

@@ -1,16 +1,17 @@
-//! The order in which an importer may call: the state machines of FMI 2.0.5, sections 3.2.3 and 4.2.4, as data.
-//!
-//! The standard's states `stepInProgress` and `stepCanceled` do not occur, since steps are not asynchronous, and neither
-//! does `fatal`, since an error never affects another instance.
+//! The states of an instance, and what a version of the standard says of its functions: in which of the states an importer
+//! may call them. The tables themselves are in the versions' modules.
 
 use core::fmt;
+use std::borrow::Cow;
 
-use crate::error;
+use crate::description::ValueReference;
+use crate::error::Error;
+use crate::model::Variables;
 use crate::persistence::{Archive, Persistent};
 
-/// The interfaces of FMI 2.0.
+/// The interfaces of FMI.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Interface {
+pub(crate) enum Interface {
     /// The model steps by itself.
     CoSimulation,
     /// The importer integrates the model's states.
@@ -28,10 +29,10 @@ impl fmt::Display for Interface {
 
 /// The states of an instance, first those in which values can be set: one comparison finds them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Phase {
-    /// After `fmi2Instantiate` or `fmi2Reset`.
+pub(crate) enum Phase {
+    /// After instantiation or a reset.
     Instantiated,
-    /// Between `fmi2EnterInitializationMode` and `fmi2ExitInitializationMode`.
+    /// While initial values are computed.
     InitializationMode,
     /// Between steps of co-simulation.
     StepComplete,
@@ -41,7 +42,7 @@ pub enum Phase {
     ContinuousTimeMode,
     /// After a step in which the model asked for the end.
     StepFailed,
-    /// After `fmi2Terminate`.
+    /// After the simulation.
     Terminated,
     /// After a failed step or a panic, when the model's state is undefined.
     Error,
@@ -63,159 +64,119 @@ impl fmt::Display for Phase {
 }
 
 impl Phase {
+    /// Every state.
+    pub(crate) const ALL: &[Self] = &[
+        Self::Instantiated,
+        Self::InitializationMode,
+        Self::StepComplete,
+        Self::EventMode,
+        Self::ContinuousTimeMode,
+        Self::StepFailed,
+        Self::Terminated,
+        Self::Error,
+    ];
+
     /// The interface whose instances alone have the state.
     pub(crate) const fn interface(self) -> Option<Interface> {
         match self {
-            StepComplete | StepFailed => Some(Interface::CoSimulation),
-            EventMode | ContinuousTimeMode => Some(Interface::ModelExchange),
-            Instantiated | InitializationMode | Terminated | Error => None,
+            Self::StepComplete | Self::StepFailed => Some(Interface::CoSimulation),
+            Self::EventMode | Self::ContinuousTimeMode => Some(Interface::ModelExchange),
+            Self::Instantiated | Self::InitializationMode | Self::Terminated | Self::Error => None,
         }
     }
 }
 
 impl Persistent for Phase {
-    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), error::Error> {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         let mut number = *self as u8;
         number.persist(archive)?;
-        let known = ANY.iter().find(|&&phase| phase as u8 == number);
-        *self = *known.ok_or_else(|| error::Error::new(format!("{number} is not a state of an instance")))?;
+        let known = Self::ALL.iter().find(|&&phase| phase as u8 == number);
+        *self = *known.ok_or_else(|| Error::new(format!("{number} is not a state of an instance")))?;
         Ok(())
     }
 }
 
-use Phase::{
-    ContinuousTimeMode, Error, EventMode, InitializationMode, Instantiated, StepComplete, StepFailed,
-    Terminated,
-};
+/// A function of one version of the standard that takes an instance.
+pub(crate) trait Function: Copy + 'static {
+    /// What arguments of the accessors are called, in messages.
+    const VALUE_REFERENCES: &'static str;
+    /// Likewise.
+    const VALUES: &'static str;
+    /// The state after an error, unless the standard lets the importer go on.
+    const AFTER_ERROR: Option<Phase>;
 
-/// Any state.
-const ANY: &[Phase] = &[
-    Instantiated,
-    InitializationMode,
-    StepComplete,
-    EventMode,
-    ContinuousTimeMode,
-    StepFailed,
-    Terminated,
-    Error,
-];
-/// The states in which values can be read.
-const READABLE: &[Phase] =
-    &[InitializationMode, StepComplete, StepFailed, EventMode, ContinuousTimeMode, Terminated, Error];
-/// The states in which values can be set; the standard restricts the variables further.
-const WRITABLE: &[Phase] = &[Instantiated, InitializationMode, StepComplete, EventMode, ContinuousTimeMode];
-/// The states in which the status of a step can be asked for.
-const STEPPED: &[Phase] = &[StepComplete, StepFailed, Terminated];
-/// The states in which what a solver needs can be read.
-const SOLVABLE: &[Phase] = &[InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error];
+    /// The name in the standard.
+    fn name(self) -> &'static str;
 
-/// Declares the functions that take an instance: the interface that each belongs to, if only one has it, and the states
-/// in which it may be called.
+    /// The interface whose instances alone have the function.
+    fn interface(self) -> Option<Interface>;
+
+    /// The states in which it may be called.
+    fn phases(self) -> &'static [Phase];
+
+    /// The value references of scalars, from those of the standard's variables, which may be arrays, and the number of the
+    /// values that come with them.
+    ///
+    /// # Errors
+    /// When there are not as many values.
+    fn scalars<V: Variables>(
+        references: Cow<'_, [ValueReference]>,
+        values: usize,
+    ) -> Result<Cow<'_, [ValueReference]>, Error>;
+}
+
+/// Declares the functions of a version that take an instance: the interface that each belongs to, if only one has it, and
+/// the states in which it may be called.
 macro_rules! functions {
-    ($($interface:expr => { $($name:ident: $phases:expr,)* })*) => {
+    ($prefix:literal; $($interface:expr => { $($name:ident: $phases:expr,)* })*; $($items:item)*) => {
         /// A function of the standard that takes an instance.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        #[allow(missing_docs)]
-        pub enum Function {
+        pub(crate) enum Function {
             $($($name,)*)*
         }
 
         impl Function {
             /// Every function.
-            pub const ALL: &[Self] = &[$($(Self::$name,)*)*];
+            #[cfg(test)]
+            pub(crate) const ALL: &[Self] = &[$($(Self::$name,)*)*];
+        }
 
-            /// The name in the standard.
-            #[must_use]
-            pub const fn name(self) -> &'static str {
+        impl crate::calling_sequence::Function for Function {
+            fn name(self) -> &'static str {
                 match self {
-                    $($(Self::$name => concat!("fmi2", stringify!($name)),)*)*
+                    $($(Self::$name => concat!($prefix, stringify!($name)),)*)*
                 }
             }
 
-            /// The interface whose instances alone have the function.
-            #[must_use]
-            pub const fn interface(self) -> Option<Interface> {
+            fn interface(self) -> Option<Interface> {
                 match self {
                     $($(Self::$name => $interface,)*)*
                 }
             }
 
-            /// The states in which it may be called.
-            #[must_use]
-            pub const fn phases(self) -> &'static [Phase] {
+            fn phases(self) -> &'static [Phase] {
                 match self {
                     $($(Self::$name => $phases,)*)*
                 }
             }
+
+            $($items)*
         }
     };
 }
 
-functions! {
-    None => {
-        SetDebugLogging: ANY,
-        SetupExperiment: &[Instantiated],
-        EnterInitializationMode: &[Instantiated],
-        ExitInitializationMode: &[InitializationMode],
-        Terminate: &[StepComplete, StepFailed, EventMode, ContinuousTimeMode],
-        Reset: ANY,
-        GetReal: READABLE,
-        GetInteger: READABLE,
-        GetBoolean: READABLE,
-        GetString: READABLE,
-        SetReal: WRITABLE,
-        SetInteger: WRITABLE,
-        SetBoolean: WRITABLE,
-        SetString: WRITABLE,
-        GetFMUstate: ANY,
-        SetFMUstate: ANY,
-        FreeFMUstate: ANY,
-        SerializedFMUstateSize: ANY,
-        SerializeFMUstate: ANY,
-        DeSerializeFMUstate: ANY,
-        GetDirectionalDerivative: READABLE,
-    }
-    Some(Interface::CoSimulation) => {
-        SetRealInputDerivatives: &[Instantiated, InitializationMode, StepComplete],
-        GetRealOutputDerivatives: &[StepComplete, StepFailed, Terminated, Error],
-        DoStep: &[StepComplete],
-        CancelStep: &[],
-        GetStatus: STEPPED,
-        GetRealStatus: STEPPED,
-        GetIntegerStatus: STEPPED,
-        GetBooleanStatus: STEPPED,
-        GetStringStatus: STEPPED,
-    }
-    Some(Interface::ModelExchange) => {
-        EnterEventMode: &[EventMode, ContinuousTimeMode],
-        NewDiscreteStates: &[EventMode],
-        EnterContinuousTimeMode: &[EventMode],
-        CompletedIntegratorStep: &[ContinuousTimeMode],
-        // In Event Mode that of a model without states, which need not leave it.
-        SetTime: &[EventMode, ContinuousTimeMode],
-        SetContinuousStates: &[ContinuousTimeMode],
-        GetDerivatives: SOLVABLE,
-        GetEventIndicators: SOLVABLE,
-        GetContinuousStates: SOLVABLE,
-        GetNominalsOfContinuousStates:
-            &[Instantiated, InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error],
-    }
-}
+pub(crate) use functions;
 
+/// Checks a table: functions of an interface are called in its states.
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn functions_of_an_interface_are_called_in_its_states() {
-        for function in Function::ALL {
-            for phase in function.phases() {
-                let (of_function, of_phase) = (function.interface(), phase.interface());
-                assert!(
-                    of_function.is_none() || of_phase.is_none() || of_function == of_phase,
-                    "{function:?} in {phase}"
-                );
-            }
+pub(crate) fn check_interfaces<F: Function + fmt::Debug>(functions: &[F]) {
+    for function in functions {
+        for phase in function.phases() {
+            let (of_function, of_phase) = (function.interface(), phase.interface());
+            assert!(
+                of_function.is_none() || of_phase.is_none() || of_function == of_phase,
+                "{function:?} in {phase}"
+            );
         }
     }
 }

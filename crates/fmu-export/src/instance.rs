@@ -1,8 +1,8 @@
 //! An instance of an FMU: the functions of the standard, without C.
 //!
-//! A call that the calling sequence forbids, or with a wrong argument, is an error and changes nothing. After a
-//! failed step or a panic the instance is in the state `error`, which `fmi2Reset` and `fmi2SetFMUstate` leave. A
-//! failed initialization can be repeated.
+//! A call that the calling sequence forbids, or with a wrong argument, is an error and changes nothing, unless the version
+//! of the standard ends the simulation there. After a failed step or a panic the instance is in the state `error`,
+//! which a reset and a saved state leave. A failed initialization can be repeated.
 
 mod derivatives;
 mod exchange;
@@ -11,7 +11,6 @@ mod values;
 use core::ffi::CStr;
 use std::ffi::CString;
 
-use crate::c_types::Status;
 use crate::calling_sequence::{Function, Interface, Phase};
 use crate::description::{ModelDescription, ValueReference};
 use crate::error::{Error, Shown};
@@ -23,6 +22,7 @@ use crate::panics::contain;
 use crate::persistence::{Archive, Persistent};
 use crate::resources::Resources;
 use crate::serialized_state;
+use crate::status::Status;
 
 /// The tolerance of the importer's time relative to the step. Importers compute communication points as `i * h`, as
 /// a sum, or from integer nanoseconds.
@@ -141,13 +141,17 @@ pub(crate) struct Instance<M: Model> {
     logger: Logger,
     memory: Memory<M>,
     resources: Resources,
-    /// The strings of the last `fmi2GetString`, valid until the next one.
+    /// The strings that were got last, valid until the next time.
     pub(crate) strings: Vec<CString>,
+    /// Whether a step may end before the time that was asked for.
+    pub(crate) early_return_allowed: bool,
+    /// The name of the function that is called, for messages.
+    function: &'static str,
 }
 
 impl<M: Model> Instance<M> {
     pub(crate) fn new(logger: Logger, memory: Memory<M>, resources: Resources) -> Self {
-        Self { logger, memory, resources, strings: Vec::new() }
+        Self { logger, memory, resources, strings: Vec::new(), early_return_allowed: false, function: "" }
     }
 
     /// The memory of a new instance; an error where the model panics.
@@ -158,7 +162,12 @@ impl<M: Model> Instance<M> {
     const DESCRIPTION: &'static ModelDescription = M::Variables::DESCRIPTION;
 
     /// Runs the body of a function, if the calling sequence allows it; catches panics and logs errors.
-    pub(crate) fn call(&mut self, function: Function, body: impl FnOnce(&mut Self) -> Answer) -> Status {
+    pub(crate) fn call<F: Function>(
+        &mut self,
+        function: F,
+        body: impl FnOnce(&mut Self) -> Answer,
+    ) -> Status {
+        self.function = function.name();
         let (phase, interface) = (self.memory.phase, self.memory.interface);
         let is_of_interface = || function.interface().is_none_or(|only| only == interface);
         let error =
@@ -176,8 +185,16 @@ impl<M: Model> Instance<M> {
             } else {
                 Error::new(format!("this instance is for {interface}, which does not have this function"))
             };
-        self.logger.error(format_args!("{}: {error}", function.name()));
+        self.logger.error(format_args!("{}: {error}", self.function));
+        if let Some(phase) = F::AFTER_ERROR {
+            self.memory.phase = phase;
+        }
         Status::Error
+    }
+
+    /// The interface that the instance is for.
+    pub(crate) fn interface(&self) -> Interface {
+        self.memory.interface
     }
 
     /// The messages of the finished function.
@@ -221,7 +238,8 @@ impl<M: Model> Instance<M> {
         self.memory.time = start_time;
         Ok(not_positive.map_or(Status::Ok, |tolerance| {
             self.warn(format_args!(
-                "fmi2SetupExperiment: tolerance is {}, which is not above 0; it is ignored",
+                "{}: tolerance is {}, which is not above 0; it is ignored",
+                self.function,
                 Shown(tolerance)
             ))
         }))
@@ -348,7 +366,7 @@ impl<M: Model> Instance<M> {
     fn discard_for_end(&mut self) -> Status {
         self.memory.phase = Phase::StepFailed;
         self.log_discarded(format_args!(
-            "fmi2DoStep: the model asks for the end of the simulation, at {} s",
+            "the model asks for the end of the simulation, at {} s",
             Shown(self.memory.time)
         ));
         Status::Discard
@@ -406,7 +424,7 @@ impl<M: Model> Instance<M> {
             )
         } else {
             format!(
-                "the step from {start_shown} to {} goes past the stopTime {} of fmi2SetupExperiment",
+                "the step from {start_shown} to {} goes past the stopTime {} of the experiment",
                 Shown(end),
                 Shown(self.stop_time().unwrap_or(f64::INFINITY))
             )
@@ -421,7 +439,7 @@ impl<M: Model> Instance<M> {
 
     /// Logs why a call is discarded.
     pub(crate) fn log_discarded(&self, message: core::fmt::Arguments<'_>) {
-        self.logger.discarded(message);
+        self.logger.discarded(format_args!("{}: {message}", self.function));
     }
 
     /// The end of the last completed step (s).

@@ -4,7 +4,8 @@
 
 // The runtime's modules; each depends only on those below it:
 //
-//   c_api                                 the functions of FMI 2.0
+//   fmi2, fmi3                            the functions of a version of the standard
+//   c_boundary                            what the functions of all versions have in common
 //   instance, simulation, dependencies    an instance of an FMU; for a model's tests: the model without one, and its dependencies
 //   integrated, sampled                   models of equations, with an integrator, and sampled ones as models
 //   equations, integrator                 the trait of models of equations; Rodas5P
@@ -13,20 +14,21 @@
 //   events, inputs, logger, calling_sequence, number, linear, resources
 //   serialized_state, saved_states
 //   persistence, panics
-//   error, description, c_types
+//   error, description, status
 
 // This crate's macros refer to it by this name.
 #[cfg(all(test, feature = "derive"))]
 extern crate self as fmu_export;
 
-pub mod c_api;
-pub mod c_types;
-pub mod calling_sequence;
+mod c_boundary;
+mod calling_sequence;
 mod dependencies;
 pub mod description;
 mod equations;
 mod error;
 mod events;
+pub mod fmi2;
+pub mod fmi3;
 mod inputs;
 mod instance;
 mod integrated;
@@ -43,6 +45,7 @@ mod sampled;
 mod saved_states;
 mod serialized_state;
 mod simulation;
+mod status;
 mod typed;
 
 pub use dependencies::check_dependencies;
@@ -85,7 +88,7 @@ macro_rules! fmu {
     };
     (equations $model:ident) => {
         $crate::fmu!(@variables);
-        variables::export_fmi2!($crate::Integrated<$model>);
+        variables::export_functions!($crate::Integrated<$model>);
     };
     (sampled struct $model:ident) => {
         $crate::fmu!(@struct $model);
@@ -93,11 +96,11 @@ macro_rules! fmu {
     };
     (sampled $model:ident) => {
         $crate::fmu!(@variables);
-        variables::export_fmi2!($crate::SampledModel<$model>);
+        variables::export_functions!($crate::SampledModel<$model>);
     };
     ($model:ident) => {
         $crate::fmu!(@variables);
-        variables::export_fmi2!($model);
+        variables::export_functions!($model);
     };
     (@struct $model:ident) => {
         /// The model.

@@ -1,22 +1,22 @@
 //! Messages to the importer: through its logger callback, under the declared categories (FMI 2.0.5,
-//! section 2.1.5).
+//! section 2.1.5; FMI 3.0.2, section 2.3.1).
 //!
-//! Errors and warnings are always logged; events only while debug logging is on for their category.
+//! Errors are always logged, in FMI 2.0 warnings too; events only while debug logging is on for their category.
 //!
 //! Messages are logged when a function returns. Then the instance is no longer in use, so that the importer's logger
 //! may call it, which the standard does not forbid.
 
 use core::cell::RefCell;
-use core::ffi::{CStr, c_char};
+use core::ffi::CStr;
 use core::fmt;
 use core::mem;
 use std::ffi::CString;
 use std::sync::Arc;
 
-use crate::c_types::{CallbackLogger, ComponentEnvironment, Status};
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 use crate::serialized_state::checksum;
+use crate::status::Status;
 
 /// The category of errors.
 pub const ERROR: &str = "logStatusError";
@@ -28,20 +28,20 @@ pub const EVENT: &str = "logEvents";
 /// The messages of one instance.
 #[derive(Debug)]
 pub(crate) struct Logger {
-    recipient: Option<Arc<Recipient>>,
+    recipient: Option<Arc<dyn Recipient>>,
     categories: &'static [&'static str],
     /// For each category, whether debug logging is on.
     enabled: Vec<bool>,
+    /// Whether warnings are logged whatever is enabled.
+    always_warns: bool,
     /// Messages that are not logged yet.
     pending: RefCell<Vec<Message>>,
 }
 
-/// The importer's logger, with its arguments that identify the instance.
-#[derive(Debug)]
-struct Recipient {
-    callback: CallbackLogger,
-    environment: ComponentEnvironment,
-    instance_name: CString,
+/// The importer's logger, which a version of the standard calls in its own way.
+pub(crate) trait Recipient: fmt::Debug {
+    /// Receives a message in a category.
+    fn receive(&self, status: Status, category: &CStr, text: &CStr);
 }
 
 #[derive(Debug)]
@@ -55,23 +55,22 @@ struct Message {
 #[derive(Debug)]
 #[must_use]
 pub(crate) struct Delivery {
-    recipient: Arc<Recipient>,
+    recipient: Arc<dyn Recipient>,
     messages: Vec<Message>,
 }
 
 impl Logger {
-    /// A logger for an instance of this name, with debug logging on or off for all categories.
+    /// A logger with debug logging on or off for all categories.
     #[allow(clippy::arc_with_non_send_sync, reason = "an instance may be called by one thread after another")]
     pub(crate) fn new(
-        callback: Option<CallbackLogger>,
-        environment: ComponentEnvironment,
-        instance_name: CString,
+        recipient: Option<impl Recipient + 'static>,
         categories: &'static [&'static str],
         debug_logging: bool,
+        always_warns: bool,
     ) -> Self {
         let enabled = vec![debug_logging; categories.len()];
-        let recipient = callback.map(|callback| Arc::new(Recipient { callback, environment, instance_name }));
-        Self { recipient, categories, enabled, pending: RefCell::default() }
+        let recipient = recipient.map(|recipient| Arc::new(recipient) as Arc<dyn Recipient>);
+        Self { recipient, categories, enabled, always_warns, pending: RefCell::default() }
     }
 
     /// Switches debug messages of the named categories, or of all when none is named, on or off.
@@ -100,9 +99,9 @@ impl Logger {
 
     /// Logs a message of the model in a category.
     pub(crate) fn message(&self, category: &'static str, message: fmt::Arguments<'_>) {
-        if category == WARNING {
+        if category == WARNING && (self.always_warns || self.is_enabled(category)) {
             self.send(Status::Warning, category, message);
-        } else if self.is_enabled(category) {
+        } else if category != WARNING && self.is_enabled(category) {
             self.send(Status::Ok, category, message);
         }
     }
@@ -140,22 +139,8 @@ impl Logger {
 impl Delivery {
     /// Logs the messages.
     pub(crate) fn deliver(self) {
-        let Recipient { callback, environment, instance_name } = &*self.recipient;
-        let format: *const c_char = c"%s".as_ptr();
         for Message { status, category, text } in &self.messages {
-            // SAFETY: the importer passed the callback for this purpose (section 2.1.5); every pointer is to a
-            // NUL-terminated string that outlives the call, and the variadic argument is the one that "%s" reads.
-            // No reference to an instance exists during the call.
-            unsafe {
-                callback(
-                    environment.0,
-                    instance_name.as_ptr(),
-                    *status,
-                    category.as_ptr(),
-                    format,
-                    text.as_ptr(),
-                );
-            }
+            self.recipient.receive(*status, category, text);
         }
     }
 }

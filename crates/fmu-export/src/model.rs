@@ -33,6 +33,12 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     const DESCRIPTION: &'static ModelDescription;
     /// The value references of the described variables, ascending; nothing where they are 0, 1, 2, ….
     const VALUE_REFERENCES: &'static [ValueReference] = &[];
+    /// In FMI 3.0, the value references of the elements of each array, whose first is the array's; ascending by these.
+    const ARRAYS: &'static [&'static [ValueReference]] = &[];
+    /// The value references of all elements of arrays but the first ones, ascending. In FMI 3.0 they are not variables.
+    const INNER_ELEMENTS: &'static [ValueReference] = &[];
+    /// In FMI 3.0, the value reference of the variable that the first event indicator is, which the others' follow.
+    const FIRST_EVENT_INDICATOR: ValueReference = ValueReference::MAX;
     /// The Real outputs and derivatives, each with the variables that it depends on by the model's JSON (`reads`), where
     /// that says so. For [`check_dependencies`](crate::check_dependencies); a library does not hold it.
     const DEPENDENCIES: &'static [(ValueReference, &'static [ValueReference])] = &[];

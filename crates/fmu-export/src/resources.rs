@@ -30,6 +30,15 @@ impl Resources {
         })
     }
 
+    /// The folder of a path, which importers may leave out (FMI 3.0.2, section 2.3.1).
+    pub(crate) fn at_path(path: Option<&[u8]>) -> Self {
+        Self(match path.map(str::from_utf8) {
+            None => Err("resourcePath was NULL".into()),
+            Some(Err(_)) => Err("resourcePath is not valid UTF-8".into()),
+            Some(Ok(path)) => Ok(Path::new(path).to_path_buf()),
+        })
+    }
+
     /// The content of a file, by its path in the folder.
     pub(crate) fn read(&self, name: &str) -> Result<Vec<u8>, Error> {
         let unreadable = |why: &str| Error::new(format!("the resource {name} cannot be read: {why}"));

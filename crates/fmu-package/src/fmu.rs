@@ -1,10 +1,10 @@
-//! The .fmu archive (FMI 2.0.5, section 2.3): a ZIP file that holds modelDescription.xml and, for each
-//! platform, the model's library.
-//!
+//! The .fmu archive (FMI 2.0.5, section 2.3; FMI 3.0.2, section 2.5.1): a ZIP file that holds modelDescription.xml and, for
+//! each platform, the model's library.
 
 use std::io::{self, Write};
 
 use super::archive;
+use super::library::Library;
 use super::model_description::refuse_no_identifier;
 use super::platform::Platform;
 
@@ -37,7 +37,9 @@ impl Fmu<'_> {
             refuse_stray(path)?;
         }
         for (platform, library) in &self.libraries {
-            entries.push((platform.library_path(self.model_identifier), library.as_slice()));
+            for folder in self.folders(*platform, library)? {
+                entries.push((platform.path_in(&folder, self.model_identifier), library.as_slice()));
+            }
         }
         entries.extend(self.files.iter().map(|(path, content)| (path.clone(), content.as_slice())));
         entries.sort();
@@ -47,11 +49,22 @@ impl Fmu<'_> {
     }
 }
 
+impl Fmu<'_> {
+    /// The folders of a library: in FMI 3.0 one for each of its processors.
+    fn folders(&self, platform: Platform, library: &[u8]) -> io::Result<Vec<String>> {
+        if !self.model_description.contains(" fmiVersion=\"3.") {
+            return Ok(vec![platform.folder().to_owned()]);
+        }
+        let architectures = Library::read(library)?.architectures;
+        Ok(architectures.into_iter().map(|architecture| platform.tuple(architecture)).collect())
+    }
+}
+
 /// Refuses a file outside of the standard's folders that is not its picture, or with a harmful path.
 fn refuse_stray(path: &str) -> io::Result<()> {
     let mut parts = path.split('/');
     let folder = parts.next().unwrap_or_default();
-    let is_inside = ["documentation", "resources", "sources"].contains(&folder)
+    let is_inside = ["documentation", "resources", "sources", "terminalsAndIcons"].contains(&folder)
         && path.contains('/')
         && parts.all(|part| !["", ".", ".."].contains(&part));
     if (is_inside || path == "model.png") && !path.contains(['\\', ':']) {

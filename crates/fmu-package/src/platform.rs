@@ -67,6 +67,22 @@ impl Platform {
         }
     }
 
+    /// Its folder below `binaries/` in FMI 3.0 (section 2.5.1.4.1), for one of its processors: the platform tuple.
+    #[must_use]
+    pub fn tuple(self, architecture: Architecture) -> String {
+        let processor = match architecture {
+            Architecture::Aarch64 => "aarch64",
+            Architecture::X86 => "x86",
+            Architecture::X86_64 => "x86_64",
+        };
+        let system = match self.format() {
+            Format::MachO => "darwin",
+            Format::Elf => "linux",
+            Format::Pe => "windows",
+        };
+        format!("{processor}-{system}")
+    }
+
     /// The format of libraries there.
     #[must_use]
     pub fn format(self) -> Format {
@@ -88,10 +104,15 @@ impl Platform {
         }
     }
 
-    /// The path of a library in the archive.
+    /// The path of a library in the archive of an FMU of FMI 2.0.
     #[must_use]
     pub fn library_path(self, model_identifier: &str) -> String {
-        format!("binaries/{}/{model_identifier}.{}", self.folder(), self.format().suffix())
+        self.path_in(self.folder(), model_identifier)
+    }
+
+    /// The path of a library in a folder below `binaries/`.
+    pub(crate) fn path_in(self, folder: &str, model_identifier: &str) -> String {
+        format!("binaries/{folder}/{model_identifier}.{}", self.format().suffix())
     }
 }
 

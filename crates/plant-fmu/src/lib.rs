@@ -2,4 +2,4 @@
 //! [`boost_fmu::plant::BoostPlant`].
 #![allow(non_snake_case)]
 
-boost_fmu::plant::variables::export_fmi2!(boost_fmu::plant::BoostPlant);
+boost_fmu::plant::variables::export_functions!(boost_fmu::plant::BoostPlant);

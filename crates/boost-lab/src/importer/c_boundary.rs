@@ -15,7 +15,7 @@ use std::ptr;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context, Result, anyhow};
-use fmu_export::c_types::{
+use fmu_export::fmi2::c_types::{
     Boolean, CO_SIMULATION, Component, FALSE, FmuState, Integer, TRUE, ValueReference,
 };
 use libloading::Library;

@@ -24,7 +24,7 @@ use self::c_boundary::{Functions, Handle};
 pub use self::messages::{CallFailed, Message, Status};
 use anyhow::{Context, Result, bail};
 use boost_interface::Translation;
-use fmu_export::c_types::{FmuState, ValueReference};
+use fmu_export::fmi2::c_types::{FmuState, ValueReference};
 use fmu_package::library::refuse_cut_short;
 use fmu_package::temporary::Folder;
 use fmu_package::{FmuDescription, FmuVariable, Linear, ParameterSet, Platform, Value, like, reading};

@@ -164,7 +164,30 @@ impl ::fmu_export::Variables for Variables {{
         if names.is_empty() {
             return String::new();
         }
-        format!("    const EVENT_INDICATORS: &'static [&'static str] = &{names:?};\n")
+        let mut text = format!("    const EVENT_INDICATORS: &'static [&'static str] = &{names:?};\n");
+        if let Some(first) = self.model.in_place(Place::EventIndicators).next() {
+            let first = self.model.scalars[first].value_reference;
+            let _ = writeln!(text, "    const FIRST_EVENT_INDICATOR: fmi::ValueReference = {first};");
+        }
+        text
+    }
+
+    /// The arrays that are one variable each, where there are any.
+    fn arrays_of_fmi3(&self) -> String {
+        let reference = |&position: &usize| self.model.scalars[position].value_reference;
+        let arrays = self.model.arrays();
+        if arrays.is_empty() {
+            return String::new();
+        }
+        let arrays: Vec<Vec<_>> = arrays.iter().map(|array| array.iter().map(reference).collect()).collect();
+        let mut inner: Vec<_> = arrays.iter().flat_map(|array| &array[1..]).collect();
+        inner.sort_unstable();
+        let arrays: Vec<_> = arrays.iter().map(|array| format!("&{array:?}")).collect();
+        format!(
+            "    const ARRAYS: &'static [&'static [fmi::ValueReference]] = &[{}];
+    const INNER_ELEMENTS: &'static [fmi::ValueReference] = &{inner:?};\n",
+            arrays.join(", ")
+        )
     }
 
     /// What Real outputs and derivatives depend on, where that is declared.
@@ -256,7 +279,8 @@ impl ::fmu_export::Variables for Variables {{
     /// The arms of the getter and the setter of a type.
     fn accessors(&self, accessor: &str) -> (String, String) {
         let (mut getters, mut setters) = (String::new(), String::new());
-        for scalar in &self.model.scalars[1..] {
+        let is_held = |scalar: &&Scalar| !matches!(scalar.place, Place::Time | Place::EventIndicators);
+        for scalar in self.model.scalars.iter().filter(is_held) {
             let of_type = match scalar.data_type {
                 DataType::Real => "real",
                 DataType::Integer | DataType::Enumeration(_) => "integer",
@@ -345,8 +369,8 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
 }};
 ",
             model.identifier,
-            model.interfaces.co_simulation(),
-            model.interfaces.model_exchange(),
+            model.fmi.interfaces.co_simulation(),
+            model.fmi.interfaces.model_exchange(),
             model.declaration.resources.is_some(),
             capabilities.interpolate_inputs,
             capabilities.get_and_set_state,
@@ -363,14 +387,15 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
         positions
     }
 
-    /// Their value references, unless these are 0, 1, 2, ….
+    /// Their value references, unless these are 0, 1, 2, …, and those of arrays.
     fn value_references(&self) -> String {
         let scalars = self.by_value_reference().into_iter().map(|position| &self.model.scalars[position]);
         let references: Vec<_> = scalars.map(|scalar| scalar.value_reference).collect();
         if (0..).zip(&references).all(|(position, reference)| position == *reference) {
-            return String::new();
+            return self.arrays_of_fmi3();
         }
-        format!("    const VALUE_REFERENCES: &'static [fmi::ValueReference] = &{references:?};\n")
+        let arrays = self.arrays_of_fmi3();
+        format!("    const VALUE_REFERENCES: &'static [fmi::ValueReference] = &{references:?};\n{arrays}")
     }
 
     fn real_inputs(&self) -> impl Iterator<Item = usize> {
@@ -403,7 +428,7 @@ fn full_path(scalar: &Scalar) -> String {
         Place::States => "states",
         Place::Derivatives => "derivatives",
         Place::Outputs => "outputs",
-        Place::Locals | Place::Time => "locals",
+        Place::Locals | Place::Time | Place::EventIndicators => "locals",
     };
     format!("{place}.{}", scalar.path)
 }

@@ -5,8 +5,8 @@ use std::ffi::CString;
 use std::fs;
 use std::ptr;
 
-use fmu_export::c_api;
-use fmu_export::c_types::{CO_SIMULATION, CallbackFunctions, Component, FALSE, Status};
+use fmu_export::fmi2::c_api;
+use fmu_export::fmi2::c_types::{CO_SIMULATION, CallbackFunctions, Component, FALSE, Status};
 use fmu_export::{Context, Error, InputsOf, Model, Step, Variables as _};
 use fmu_export_build::{Generated, Interfaces, Package, generate_into};
 

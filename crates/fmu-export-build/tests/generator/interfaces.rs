@@ -1,10 +1,11 @@
 //! What the chosen interfaces change, and what they do not.
 
+use std::env;
 use std::fs;
 
 use fmu_export::Variables as _;
 use fmu_export::description::Interfaces as Described;
-use fmu_export_build::{Generated, Interfaces, generate_into};
+use fmu_export_build::{Fmi, Generated, Interfaces, Version, generate_into};
 
 use super::{Variables, folder, folder_with_model, package, read, sources};
 
@@ -20,6 +21,24 @@ fn description(interfaces: Interfaces) -> String {
     let (before, rest) = xml.split_once(" guid=\"").expect("there is a GUID");
     let (_, after) = rest.split_once('"').expect("it ends");
     format!("{before}{after}")
+}
+
+/// Arrays are arrays where their elements have one unit, event indicators are variables, and what depends on parameters
+/// says so (FMI 3.0.2, sections 2.4.7 and 2.4.8).
+#[test]
+fn the_description_of_fmi_3_equals_the_golden_file() {
+    let fmi = Fmi { version: Version::Three, interfaces: Interfaces::Both };
+    let generated = generate_into(&sources().join("vessels.json"), &folder("fmi 3"), &package(), fmi)
+        .unwrap_or_else(|error| panic!("{error}"));
+    let (xml, kept) =
+        (read(&generated.model_description), sources().join("Vessels/modelDescription.fmi3.xml"));
+    if env::var_os("FMU_EXPORT_BLESS").is_some() {
+        fs::write(&kept, &xml).expect("the folder is writable");
+    }
+    assert_eq!(xml, read(&kept));
+    assert!(
+        read(&generated.variables).contains("pub use ::fmu_export::fmi3_model_exchange as export_functions;")
+    );
 }
 
 /// FMI 2.0.5, sections 2.2.1, 2.2.7, 3.3.1 and the schemas' order of elements and attributes.
@@ -57,7 +76,10 @@ fn the_typed_interface_has_the_functions_and_the_table_of_the_interfaces() {
     ] {
         let generated = generate(interfaces);
         let text = read(&generated.variables);
-        assert!(text.contains(&format!("pub use ::fmu_export::{functions} as export_fmi2;\n")), "{text}");
+        assert!(
+            text.contains(&format!("pub use ::fmu_export::{functions} as export_functions;\n")),
+            "{text}"
+        );
         let table = Described { co_simulation, model_exchange };
         assert!(text.contains(&format!("    interfaces: fmi::{table:?},\n")), "{text}");
         let differs = |line: &&str| !of_co_simulation.lines().any(|other| other == *line);

@@ -81,6 +81,7 @@ fn generated_files_equal_the_golden_files() {
     kept(&generated.variables);
     kept(&generated.documentation);
     kept(&generated.icon.expect("the JSON names one"));
+    kept(&generated.terminals.expect("the JSON has some"));
 }
 
 /// The elements of a list in `ModelStructure`: index and dependencies.

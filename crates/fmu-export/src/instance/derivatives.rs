@@ -1,11 +1,12 @@
 //! Derivatives: directional ones (FMI 2.0.5, section 2.1.9), and those of outputs over time (section 4.2.1).
 
+use super::values::REALS;
 use super::{Answer, Instance};
-use crate::c_types::Status;
 use crate::calling_sequence::Phase;
-use crate::description::{Causality, DataType, Initial, ValueReference, VariableDescription};
+use crate::description::{Causality, Initial, ValueReference, VariableDescription};
 use crate::error::{Error, Shown};
 use crate::model::{Model, Variables};
+use crate::status::Status;
 
 impl<M: Model> Instance<M> {
     /// The directional derivatives of unknowns along a direction of knowns (section 2.1.9).
@@ -18,11 +19,19 @@ impl<M: Model> Instance<M> {
     ) -> Answer {
         Self::check_differentiates("providesDirectionalDerivative is false")?;
         for &unknown in unknowns {
-            self.check_unknown(Self::variable(unknown, DataType::Real)?)?;
+            let variable = Self::variable(unknown, REALS)?;
+            // Event indicators never are (FMI 3.0.2, section 2.2.11).
+            if unknown >= M::Variables::FIRST_EVENT_INDICATOR {
+                return Err(Error::new(format!(
+                    "{} is not an unknown: it is an event indicator",
+                    variable.name
+                )));
+            }
+            self.check_unknown(variable)?;
         }
         let mut direction = M::Variables::zero();
         for (position, (&known, &seed)) in knowns.iter().zip(seeds).enumerate() {
-            let variable = Self::variable(known, DataType::Real)?;
+            let variable = Self::variable(known, REALS)?;
             self.check_known(variable)?;
             if !seed.is_finite() {
                 return Err(Error::new(format!("{} for the seed of {}", Shown(seed), variable.name)));
@@ -48,7 +57,7 @@ impl<M: Model> Instance<M> {
     ) -> Answer {
         Self::check_differentiates("maxOutputDerivativeOrder is 0")?;
         for (&reference, &order) in references.iter().zip(orders) {
-            let variable = Self::variable(reference, DataType::Real)?;
+            let variable = Self::variable(reference, REALS)?;
             if variable.causality != Causality::Output {
                 return Err(Error::new(format!("the variable {} is not an output", variable.name)));
             }

@@ -1,13 +1,14 @@
 //! Model Exchange: time, states and events (FMI 2.0.5, section 3.2).
 
 use super::{Answer, EventUnderWay, Instance, Memory, check_finite};
-use crate::c_types::Status;
 use crate::calling_sequence::{Interface, Phase};
+use crate::description::ValueReference;
 use crate::error::{Error, Shown};
 use crate::events::{Event, MOST_ITERATIONS};
 use crate::logger::{EVENT, WARNING};
 use crate::model::{Context, Variables, time_rounding};
 use crate::model_exchange::ModelExchange;
+use crate::status::Status;
 
 /// What an event has brought about: `fmi2EventInfo`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -146,7 +147,8 @@ impl<M: ModelExchange> Instance<M> {
             self.logger.message(
                 EVENT,
                 format_args!(
-                    "fmi2NewDiscreteStates: the model asks for the end of the simulation, at {} s",
+                    "{}: the model asks for the end of the simulation, at {} s",
+                    self.function,
                     Shown(end)
                 ),
             );
@@ -212,7 +214,7 @@ impl<M: ModelExchange> Instance<M> {
         });
         if let Some((state, value)) = wrong {
             self.log_discarded(format_args!(
-                "fmi2GetDerivatives: the derivative of {} is {} at the time {} s",
+                "the derivative of {} is {} at the time {} s",
                 M::Variables::STATE_NAMES[state],
                 Shown(value),
                 Shown(self.memory.time)
@@ -222,12 +224,36 @@ impl<M: ModelExchange> Instance<M> {
         Ok(status)
     }
 
+    /// Gets Reals, among which event indicators may be.
+    pub(crate) fn get_real_with_indicators(
+        &mut self,
+        references: &[ValueReference],
+        values: &mut [f64],
+    ) -> Answer {
+        let status = self.get_real(references, values)?;
+        let indicator = |reference: &ValueReference| {
+            let position = reference.checked_sub(M::Variables::FIRST_EVENT_INDICATOR)? as usize;
+            (position < M::Variables::EVENT_INDICATORS.len()).then_some(position)
+        };
+        if references.iter().any(|reference| indicator(reference).is_some()) {
+            let mut indicators = vec![0.0; M::Variables::EVENT_INDICATORS.len()];
+            let of_indicators = self.get_event_indicators(&mut indicators)?;
+            for (value, position) in values.iter_mut().zip(references.iter().map(indicator)) {
+                if let Some(position) = position {
+                    *value = indicators[position];
+                }
+            }
+            return Ok(status.max(of_indicators));
+        }
+        Ok(status)
+    }
+
     pub(crate) fn get_event_indicators(&mut self, indicators: &mut [f64]) -> Answer {
         let status = self.compute_values()?;
         self.memory.compute_indicators(indicators);
         if let Some(wrong) = indicators.iter().position(|indicator| !indicator.is_finite()) {
             self.log_discarded(format_args!(
-                "fmi2GetEventIndicators: the indicator {} is {} at the time {} s",
+                "the indicator {} is {} at the time {} s",
                 M::Variables::EVENT_INDICATORS[wrong],
                 Shown(indicators[wrong]),
                 Shown(self.memory.time)

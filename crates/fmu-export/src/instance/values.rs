@@ -3,16 +3,20 @@
 use std::ffi::CString;
 
 use super::{Answer, Instance};
-use crate::c_types::Status;
 use crate::calling_sequence::Phase;
 use crate::description::{Causality, DataType, Initial, ValueReference, Variability, VariableDescription};
 use crate::error::{Error, Shown};
 use crate::inputs::MAX_ORDER;
 use crate::model::{Model, Variables};
+use crate::status::Status;
 
-/// How values of a data type are set.
+pub(super) const REALS: &[DataType] = &[DataType::Real];
+const BOOLEANS: &[DataType] = &[DataType::Boolean];
+const STRINGS: &[DataType] = &[DataType::String];
+
+/// How values of some data types are set.
 struct Setter<V, T> {
-    data_type: DataType,
+    types: &'static [DataType],
     /// The number to compare with the range.
     as_number: fn(T) -> f64,
     /// Whether a value is the present one.
@@ -21,20 +25,27 @@ struct Setter<V, T> {
 }
 
 impl<M: Model> Instance<M> {
-    /// The variable of a value reference, if it has the type.
+    /// The variable of a value reference, if it has one of some types.
     pub(super) fn variable(
         reference: ValueReference,
-        requested: DataType,
+        types: &[DataType],
     ) -> Result<&'static VariableDescription, Error> {
         let variable = M::Variables::description(reference).ok_or_else(|| {
             Error::new(format!("there is no variable with the value reference {reference}"))
         })?;
-        let is_integer = variable.data_type == DataType::Enumeration && requested == DataType::Integer;
-        if variable.data_type == requested || is_integer {
+        if types.contains(&variable.data_type) {
             Ok(variable)
         } else {
             Err(Error::new(format!("the variable {} is of the type {:?}", variable.name, variable.data_type)))
         }
+    }
+
+    /// Gets or sets variables of a type that no variable has.
+    pub(crate) fn refuse_all(references: &[ValueReference]) -> Answer {
+        for &reference in references {
+            Self::variable(reference, &[])?;
+        }
+        Ok(Status::Ok)
     }
 
     fn is_real_input(reference: ValueReference) -> bool {
@@ -50,11 +61,11 @@ impl<M: Model> Instance<M> {
     fn get(
         &mut self,
         references: &[ValueReference],
-        requested: DataType,
+        types: &[DataType],
         mut read: impl FnMut(&M::Variables, usize, ValueReference) -> Result<(), Error>,
     ) -> Answer {
         for &reference in references {
-            Self::variable(reference, requested)?;
+            Self::variable(reference, types)?;
         }
         let status = self.compute_values()?;
         for (index, &reference) in references.iter().enumerate() {
@@ -66,7 +77,7 @@ impl<M: Model> Instance<M> {
     pub(crate) fn get_real(&mut self, references: &[ValueReference], values: &mut [f64]) -> Answer {
         let time = self.memory.time;
         let mut no_number = Ok(());
-        let status = self.get(references, DataType::Real, |variables, index, reference| {
+        let status = self.get(references, REALS, |variables, index, reference| {
             let variable = Self::checked(reference);
             let value =
                 if variable.causality == Causality::Independent { time } else { variables.real(reference) };
@@ -83,23 +94,33 @@ impl<M: Model> Instance<M> {
             Ok(()) => Ok(status),
             // A solver has tried states of which there is no such value; it can try others.
             Err(error) if self.memory.phase == Phase::ContinuousTimeMode => {
-                self.log_discarded(format_args!("fmi2GetReal: {error}"));
+                self.log_discarded(format_args!("{error}"));
                 Ok(Status::Discard)
             }
             Err(error) => Err(error),
         }
     }
 
-    pub(crate) fn get_integer(&mut self, references: &[ValueReference], values: &mut [i32]) -> Answer {
-        self.get(references, DataType::Integer, |variables, index, reference| {
-            values[index] = variables.integer(reference);
+    /// Gets variables of some types that are integers here.
+    pub(crate) fn get_integers<T: From<i32>>(
+        &mut self,
+        references: &[ValueReference],
+        values: &mut [T],
+        types: &[DataType],
+    ) -> Answer {
+        self.get(references, types, |variables, index, reference| {
+            values[index] = variables.integer(reference).into();
             Ok(())
         })
     }
 
-    pub(crate) fn get_boolean(&mut self, references: &[ValueReference], values: &mut [i32]) -> Answer {
-        self.get(references, DataType::Boolean, |variables, index, reference| {
-            values[index] = i32::from(variables.boolean(reference));
+    pub(crate) fn get_boolean<T: From<bool>>(
+        &mut self,
+        references: &[ValueReference],
+        values: &mut [T],
+    ) -> Answer {
+        self.get(references, BOOLEANS, |variables, index, reference| {
+            values[index] = variables.boolean(reference).into();
             Ok(())
         })
     }
@@ -107,7 +128,7 @@ impl<M: Model> Instance<M> {
     /// Leaves the values in [`Instance::strings`].
     pub(crate) fn get_string(&mut self, references: &[ValueReference]) -> Answer {
         let mut strings = Vec::with_capacity(references.len());
-        let status = self.get(references, DataType::String, |variables, _, reference| {
+        let status = self.get(references, STRINGS, |variables, _, reference| {
             let text = variables.string(reference);
             strings.push(CString::new(text).map_err(|_| Error::new("a string with a NUL in it"))?);
             Ok(())
@@ -118,8 +139,8 @@ impl<M: Model> Instance<M> {
 
     /// Whether there is such a variable, and it may be set. Apart from where Real inputs are set, which is fast without.
     #[inline(never)]
-    fn check(&self, reference: ValueReference, requested: DataType, value: f64) -> Result<(), Error> {
-        self.check_settable(Self::variable(reference, requested)?, value)
+    fn check(&self, reference: ValueReference, types: &[DataType], value: f64) -> Result<(), Error> {
+        self.check_settable(Self::variable(reference, types)?, value)
     }
 
     /// Whether a variable may be set in the present state, and to this value (as a number).
@@ -197,14 +218,11 @@ impl<M: Model> Instance<M> {
         if self.memory.phase == Phase::ContinuousTimeMode {
             return self.set_between_events(references, values, setter);
         }
-        let &Setter { data_type: requested, as_number, write, .. } = setter;
+        let &Setter { types, as_number, write, .. } = setter;
         for (&reference, &value) in references.iter().zip(values) {
             // Real inputs may be set to any finite value: they are limited to their bounds later.
-            if !(Self::is_real_input(reference)
-                && requested == DataType::Real
-                && as_number(value).is_finite())
-            {
-                self.check(reference, requested, as_number(value))?;
+            if !(Self::is_real_input(reference) && types == REALS && as_number(value).is_finite()) {
+                self.check(reference, types, as_number(value))?;
             }
         }
         let mut status = Status::Ok;
@@ -233,13 +251,13 @@ impl<M: Model> Instance<M> {
         &mut self,
         references: &[ValueReference],
         values: &[T],
-        &Setter { data_type: requested, as_number, is_set, write }: &Setter<M::Variables, T>,
+        &Setter { types, as_number, is_set, write }: &Setter<M::Variables, T>,
     ) -> Answer {
         let is_kept = |this: &Self, variable: &VariableDescription, reference, value| {
             variable.causality == Causality::Input && is_set(&this.memory.variables, reference, value)
         };
         for (&reference, &value) in references.iter().zip(values) {
-            let variable = Self::variable(reference, requested)?;
+            let variable = Self::variable(reference, types)?;
             if !is_kept(self, variable, reference, value) {
                 self.check_settable(variable, as_number(value))?;
             }
@@ -270,7 +288,7 @@ impl<M: Model> Instance<M> {
         #[expect(clippy::float_cmp, reason = "whether it is the very value")]
         let setter = const {
             &Setter {
-                data_type: DataType::Real,
+                types: REALS,
                 as_number: |value| value,
                 is_set: |variables: &M::Variables, reference, value| variables.real(reference) == value,
                 write: M::Variables::set_real,
@@ -279,27 +297,38 @@ impl<M: Model> Instance<M> {
         self.set(references, values, setter)
     }
 
-    pub(crate) fn set_integer(&mut self, references: &[ValueReference], values: &[i32]) -> Answer {
-        let setter = const {
-            &Setter {
-                data_type: DataType::Integer,
-                as_number: f64::from,
-                is_set: |variables: &M::Variables, reference, value| variables.integer(reference) == value,
-                write: M::Variables::set_integer,
-            }
+    /// Sets variables of some types that are integers here.
+    pub(crate) fn set_integers(
+        &mut self,
+        references: &[ValueReference],
+        values: &[i32],
+        types: &'static [DataType],
+    ) -> Answer {
+        let setter = Setter {
+            types,
+            as_number: f64::from,
+            is_set: |variables: &M::Variables, reference, value| variables.integer(reference) == value,
+            write: M::Variables::set_integer,
         };
-        self.set(references, values, setter)
+        self.set(references, values, &setter)
     }
 
-    pub(crate) fn set_boolean(&mut self, references: &[ValueReference], values: &[i32]) -> Answer {
+    /// Any value but 0 is true.
+    pub(crate) fn set_boolean<T: Copy + Default + PartialEq>(
+        &mut self,
+        references: &[ValueReference],
+        values: &[T],
+    ) -> Answer {
         let setter = const {
             &Setter {
-                data_type: DataType::Boolean,
+                types: BOOLEANS,
                 as_number: |_| 0.0,
                 is_set: |variables: &M::Variables, reference, value| {
-                    variables.boolean(reference) == (value != 0)
+                    variables.boolean(reference) == (value != T::default())
                 },
-                write: |variables, reference, value| variables.set_boolean(reference, value != 0),
+                write: |variables, reference, value| {
+                    variables.set_boolean(reference, value != T::default());
+                },
             }
         };
         self.set(references, values, setter)
@@ -308,7 +337,7 @@ impl<M: Model> Instance<M> {
     pub(crate) fn set_string(&mut self, references: &[ValueReference], values: &[&str]) -> Answer {
         let setter = const {
             &Setter {
-                data_type: DataType::String,
+                types: STRINGS,
                 as_number: |_| 0.0,
                 is_set: |variables: &M::Variables, reference, value| variables.string(reference) == value,
                 write: M::Variables::set_string,
@@ -338,9 +367,9 @@ impl<M: Model> Instance<M> {
                 self.memory.inputs.set_derivative(position, order, value);
             } else if value != 0.0 && self.memory.inputs.ignore_derivative(position) {
                 status = self.warn(format_args!(
-                    "fmi2SetRealInputDerivatives: the input {} is discrete and constant; its derivatives \
+                    "{}: the input {} is discrete and constant; its derivatives \
                      are ignored",
-                    variable.name
+                    self.function, variable.name
                 ));
             }
         }
@@ -349,7 +378,7 @@ impl<M: Model> Instance<M> {
 
     /// The Real input and order of a derivative, if it may be set.
     fn input_derivative(reference: ValueReference, order: i32, value: f64) -> Result<(usize, usize), Error> {
-        let variable = Self::variable(reference, DataType::Real)?;
+        let variable = Self::variable(reference, REALS)?;
         let name = variable.name;
         let Some(position) = variable.real_input else {
             return Err(Error::new(format!("the variable {name} is not an input")));

@@ -2,9 +2,9 @@
 
 #[allow(unused_imports)]
 pub use generated::*;
-/// Defines the functions of FMI 2.0 for a model with these variables.
+/// Defines the functions of FMI for a model with these variables.
 #[allow(unused_imports)]
-pub use ::fmu_export::fmi2_co_simulation as export_fmi2;
+pub use ::fmu_export::fmi2_co_simulation as export_functions;
 
 #[allow(dead_code, unused_variables, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 mod generated {

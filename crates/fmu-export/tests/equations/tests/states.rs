@@ -4,8 +4,8 @@ use std::ffi::{CString, c_char};
 use std::marker::PhantomData;
 use std::ptr;
 
-use fmu_export::c_types::{CO_SIMULATION, CallbackFunctions, Component, FALSE, Status, TRUE};
-use fmu_export::{Equations, Integrated, Variables as _, c_api};
+use fmu_export::fmi2::c_types::{CO_SIMULATION, CallbackFunctions, Component, FALSE, Status, TRUE};
+use fmu_export::{Equations, Integrated, Variables as _, fmi2::c_api};
 use fmu_export_equations::{BouncingBall, Robertson, Stairs};
 
 /// An instance of a model's FMU in Step Mode.

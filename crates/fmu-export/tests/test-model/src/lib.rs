@@ -370,4 +370,4 @@ impl ModelExchange for TestModel {
     }
 }
 
-variables::export_fmi2!(TestModel);
+variables::export_functions!(TestModel);

@@ -1,170 +1,62 @@
-//! The C boundary: the functions of the standard, generic over the model. [`fmi2_co_simulation!`] and its siblings define
+//! The functions of FMI 2.0, generic over the model. [`fmi2_co_simulation!`] and its siblings define
 //! their symbols in the exported library.
-//!
-//! All `unsafe` of the crate is here (and in the call of the logger). What these functions rely on is what
-//! the standard demands of an importer: a component comes from `fmi2Instantiate` and is used by one
-//! thread at a time until `fmi2FreeInstance`; arrays have as many elements as their counts say, and those
-//! that results are written to overlap with no other argument; strings end in NUL. What can be checked is
-//! checked: null pointers, components and states of another FMU, UTF-8, every number.
-//!
-//! Nothing is relied on beyond that. Arrays and results may be at any address: 32-bit compilers align doubles to 4
-//! bytes, Rust to 8, and bindings of other languages pass parts of buffers. Memory for results is not read, and no
-//! Rust enum is read from the importer's memory.
 //!
 //! [`fmi2_co_simulation!`]: crate::fmi2_co_simulation
 
 #![allow(clippy::missing_safety_doc, clippy::too_many_arguments)]
 
-use core::ffi::{CStr, c_char, c_int};
+use core::ffi::{CStr, c_char, c_int, c_void};
 use core::ptr;
-use core::slice;
-use std::borrow::Cow;
-use std::sync::PoisonError;
+use std::ffi::CString;
 
-use crate::c_types::{
-    Boolean, Byte, CO_SIMULATION, CallbackFunctions, Component, ComponentEnvironment, EventInfo, FALSE,
-    FmuState, Integer, MODEL_EXCHANGE, Status, ValueReference, status_kind,
+pub use crate::c_boundary::silence_panics;
+
+use super::c_types::{
+    Boolean, Byte, CO_SIMULATION, CallbackFunctions, CallbackLogger, Component, EventInfo, FALSE, FmuState,
+    Integer, MODEL_EXCHANGE, Status, ValueReference, status_kind,
 };
-use crate::calling_sequence::{Function, Interface};
+use super::calling_sequence::Function;
+use crate::c_boundary::{
+    self, Exported, c_string, call, elements, get_values, not_null, set_values, write_elements,
+};
+use crate::calling_sequence::Interface;
+use crate::description::DataType;
 use crate::error::Error;
-use crate::instance::{Answer, Instance, Memory};
-use crate::logger::Logger;
+use crate::instance::Instance;
+use crate::logger::{Logger, Recipient};
 use crate::model::{Experiment, Model, Variables};
 use crate::model_exchange::ModelExchange;
-use crate::panics::contain;
 use crate::resources::Resources;
-use crate::saved_states;
-use crate::serialized_state::checksum;
 
 /// `fmi2GetVersion`.
 pub const VERSION: &CStr = c"2.0";
 /// `fmi2GetTypesPlatform`.
 pub const TYPES_PLATFORM: &CStr = c"default";
 
-/// Silences the default panic hook, which writes to the host's stderr; a panic's message goes to the
-/// importer's logger instead. The hook belongs to this library, into which the standard library is linked.
-pub fn silence_panics() {
-    static ONCE: std::sync::Once = std::sync::Once::new();
-    ONCE.call_once(|| std::panic::set_hook(Box::new(|_| {})));
+/// The importer's logger, with its arguments that identify the instance.
+#[derive(Debug)]
+struct Callback {
+    function: CallbackLogger,
+    environment: *mut c_void,
+    instance_name: CString,
 }
 
-/// The target of a component. The FMUs of a coupled system are in one process; the first word distinguishes their
-/// components.
-#[repr(C)]
-struct Slave<M: Model> {
-    fmu: u64,
-    instance: Instance<M>,
-}
-
-impl<M: Model> Slave<M> {
-    /// The first word of this FMU's components.
-    const FMU: u64 = checksum(M::Variables::DESCRIPTION.guid.as_bytes());
-
-    /// The slave of a component, unless that is null or another FMU's.
-    ///
-    /// # Safety
-    /// `component` is null or came from `instantiate` of this or another FMU made by this crate, is not freed, and is
-    /// used by no other thread during the call.
-    unsafe fn of<'a>(component: Component) -> Option<&'a mut Self> {
-        let slave = component.cast::<Self>();
-        if slave.is_null() || !slave.is_aligned() {
-            return None;
+impl Recipient for Callback {
+    fn receive(&self, status: Status, category: &CStr, text: &CStr) {
+        // SAFETY: the importer passed the callback for this purpose (section 2.1.5); every pointer is to a
+        // NUL-terminated string that outlives the call, and the variadic argument is the one that "%s" reads.
+        // No reference to an instance exists during the call.
+        unsafe {
+            (self.function)(
+                self.environment,
+                self.instance_name.as_ptr(),
+                status,
+                category.as_ptr(),
+                c"%s".as_ptr(),
+                text.as_ptr(),
+            );
         }
-        // SAFETY: the caller promises that a component which is not null begins with this word; it is aligned for it.
-        let fmu = unsafe { slave.cast::<u64>().read() };
-        // SAFETY: a component that begins with this FMU's word is one of `M`, alive and not shared.
-        (fmu == Self::FMU).then(|| unsafe { &mut *slave })
     }
-}
-
-/// Runs the body of a function on the instance of a component.
-///
-/// # Safety
-/// As for [`Slave::of`].
-unsafe fn call<M: Model>(
-    component: Component,
-    function: Function,
-    body: impl FnOnce(&mut Instance<M>) -> Answer,
-) -> Status {
-    // SAFETY: the caller's promise.
-    let Some(slave) = (unsafe { Slave::<M>::of(component) }) else { return Status::Error };
-    let status = slave.instance.call(function, body);
-    // From here on the slave is not accessed: the importer's logger may call or free it.
-    if let Some(messages) = slave.instance.take_messages() {
-        messages.deliver();
-    }
-    status
-}
-
-/// An array argument; null is taken as an empty one.
-///
-/// # Safety
-/// Unless null, `array` has `count` elements that nothing changes during the call.
-unsafe fn elements<'a, T: Copy>(name: &str, array: *const T, count: usize) -> Result<Cow<'a, [T]>, Error> {
-    if count == 0 {
-        return Ok(Cow::Borrowed(&[]));
-    }
-    let array = not_null(name, array.cast_mut())?.cast_const();
-    Ok(if array.is_aligned() {
-        // SAFETY: not null and aligned; the caller promises this length.
-        Cow::Borrowed(unsafe { slice::from_raw_parts(array, count) })
-    } else {
-        // SAFETY: the caller promises that each of these is an element.
-        (0..count).map(|index| unsafe { array.add(index).read_unaligned() }).collect()
-    })
-}
-
-/// Writes an array.
-///
-/// # Safety
-/// Unless null, `array` has `count` elements that nothing else uses during the call.
-unsafe fn write_elements<T: Copy>(
-    name: &str,
-    array: *mut T,
-    count: usize,
-    write: impl FnOnce(&mut [T]) -> Answer,
-) -> Answer {
-    if count == 0 {
-        return write(&mut []);
-    }
-    let array = not_null(name, array)?;
-    if array.is_aligned() {
-        // SAFETY: not null and aligned; the caller promises this length and that nothing aliases it.
-        return write(unsafe { slice::from_raw_parts_mut(array, count) });
-    }
-    // SAFETY: the caller's promise.
-    let mut values = unsafe { elements(name, array, count) }?.into_owned();
-    let answer = write(&mut values);
-    // After an error too: values written before it are returned, as if the importer's array had been passed.
-    for (index, value) in values.into_iter().enumerate() {
-        // SAFETY: the caller promises that this is an element.
-        unsafe { array.add(index).write_unaligned(value) };
-    }
-    answer
-}
-
-/// Checks the number of an array's elements, before it is accessed.
-fn check_count(argument: &str, found: usize, elements: &[&str]) -> Result<(), Error> {
-    if found == elements.len() {
-        Ok(())
-    } else {
-        Err(Error::new(format!("{argument} is {found}; this FMU has {}", elements.len())))
-    }
-}
-
-/// An argument that must not be null.
-fn not_null<T>(name: &str, argument: *mut T) -> Result<*mut T, Error> {
-    if argument.is_null() { Err(Error::new(format!("the argument {name} is NULL"))) } else { Ok(argument) }
-}
-
-/// A string argument.
-///
-/// # Safety
-/// `text` is null or ends in NUL.
-unsafe fn c_string<'a>(name: &str, text: *const c_char) -> Result<&'a CStr, Error> {
-    let text = not_null(name, text.cast_mut())?;
-    // SAFETY: not null; the caller promises a NUL at the end.
-    Ok(unsafe { CStr::from_ptr(text) })
 }
 
 /// `fmi2Instantiate`: null, and a message, when an argument is wrong.
@@ -185,18 +77,14 @@ pub unsafe fn instantiate<M: Model>(
     // are read, and the struct may be at any address.
     let (callback, environment) = unsafe {
         let environment = (&raw const (*functions).component_environment).read_unaligned();
-        ((&raw const (*functions).logger).read_unaligned(), ComponentEnvironment(environment))
+        ((&raw const (*functions).logger).read_unaligned(), environment)
     };
     let description = M::Variables::DESCRIPTION;
     // SAFETY: the importer passes null or a string.
     let name = unsafe { c_string("instanceName", instance_name) };
-    let logger = Logger::new(
-        callback,
-        environment,
-        name.as_ref().map_or_else(|_| c"".to_owned(), |&name| name.to_owned()),
-        description.log_categories,
-        logging_on != FALSE,
-    );
+    let instance_name = name.as_ref().map_or_else(|_| c"".to_owned(), |&name| name.to_owned());
+    let recipient = callback.map(|function| Callback { function, environment, instance_name });
+    let logger = Logger::new(recipient, description.log_categories, logging_on != FALSE, true);
     let check = || -> Result<Interface, Error> {
         // C's white space: section 2.1.5 requires at least one other character.
         if name?.to_bytes().iter().all(|byte| matches!(byte, b' ' | b'\t'..=b'\r')) {
@@ -227,10 +115,7 @@ pub unsafe fn instantiate<M: Model>(
         Resources::none()
     };
     match check().and_then(Instance::<M>::new_memory) {
-        Ok(memory) => {
-            let instance = Instance::new(logger, memory, resources);
-            Box::into_raw(Box::new(Slave { fmu: Slave::<M>::FMU, instance })).cast()
-        }
+        Ok(memory) => Exported::handle(Instance::new(logger, memory, resources)),
         Err(error) => {
             logger.error(format_args!("fmi2Instantiate: {error}"));
             if let Some(messages) = logger.take() {
@@ -244,14 +129,7 @@ pub unsafe fn instantiate<M: Model>(
 /// `fmi2FreeInstance`; the states that were not freed are freed too.
 pub unsafe fn free_instance<M: Model>(component: Component) {
     // SAFETY: the component is the importer's (see the module).
-    let Some(slave) = (unsafe { Slave::<M>::of(component) }) else { return };
-    // A call after this one is recognized as invalid as long as the memory is not reused.
-    slave.fmu = 0;
-    // SAFETY: the pointer came from `instantiate::<M>`, and the standard forbids its use after this call.
-    let slave = unsafe { Box::from_raw(ptr::from_mut(slave)) };
-    saved_states::free_all_of(component.addr());
-    // A panic here cannot be reported: the logger belongs to the instance that is freed.
-    let _ = contain(|| drop(slave));
+    unsafe { c_boundary::free::<M>(component) }
 }
 
 /// `fmi2SetDebugLogging`.
@@ -261,16 +139,9 @@ pub unsafe fn set_debug_logging<M: Model>(
     count: usize,
     categories: *const *const c_char,
 ) -> Status {
+    let (function, categories) = (Function::SetDebugLogging, (categories, count));
     // SAFETY: the component and the arrays are the importer's (see the module).
-    unsafe {
-        call::<M>(component, Function::SetDebugLogging, |instance| {
-            let names = elements("categories", categories, count)?
-                .iter()
-                .map(|&name| c_string("categories", name))
-                .collect::<Result<Vec<_>, _>>()?;
-            instance.set_debug_logging(logging_on != FALSE, &names)
-        })
-    }
+    unsafe { c_boundary::set_debug_logging::<M>(component, function, logging_on != FALSE, categories) }
 }
 
 /// `fmi2SetupExperiment`.
@@ -324,13 +195,9 @@ macro_rules! accessors {
             count: usize,
             values: *mut $type,
         ) -> Status {
+            let (function, references, values) = (Function::$get_function, (references, count), (values, count));
             // SAFETY: the component and the arrays are the importer's (see the module).
-            unsafe {
-                call::<M>(component, Function::$get_function, |instance| {
-                    let references = elements("vr", references, count)?;
-                    write_elements("value", values, count, |values| instance.$get(&references, values))
-                })
-            }
+            unsafe { get_values::<M, _, _>(component, function, references, values, Instance::$get) }
         }
 
         #[doc = concat!("`fmi2", stringify!($set_function), "`.")]
@@ -340,20 +207,59 @@ macro_rules! accessors {
             count: usize,
             values: *const $type,
         ) -> Status {
+            let (function, references, values) = (Function::$set_function, (references, count), (values, count));
             // SAFETY: the component and the arrays are the importer's (see the module).
-            unsafe {
-                call::<M>(component, Function::$set_function, |instance| {
-                    instance.$set(&elements("vr", references, count)?, &elements("value", values, count)?)
-                })
-            }
+            unsafe { set_values::<M, _, _>(component, function, references, values, Instance::$set) }
         }
     )*};
 }
 
 accessors! {
     get_real: GetReal, set_real: SetReal, f64;
-    get_integer: GetInteger, set_integer: SetInteger, Integer;
     get_boolean: GetBoolean, set_boolean: SetBoolean, Boolean;
+}
+
+/// The types that the functions for Integers access.
+const INTEGERS: &[DataType] = &[DataType::Integer, DataType::Enumeration];
+
+/// `fmi2GetInteger`.
+pub unsafe fn get_integer<M: Model>(
+    component: Component,
+    references: *const ValueReference,
+    count: usize,
+    values: *mut Integer,
+) -> Status {
+    let (references, values) = ((references, count), (values, count));
+    // SAFETY: the component and the arrays are the importer's (see the module).
+    unsafe {
+        get_values::<M, _, _>(
+            component,
+            Function::GetInteger,
+            references,
+            values,
+            |instance, references, values| instance.get_integers(references, values, INTEGERS),
+        )
+    }
+}
+
+/// `fmi2SetInteger`.
+pub unsafe fn set_integer<M: Model>(
+    component: Component,
+    references: *const ValueReference,
+    count: usize,
+    values: *const Integer,
+) -> Status {
+    let (references, values) = ((references, count), (values, count));
+    // SAFETY: the component and the arrays are the importer's (see the module).
+    unsafe {
+        set_values::<M, _, _>(
+            component,
+            Function::SetInteger,
+            references,
+            values,
+            |instance, references, values| instance.set_integers(references, values, INTEGERS),
+        )
+    }
 }
 
 /// `fmi2GetString`. The strings stay valid until its next call for this instance.
@@ -363,19 +269,9 @@ pub unsafe fn get_string<M: Model>(
     count: usize,
     values: *mut *const c_char,
 ) -> Status {
+    let (references, values) = ((references, count), (values, count));
     // SAFETY: the component and the arrays are the importer's (see the module).
-    unsafe {
-        call::<M>(component, Function::GetString, |instance| {
-            let references = elements("vr", references, count)?;
-            write_elements("value", values, count, |values| {
-                let status = instance.get_string(&references)?;
-                for (value, text) in values.iter_mut().zip(&instance.strings) {
-                    *value = text.as_ptr();
-                }
-                Ok(status)
-            })
-        })
-    }
+    unsafe { c_boundary::get_strings::<M>(component, Function::GetString, references, values) }
 }
 
 /// `fmi2SetString`. The strings are copied.
@@ -385,81 +281,27 @@ pub unsafe fn set_string<M: Model>(
     count: usize,
     values: *const *const c_char,
 ) -> Status {
+    let (references, values) = ((references, count), (values, count));
     // SAFETY: the component and the arrays are the importer's (see the module).
-    unsafe {
-        call::<M>(component, Function::SetString, |instance| {
-            let texts = elements("value", values, count)?
-                .iter()
-                .map(|&text| {
-                    c_string("value", text)?.to_str().map_err(|_| Error::new("a string is not valid UTF-8"))
-                })
-                .collect::<Result<Vec<_>, _>>()?;
-            instance.set_string(&elements("vr", references, count)?, &texts)
-        })
-    }
-}
-
-/// Reads the state with a handle.
-fn with_state<M: Model, T>(
-    state: FmuState,
-    body: impl FnOnce(&Memory<M>) -> Result<T, Error>,
-) -> Result<T, Error> {
-    if state.is_null() {
-        return Err(Error::new("the argument FMUstate is NULL"));
-    }
-    let state = saved_states::find::<Memory<M>>(state.addr())?;
-    body(&state.read().unwrap_or_else(PoisonError::into_inner))
-}
-
-/// Keeps a memory as a new state, and returns its handle.
-fn keep<M: Model>(component: Component, memory: Memory<M>) -> FmuState {
-    ptr::without_provenance_mut(saved_states::keep(component.addr(), memory))
+    unsafe { c_boundary::set_strings::<M, _>(component, Function::SetString, references, values) }
 }
 
 /// `fmi2GetFMUstate`: into a new state where `*state` is null, otherwise over the one that is there.
 pub unsafe fn get_fmu_state<M: Model>(component: Component, state: *mut FmuState) -> Status {
     // SAFETY: the component and the state are the importer's (see the module).
-    unsafe {
-        call::<M>(component, Function::GetFMUstate, |instance| {
-            let state = not_null("FMUstate", state)?;
-            let memory = instance.memory()?.clone();
-            let handle = state.read_unaligned();
-            if handle.is_null() {
-                state.write_unaligned(keep(component, memory));
-            } else {
-                let there = saved_states::find::<Memory<M>>(handle.addr())?;
-                *there.write().unwrap_or_else(PoisonError::into_inner) = memory;
-            }
-            Ok(Status::Ok)
-        })
-    }
+    unsafe { c_boundary::get_state::<M>(component, Function::GetFMUstate, state) }
 }
 
 /// `fmi2SetFMUstate`.
 pub unsafe fn set_fmu_state<M: Model>(component: Component, state: FmuState) -> Status {
     // SAFETY: the component is the importer's (see the module).
-    unsafe {
-        call::<M>(component, Function::SetFMUstate, |instance| {
-            with_state(state, |memory| instance.restore(memory).map(|()| Status::Ok))
-        })
-    }
+    unsafe { c_boundary::set_state::<M>(component, Function::SetFMUstate, state) }
 }
 
 /// `fmi2FreeFMUstate`: a null state is freed already.
 pub unsafe fn free_fmu_state<M: Model>(component: Component, state: *mut FmuState) -> Status {
     // SAFETY: the component and the state are the importer's (see the module).
-    unsafe {
-        call::<M>(component, Function::FreeFMUstate, |_| {
-            if !state.is_null() {
-                let handle = state.read_unaligned();
-                if !handle.is_null() {
-                    saved_states::free::<Memory<M>>(handle.addr())?;
-                    state.write_unaligned(ptr::null_mut());
-                }
-            }
-            Ok(Status::Ok)
-        })
-    }
+    unsafe { c_boundary::free_state::<M>(component, Function::FreeFMUstate, state) }
 }
 
 /// `fmi2SerializedFMUstateSize`.
@@ -469,13 +311,7 @@ pub unsafe fn serialized_fmu_state_size<M: Model>(
     size: *mut usize,
 ) -> Status {
     // SAFETY: the component and the size are the importer's (see the module).
-    unsafe {
-        call::<M>(component, Function::SerializedFMUstateSize, |_| {
-            let size = not_null("size", size)?;
-            size.write_unaligned(with_state(state, Instance::<M>::serialize)?.len());
-            Ok(Status::Ok)
-        })
-    }
+    unsafe { c_boundary::serialized_size::<M>(component, Function::SerializedFMUstateSize, state, size) }
 }
 
 /// `fmi2SerializeFMUstate`: into as many bytes as `fmi2SerializedFMUstateSize` says.
@@ -485,38 +321,21 @@ pub unsafe fn serialize_fmu_state<M: Model>(
     serialized_state: *mut Byte,
     size: usize,
 ) -> Status {
+    let bytes = (serialized_state.cast(), size);
     // SAFETY: the component and the array are the importer's (see the module).
-    unsafe {
-        call::<M>(component, Function::SerializeFMUstate, |_| {
-            let bytes = with_state(state, Instance::<M>::serialize)?;
-            if size != bytes.len() {
-                return Err(Error::new(format!("size is {size}, the state has {} bytes", bytes.len())));
-            }
-            write_elements("serializedState", serialized_state.cast::<u8>(), size, |target| {
-                target.copy_from_slice(&bytes);
-                Ok(Status::Ok)
-            })
-        })
-    }
+    unsafe { c_boundary::serialize::<M>(component, Function::SerializeFMUstate, state, bytes) }
 }
 
-/// `fmi2DeSerializeFMUstate`: always into a new state. Unlike `fmi2GetFMUstate` it does not read `*state`, which
-/// the standard does not require to be set and which may happen to be a state's handle.
+/// `fmi2DeSerializeFMUstate`: always into a new state.
 pub unsafe fn deserialize_fmu_state<M: Model>(
     component: Component,
     serialized_state: *const Byte,
     size: usize,
     state: *mut FmuState,
 ) -> Status {
+    let bytes = (serialized_state.cast(), size);
     // SAFETY: the component, the array and the state are the importer's (see the module).
-    unsafe {
-        call::<M>(component, Function::DeSerializeFMUstate, |instance| {
-            let bytes = elements("serializedState", serialized_state.cast::<u8>(), size)?;
-            let state = not_null("FMUstate", state)?;
-            state.write_unaligned(keep(component, instance.deserialize(&bytes)?));
-            Ok(Status::Ok)
-        })
-    }
+    unsafe { c_boundary::deserialize::<M>(component, Function::DeSerializeFMUstate, bytes, state) }
 }
 
 /// Defines functions of capabilities that this crate's FMUs do not have.
@@ -635,7 +454,7 @@ unsafe fn status<M: Model, T>(
                 value.write_unaligned(known);
                 return Ok(Status::Ok);
             }
-            instance.log_discarded(format_args!("{}: there is no such status of a step", function.name()));
+            instance.log_discarded(format_args!("there is no such status of a step"));
             Ok(Status::Discard)
         })
     }
@@ -740,34 +559,32 @@ pub unsafe fn set_continuous_states<M: ModelExchange>(
 ) -> Status {
     // SAFETY: the component and the array are the importer's (see the module).
     unsafe {
-        call::<M>(component, Function::SetContinuousStates, |instance| {
-            check_count("nx", count, M::Variables::STATE_NAMES)?;
-            instance.set_continuous_states(&elements("x", states, count)?)
-        })
+        c_boundary::set_continuous_states::<M>(
+            component,
+            Function::SetContinuousStates,
+            ["x", "nx"],
+            (states, count),
+        )
     }
 }
 
 /// Defines functions that get an array for all states or event indicators.
 macro_rules! arrays {
-    ($($name:ident: $function:ident, $argument:literal, $count:literal, $elements:ident;)*) => {$(
+    ($($name:ident: $function:ident, $arguments:expr, $elements:ident;)*) => {$(
         #[doc = concat!("`fmi2", stringify!($function), "`.")]
         pub unsafe fn $name<M: ModelExchange>(component: Component, values: *mut f64, count: usize) -> Status {
+            let (function, of) = (Function::$function, ($arguments, M::Variables::$elements));
             // SAFETY: the component and the array are the importer's (see the module).
-            unsafe {
-                call::<M>(component, Function::$function, |instance| {
-                    check_count($count, count, M::Variables::$elements)?;
-                    write_elements($argument, values, count, |values| instance.$name(values))
-                })
-            }
+            unsafe { c_boundary::get_array::<M>(component, function, of, (values, count), Instance::$name) }
         }
     )*};
 }
 
 arrays! {
-    get_derivatives: GetDerivatives, "derivatives", "nx", STATE_NAMES;
-    get_event_indicators: GetEventIndicators, "eventIndicators", "ni", EVENT_INDICATORS;
-    get_continuous_states: GetContinuousStates, "x", "nx", STATE_NAMES;
-    get_nominals_of_continuous_states: GetNominalsOfContinuousStates, "x_nominal", "nx", STATE_NAMES;
+    get_derivatives: GetDerivatives, ["derivatives", "nx"], STATE_NAMES;
+    get_event_indicators: GetEventIndicators, ["eventIndicators", "ni"], EVENT_INDICATORS;
+    get_continuous_states: GetContinuousStates, ["x", "nx"], STATE_NAMES;
+    get_nominals_of_continuous_states: GetNominalsOfContinuousStates, ["x_nominal", "nx"], STATE_NAMES;
 }
 
 /// Makes the 34 C functions of FMI 2.0 Co-Simulation for a [`Model`], in a library of the crate type `cdylib`.
@@ -805,18 +622,18 @@ macro_rules! fmi2_functions {
     ($model:ty; $exit_initialization_mode:ident; $($interface:ident),*) => {
         const _: () = {
             use ::core::ffi::{c_char, c_int};
-            use $crate::c_types::{
+            use $crate::fmi2::c_types::{
                 Boolean, Byte, CallbackFunctions, Component, EventInfo, FmuState, Integer, Status, ValueReference,
             };
 
             #[unsafe(no_mangle)]
             extern "C" fn fmi2GetTypesPlatform() -> *const c_char {
-                $crate::c_api::TYPES_PLATFORM.as_ptr()
+                $crate::fmi2::c_api::TYPES_PLATFORM.as_ptr()
             }
 
             #[unsafe(no_mangle)]
             extern "C" fn fmi2GetVersion() -> *const c_char {
-                $crate::c_api::VERSION.as_ptr()
+                $crate::fmi2::c_api::VERSION.as_ptr()
             }
 
             #[unsafe(no_mangle)]
@@ -829,10 +646,10 @@ macro_rules! fmi2_functions {
                 visible: Boolean,
                 logging_on: Boolean,
             ) -> Component {
-                $crate::c_api::silence_panics();
+                $crate::fmi2::c_api::silence_panics();
                 // SAFETY: the arguments are the importer's, unchanged.
                 unsafe {
-                    $crate::c_api::instantiate::<$model>(
+                    $crate::fmi2::c_api::instantiate::<$model>(
                         instance_name, fmu_type, guid, resource_location, functions, visible, logging_on,
                     )
                 }
@@ -841,7 +658,7 @@ macro_rules! fmi2_functions {
             #[unsafe(no_mangle)]
             unsafe extern "C" fn fmi2FreeInstance(component: Component) {
                 // SAFETY: the argument is the importer's, unchanged.
-                unsafe { $crate::c_api::free_instance::<$model>(component) }
+                unsafe { $crate::fmi2::c_api::free_instance::<$model>(component) }
             }
 
             $crate::fmi2_functions! { @functions $model;
@@ -916,7 +733,7 @@ macro_rules! fmi2_functions {
         #[unsafe(no_mangle)]
         unsafe extern "C" fn $symbol(component: Component, $($argument: $type),*) -> Status {
             // SAFETY: the arguments are the importer's, unchanged.
-            unsafe { $crate::c_api::$function::<$model>(component, $($argument),*) }
+            unsafe { $crate::fmi2::c_api::$function::<$model>(component, $($argument),*) }
         }
     )*};
 }

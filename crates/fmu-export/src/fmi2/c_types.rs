@@ -3,6 +3,8 @@
 
 use core::ffi::{c_char, c_int, c_uint, c_void};
 
+pub use crate::status::Status;
+
 /// `fmi2Component`: an instance.
 pub type Component = *mut c_void;
 /// `fmi2FMUstate`: a saved state.
@@ -25,19 +27,6 @@ pub const MODEL_EXCHANGE: c_int = 0;
 /// The `fmi2CoSimulation` of `fmi2Type`.
 pub const CO_SIMULATION: c_int = 1;
 
-/// `fmi2Status`, as returned to importers. From an importer it is a `c_int`, since it may be any number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-#[repr(C)]
-#[allow(missing_docs)]
-pub enum Status {
-    Ok = 0,
-    Warning = 1,
-    Discard = 2,
-    Error = 3,
-    Fatal = 4,
-    Pending = 5,
-}
-
 /// The values of `fmi2StatusKind`. Not a Rust enum: the importer may pass any number.
 pub mod status_kind {
     use core::ffi::c_int;
@@ -51,10 +40,6 @@ pub mod status_kind {
 /// `fmi2CallbackLogger`.
 pub type CallbackLogger =
     unsafe extern "C" fn(*mut c_void, *const c_char, Status, *const c_char, *const c_char, ...);
-
-/// `fmi2ComponentEnvironment`: passed to the logger, never dereferenced.
-#[derive(Clone, Copy, Debug)]
-pub struct ComponentEnvironment(pub *mut c_void);
 
 /// `fmi2CallbackFunctions`. Only the logger and its environment are used; the other fields are there for
 /// the layout.

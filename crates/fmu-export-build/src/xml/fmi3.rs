@@ -1,0 +1,252 @@
+//! The modelDescription.xml of FMI 3.0, in the order of fmi3ModelDescription.xsd.
+
+use std::collections::BTreeMap;
+use std::io;
+
+use super::{
+    GENERATION_TOOL, causality, given, initial, start, variability, write_experiment, write_log_categories,
+    write_units,
+};
+use crate::declaration::Declaration;
+use crate::dependencies::{Structure, Unknown};
+use crate::model::{DataType, Model, Place, Scalar};
+use fmu_xml::{Attributes, XmlWriter, document, element, empty, float};
+
+pub(super) fn write(model: &Model<'_>, structure: &Structure, token: &str) -> String {
+    let declaration = model.declaration;
+    let attributes = given([
+        ("fmiVersion", Some("3.0".to_owned())),
+        ("modelName", Some(model.identifier.clone())),
+        ("instantiationToken", Some(token.to_owned())),
+        ("description", model.description.clone()),
+        ("author", model.author.clone()),
+        ("version", Some(model.version.to_owned())),
+        ("copyright", declaration.copyright.clone()),
+        ("license", model.license.clone()),
+        ("generationTool", Some(GENERATION_TOOL.to_owned())),
+        ("variableNamingConvention", Some("structured".to_owned())),
+    ]);
+    let variables = Variables::new(model);
+    document(|writer| {
+        element(writer, "fmiModelDescription", attributes, |writer| {
+            write_interfaces(writer, model)?;
+            write_units(writer, model)?;
+            write_types(writer, declaration)?;
+            write_log_categories(writer, model)?;
+            write_experiment(writer, declaration)?;
+            element(writer, "ModelVariables", vec![], |writer| {
+                variables.positions().try_for_each(|position| variables.write(writer, position))
+            })?;
+            element(writer, "ModelStructure", vec![], |writer| variables.write_structure(writer, structure))
+        })
+    })
+}
+
+fn write_interfaces(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
+    let capabilities = &model.declaration.capabilities;
+    let common = vec![
+        ("modelIdentifier", model.identifier.clone()),
+        ("needsExecutionTool", false.to_string()),
+        ("canBeInstantiatedOnlyOncePerProcess", false.to_string()),
+        ("canGetAndSetFMUState", capabilities.get_and_set_state.to_string()),
+        ("canSerializeFMUState", capabilities.serialize_state.to_string()),
+        ("providesDirectionalDerivatives", capabilities.directional_derivatives.to_string()),
+        ("providesAdjointDerivatives", false.to_string()),
+        ("providesPerElementDependencies", false.to_string()),
+    ];
+    let with = |own: Attributes| [common.clone(), own].concat();
+    if model.fmi.interfaces.model_exchange() {
+        // The runtime finds nothing out in a completed step.
+        let own = vec![("needsCompletedIntegratorStep", false.to_string())];
+        empty(writer, "ModelExchange", with(own))?;
+    }
+    if model.fmi.interfaces.co_simulation() {
+        let own = vec![
+            (
+                "canHandleVariableCommunicationStepSize",
+                capabilities.variable_communication_step_size.to_string(),
+            ),
+            ("maxOutputDerivativeOrder", u8::from(capabilities.directional_derivatives).to_string()),
+            ("mightReturnEarlyFromDoStep", true.to_string()),
+        ];
+        empty(writer, "CoSimulation", with(own))?;
+    }
+    Ok(())
+}
+
+fn write_types(writer: &mut XmlWriter, declaration: &Declaration) -> io::Result<()> {
+    if declaration.enumerations.is_empty() {
+        return Ok(());
+    }
+    element(writer, "TypeDefinitions", vec![], |writer| {
+        declaration.enumerations.iter().try_for_each(|enumeration| {
+            let attributes =
+                vec![("name", enumeration.name.clone()), ("description", enumeration.description.clone())];
+            element(writer, "EnumerationType", attributes, |writer| super::write_items(writer, enumeration))
+        })
+    })
+}
+
+/// The variables of the standard, of which some are arrays.
+struct Variables<'m, 'a> {
+    model: &'m Model<'a>,
+    /// The elements of each array, by the position of the first.
+    arrays: BTreeMap<usize, Vec<usize>>,
+    /// The first element of the array that a position belongs to.
+    first: BTreeMap<usize, usize>,
+}
+
+impl<'m, 'a> Variables<'m, 'a> {
+    fn new(model: &'m Model<'a>) -> Self {
+        let arrays = model.arrays();
+        let first =
+            arrays.iter().flat_map(|array| array.iter().map(|&element| (element, array[0]))).collect();
+        let arrays = arrays.into_iter().map(|array| (array[0], array)).collect();
+        Self { model, arrays, first }
+    }
+
+    /// The position of the variable that a scalar belongs to.
+    fn variable_of(&self, position: usize) -> usize {
+        self.first.get(&position).copied().unwrap_or(position)
+    }
+
+    /// The positions of the variables.
+    fn positions(&self) -> impl Iterator<Item = usize> {
+        (0..self.model.scalars.len()).filter(|&position| self.variable_of(position) == position)
+    }
+
+    fn reference(&self, position: usize) -> String {
+        self.model.scalars[position].value_reference.to_string()
+    }
+
+    fn write(&self, writer: &mut XmlWriter, position: usize) -> io::Result<()> {
+        let scalar = &self.model.scalars[position];
+        let array = self.arrays.get(&position);
+        let elements = array.map_or(std::slice::from_ref(&position), Vec::as_slice);
+        let common = given([
+            (
+                "name",
+                Some(if array.is_some() { without_subscripts(&scalar.name) } else { scalar.name.clone() }),
+            ),
+            ("valueReference", Some(scalar.value_reference.to_string())),
+            ("description", scalar.description.clone()),
+            ("causality", Some(causality(scalar.causality).to_owned())),
+            ("variability", Some(variability(scalar.variability).to_owned())),
+            ("initial", scalar.initial.map(|value| initial(value).to_owned())),
+        ]);
+        let (name, own) = self.type_element(scalar);
+        let mut attributes = [common, own].concat();
+        let starts = elements.iter().map(|&element| self.model.scalars[element].start.as_ref().map(start));
+        let starts: Option<Vec<_>> = starts.collect();
+        let is_text = scalar.data_type == DataType::String;
+        if let Some(starts) = &starts
+            && !is_text
+        {
+            attributes.push(("start", starts.join(" ")));
+        }
+        if let Some(state) = scalar.state {
+            attributes.push(("derivative", self.reference(self.variable_of(state))));
+        }
+        if scalar.reinit && self.model.fmi.interfaces.model_exchange() {
+            attributes.push(("reinit", true.to_string()));
+        }
+        let texts = starts.filter(|_| is_text).unwrap_or_default();
+        if array.is_none() && texts.is_empty() {
+            return empty(writer, name, attributes);
+        }
+        element(writer, name, attributes, |writer| {
+            if array.is_some() {
+                for size in self.dimensions(position) {
+                    empty(writer, "Dimension", vec![("start", size.to_string())])?;
+                }
+            }
+            texts.into_iter().try_for_each(|text| empty(writer, "Start", vec![("value", text)]))
+        })
+    }
+
+    /// The sizes of an array, from the position of its first element; a derivative has those of its state.
+    fn dimensions(&self, position: usize) -> &'m [usize] {
+        let position = self.model.scalars[position].state.unwrap_or(position);
+        let fields = self.model.parts.iter().flat_map(|part| &part.fields);
+        let field = fields.into_iter().find(|field| field.positions.first() == Some(&position));
+        field.map_or(&[], |field| &field.declaration.dimensions)
+    }
+
+    /// The element that names a variable's type, with its attributes but the start value.
+    fn type_element(&self, scalar: &Scalar) -> (&'static str, Attributes) {
+        let whole = |bound: f64| bound.to_string();
+        match scalar.data_type {
+            DataType::Real => {
+                let attributes = [
+                    ("unit", scalar.unit.clone()),
+                    ("displayUnit", scalar.display_unit.clone()),
+                    ("min", scalar.min.map(float)),
+                    ("max", scalar.max.map(float)),
+                    ("nominal", scalar.nominal.map(float)),
+                ];
+                ("Float64", given(attributes))
+            }
+            DataType::Integer => {
+                ("Int32", given([("min", scalar.min.map(whole)), ("max", scalar.max.map(whole))]))
+            }
+            DataType::Boolean => ("Boolean", vec![]),
+            DataType::String => ("String", vec![]),
+            DataType::Enumeration(enumeration) => {
+                let name = self.model.declaration.enumerations[enumeration].name.clone();
+                ("Enumeration", vec![("declaredType", name)])
+            }
+        }
+    }
+
+    fn write_structure(&self, writer: &mut XmlWriter, structure: &Structure) -> io::Result<()> {
+        let lists = [
+            ("Output", &structure.outputs),
+            ("ContinuousStateDerivative", &structure.derivatives),
+            ("InitialUnknown", &structure.initial_unknowns),
+        ];
+        for (name, unknowns) in lists {
+            self.write_unknowns(writer, name, unknowns)?;
+        }
+        // Their dependencies are for debugging only, and left out.
+        self.model.in_place(Place::EventIndicators).try_for_each(|position| {
+            empty(writer, "EventIndicator", vec![("valueReference", self.reference(position))])
+        })
+    }
+
+    /// Unknowns with the variables that they, or any elements of them, depend on. An empty list is written as well:
+    /// without one the variable depends on all.
+    fn write_unknowns(
+        &self,
+        writer: &mut XmlWriter,
+        name: &'static str,
+        unknowns: &[Unknown],
+    ) -> io::Result<()> {
+        let is_first = |unknown: &&Unknown| self.variable_of(unknown.scalar) == unknown.scalar;
+        unknowns.iter().filter(is_first).try_for_each(|unknown| {
+            let elements = unknowns.iter().filter(|other| self.variable_of(other.scalar) == unknown.scalar);
+            let dependencies: Option<Vec<_>> =
+                elements.map(|element| element.dependencies.as_ref()).collect();
+            let dependencies = dependencies.map(|lists| {
+                let mut knowns: Vec<_> = lists
+                    .into_iter()
+                    .flatten()
+                    .map(|&known| self.model.scalars[self.variable_of(known)].value_reference)
+                    .collect();
+                knowns.sort_unstable();
+                knowns.dedup();
+                knowns.iter().map(u32::to_string).collect::<Vec<_>>().join(" ")
+            });
+            let attributes =
+                [("valueReference", Some(self.reference(unknown.scalar))), ("dependencies", dependencies)];
+            empty(writer, name, given(attributes))
+        })
+    }
+}
+
+/// The name of an array, from that of its first element: `gain` from `gain[1,1]`, `der(x)` from `der(x[1])`.
+fn without_subscripts(name: &str) -> String {
+    match (name.rfind('['), name.rfind(']')) {
+        (Some(open), Some(close)) => format!("{}{}", &name[..open], &name[close + 1..]),
+        _ => name.to_owned(),
+    }
+}

@@ -1,0 +1,477 @@
+//! What the C functions of every version of the standard have in common: from an importer's pointers to an instance, to
+//! slices and to strings.
+//!
+//! All `unsafe` of the crate is here, in the functions of [`fmi2`](crate::fmi2) and [`fmi3`](crate::fmi3), and in the calls
+//! of their loggers. What they rely on is what the standard demands of an importer: an instance comes from the function
+//! that instantiates, and is used by one thread at a time until it is freed; arrays have as many elements as their
+//! counts say, and those that results are written to overlap with no other argument; strings end in NUL. What can be
+//! checked is checked: null pointers, instances and states of another FMU, UTF-8, every number.
+//!
+//! Nothing is relied on beyond that. Arrays and results may be at any address: 32-bit compilers align doubles to 4
+//! bytes, Rust to 8, and bindings of other languages pass parts of buffers. Memory for results is not read, and no
+//! Rust enum is read from the importer's memory.
+
+use core::ffi::{CStr, c_char, c_void};
+use core::ptr;
+use core::slice;
+use std::borrow::Cow;
+use std::sync::PoisonError;
+
+use crate::calling_sequence::Function;
+use crate::description::ValueReference;
+use crate::error::Error;
+use crate::instance::{Answer, Instance, Memory};
+use crate::model::{Model, Variables};
+use crate::model_exchange::ModelExchange;
+use crate::panics::contain;
+use crate::saved_states;
+use crate::serialized_state::checksum;
+use crate::status::Status;
+
+/// Silences the default panic hook, which writes to the host's stderr; a panic's message goes to the
+/// importer's logger instead. The hook belongs to this library, into which the standard library is linked.
+pub fn silence_panics() {
+    static ONCE: std::sync::Once = std::sync::Once::new();
+    ONCE.call_once(|| std::panic::set_hook(Box::new(|_| {})));
+}
+
+/// What an importer's handle points to. The FMUs of a coupled system are in one process; the first word distinguishes
+/// their instances.
+#[repr(C)]
+pub(crate) struct Exported<M: Model> {
+    fmu: u64,
+    instance: Instance<M>,
+}
+
+impl<M: Model> Exported<M> {
+    /// The first word of this FMU's instances.
+    const FMU: u64 = checksum(M::Variables::DESCRIPTION.guid.as_bytes());
+
+    /// The handle of an instance.
+    pub(crate) fn handle(instance: Instance<M>) -> *mut c_void {
+        Box::into_raw(Box::new(Self { fmu: Self::FMU, instance })).cast()
+    }
+
+    /// What a handle points to, unless that is null or another FMU's.
+    ///
+    /// # Safety
+    /// `handle` is null or came from [`Exported::handle`] of this or another FMU made by this crate, is not freed, and
+    /// is used by no other thread during the call.
+    pub(crate) unsafe fn of<'a>(handle: *mut c_void) -> Option<&'a mut Self> {
+        let target = handle.cast::<Self>();
+        if target.is_null() || !target.is_aligned() {
+            return None;
+        }
+        // SAFETY: the caller promises that a handle which is not null begins with this word; it is aligned for it.
+        let fmu = unsafe { target.cast::<u64>().read() };
+        // SAFETY: a target that begins with this FMU's word is one of `M`, alive and not shared.
+        (fmu == Self::FMU).then(|| unsafe { &mut *target })
+    }
+}
+
+/// Runs the body of a function on the instance of a handle.
+///
+/// # Safety
+/// As for [`Exported::of`].
+pub(crate) unsafe fn call<M: Model>(
+    handle: *mut c_void,
+    function: impl Function,
+    body: impl FnOnce(&mut Instance<M>) -> Answer,
+) -> Status {
+    // SAFETY: the caller's promise.
+    let Some(target) = (unsafe { Exported::<M>::of(handle) }) else { return Status::Error };
+    let status = target.instance.call(function, body);
+    // From here on the target is not accessed: the importer's logger may call or free it.
+    if let Some(messages) = target.instance.take_messages() {
+        messages.deliver();
+    }
+    status
+}
+
+/// Frees an instance, and the states of it that were not freed.
+///
+/// # Safety
+/// As for [`Exported::of`]; the handle is not used again.
+pub(crate) unsafe fn free<M: Model>(handle: *mut c_void) {
+    // SAFETY: the caller's promise.
+    let Some(target) = (unsafe { Exported::<M>::of(handle) }) else { return };
+    // A call after this one is recognized as invalid as long as the memory is not reused.
+    target.fmu = 0;
+    // SAFETY: the pointer came from `Exported::handle`, and the standard forbids its use after this call.
+    let target = unsafe { Box::from_raw(ptr::from_mut(target)) };
+    saved_states::free_all_of(handle.addr());
+    // A panic here cannot be reported: the logger belongs to the instance that is freed.
+    let _ = contain(|| drop(target));
+}
+
+/// An array argument; null is taken as an empty one.
+///
+/// # Safety
+/// Unless null, `array` has `count` elements that nothing changes during the call.
+pub(crate) unsafe fn elements<'a, T: Copy>(
+    name: &str,
+    array: *const T,
+    count: usize,
+) -> Result<Cow<'a, [T]>, Error> {
+    if count == 0 {
+        return Ok(Cow::Borrowed(&[]));
+    }
+    let array = not_null(name, array.cast_mut())?.cast_const();
+    Ok(if array.is_aligned() {
+        // SAFETY: not null and aligned; the caller promises this length.
+        Cow::Borrowed(unsafe { slice::from_raw_parts(array, count) })
+    } else {
+        // SAFETY: the caller promises that each of these is an element.
+        (0..count).map(|index| unsafe { array.add(index).read_unaligned() }).collect()
+    })
+}
+
+/// Writes an array.
+///
+/// # Safety
+/// Unless null, `array` has `count` elements that nothing else uses during the call.
+pub(crate) unsafe fn write_elements<T: Copy>(
+    name: &str,
+    array: *mut T,
+    count: usize,
+    write: impl FnOnce(&mut [T]) -> Answer,
+) -> Answer {
+    if count == 0 {
+        return write(&mut []);
+    }
+    let array = not_null(name, array)?;
+    if array.is_aligned() {
+        // SAFETY: not null and aligned; the caller promises this length and that nothing aliases it.
+        return write(unsafe { slice::from_raw_parts_mut(array, count) });
+    }
+    // SAFETY: the caller's promise.
+    let mut values = unsafe { elements(name, array, count) }?.into_owned();
+    let answer = write(&mut values);
+    // After an error too: values written before it are returned, as if the importer's array had been passed.
+    for (index, value) in values.into_iter().enumerate() {
+        // SAFETY: the caller promises that this is an element.
+        unsafe { array.add(index).write_unaligned(value) };
+    }
+    answer
+}
+
+/// Checks the number of an array's elements, before it is accessed.
+fn check_count(argument: &str, found: usize, elements: &[&str]) -> Result<(), Error> {
+    if found == elements.len() {
+        Ok(())
+    } else {
+        Err(Error::new(format!("{argument} is {found}; this FMU has {}", elements.len())))
+    }
+}
+
+/// An argument that must not be null.
+pub(crate) fn not_null<T>(name: &str, argument: *mut T) -> Result<*mut T, Error> {
+    if argument.is_null() { Err(Error::new(format!("the argument {name} is NULL"))) } else { Ok(argument) }
+}
+
+/// A string argument.
+///
+/// # Safety
+/// `text` is null or ends in NUL.
+pub(crate) unsafe fn c_string<'a>(name: &str, text: *const c_char) -> Result<&'a CStr, Error> {
+    let text = not_null(name, text.cast_mut())?;
+    // SAFETY: not null; the caller promises a NUL at the end.
+    Ok(unsafe { CStr::from_ptr(text) })
+}
+
+/// Reads the state with a handle.
+fn with_state<M: Model, T>(
+    state: *mut c_void,
+    body: impl FnOnce(&Memory<M>) -> Result<T, Error>,
+) -> Result<T, Error> {
+    if state.is_null() {
+        return Err(Error::new("the argument FMUstate is NULL"));
+    }
+    let state = saved_states::find::<Memory<M>>(state.addr())?;
+    body(&state.read().unwrap_or_else(PoisonError::into_inner))
+}
+
+/// Keeps a memory as a new state, and returns its handle.
+fn keep<M: Model>(handle: *mut c_void, memory: Memory<M>) -> *mut c_void {
+    ptr::without_provenance_mut(saved_states::keep(handle.addr(), memory))
+}
+
+/// Runs the body of a function that gets values, on the value references of scalars and the memory of their values.
+///
+/// # Safety
+/// As for [`call`]; the arrays have as many elements as their counts say.
+pub(crate) unsafe fn get_values<M: Model, F: Function, T: Copy>(
+    handle: *mut c_void,
+    function: F,
+    (references, count): (*const ValueReference, usize),
+    (values, value_count): (*mut T, usize),
+    get: impl FnOnce(&mut Instance<M>, &[ValueReference], &mut [T]) -> Answer,
+) -> Status {
+    // SAFETY: the caller's promise.
+    unsafe {
+        call::<M>(handle, function, |instance| {
+            let references = elements(F::VALUE_REFERENCES, references, count)?;
+            let references = F::scalars::<M::Variables>(references, value_count)?;
+            write_elements(F::VALUES, values, value_count, |values| get(instance, &references, values))
+        })
+    }
+}
+
+/// The same of a function that sets values.
+///
+/// # Safety
+/// As for [`get_values`].
+pub(crate) unsafe fn set_values<M: Model, F: Function, T: Copy>(
+    handle: *mut c_void,
+    function: F,
+    (references, count): (*const ValueReference, usize),
+    (values, value_count): (*const T, usize),
+    set: impl FnOnce(&mut Instance<M>, &[ValueReference], &[T]) -> Answer,
+) -> Status {
+    // SAFETY: the caller's promise.
+    unsafe {
+        call::<M>(handle, function, |instance| {
+            let references = elements(F::VALUE_REFERENCES, references, count)?;
+            let references = F::scalars::<M::Variables>(references, value_count)?;
+            set(instance, &references, &elements(F::VALUES, values, value_count)?)
+        })
+    }
+}
+
+/// Gets strings, which stay valid until the next time for this instance.
+///
+/// # Safety
+/// As for [`get_values`].
+pub(crate) unsafe fn get_strings<M: Model>(
+    handle: *mut c_void,
+    function: impl Function,
+    references: (*const ValueReference, usize),
+    values: (*mut *const c_char, usize),
+) -> Status {
+    // SAFETY: the caller's promise.
+    unsafe {
+        get_values::<M, _, _>(handle, function, references, values, |instance, references, values| {
+            let status = instance.get_string(references)?;
+            for (value, text) in values.iter_mut().zip(&instance.strings) {
+                *value = text.as_ptr();
+            }
+            Ok(status)
+        })
+    }
+}
+
+/// Sets strings, which are copied.
+///
+/// # Safety
+/// As for [`get_values`]; the strings end in NUL.
+pub(crate) unsafe fn set_strings<M: Model, F: Function>(
+    handle: *mut c_void,
+    function: F,
+    references: (*const ValueReference, usize),
+    values: (*const *const c_char, usize),
+) -> Status {
+    // SAFETY: the caller's promise.
+    unsafe {
+        set_values::<M, F, _>(handle, function, references, values, |instance, references, values| {
+            let text = |&text: &*const c_char| {
+                c_string(F::VALUES, text)?.to_str().map_err(|_| Error::new("a string is not valid UTF-8"))
+            };
+            instance.set_string(references, &values.iter().map(text).collect::<Result<Vec<_>, _>>()?)
+        })
+    }
+}
+
+/// Switches debug logging.
+///
+/// # Safety
+/// As for [`call`]; there are as many names as counted, which end in NUL.
+pub(crate) unsafe fn set_debug_logging<M: Model>(
+    handle: *mut c_void,
+    function: impl Function,
+    logging_on: bool,
+    categories: (*const *const c_char, usize),
+) -> Status {
+    // SAFETY: the caller's promise.
+    unsafe {
+        call::<M>(handle, function, |instance| {
+            let names = elements("categories", categories.0, categories.1)?
+                .iter()
+                .map(|&name| c_string("categories", name))
+                .collect::<Result<Vec<_>, _>>()?;
+            instance.set_debug_logging(logging_on, &names)
+        })
+    }
+}
+
+/// Saves the state of an instance: into a new one where `*state` is null, otherwise over the one that is there.
+///
+/// # Safety
+/// As for [`call`]; `state` is null or may be read and written to.
+pub(crate) unsafe fn get_state<M: Model>(
+    handle: *mut c_void,
+    function: impl Function,
+    state: *mut *mut c_void,
+) -> Status {
+    // SAFETY: the caller's promise.
+    unsafe {
+        call::<M>(handle, function, |instance| {
+            let state = not_null("FMUstate", state)?;
+            let memory = instance.memory()?.clone();
+            let saved = state.read_unaligned();
+            if saved.is_null() {
+                state.write_unaligned(keep(handle, memory));
+            } else {
+                let there = saved_states::find::<Memory<M>>(saved.addr())?;
+                *there.write().unwrap_or_else(PoisonError::into_inner) = memory;
+            }
+            Ok(Status::Ok)
+        })
+    }
+}
+
+/// Restores a saved state.
+///
+/// # Safety
+/// As for [`call`].
+pub(crate) unsafe fn set_state<M: Model>(
+    handle: *mut c_void,
+    function: impl Function,
+    state: *mut c_void,
+) -> Status {
+    // SAFETY: the caller's promise.
+    unsafe {
+        call::<M>(handle, function, |instance| {
+            with_state(state, |memory| instance.restore(memory).map(|()| Status::Ok))
+        })
+    }
+}
+
+/// Frees a saved state: a null one is freed already.
+///
+/// # Safety
+/// As for [`get_state`].
+pub(crate) unsafe fn free_state<M: Model>(
+    handle: *mut c_void,
+    function: impl Function,
+    state: *mut *mut c_void,
+) -> Status {
+    // SAFETY: the caller's promise.
+    unsafe {
+        call::<M>(handle, function, |_| {
+            if !state.is_null() {
+                let saved = state.read_unaligned();
+                if !saved.is_null() {
+                    saved_states::free::<Memory<M>>(saved.addr())?;
+                    state.write_unaligned(ptr::null_mut());
+                }
+            }
+            Ok(Status::Ok)
+        })
+    }
+}
+
+/// The number of bytes of a serialized state.
+///
+/// # Safety
+/// As for [`call`]; `size` is null or may be written to.
+pub(crate) unsafe fn serialized_size<M: Model>(
+    handle: *mut c_void,
+    function: impl Function,
+    state: *mut c_void,
+    size: *mut usize,
+) -> Status {
+    // SAFETY: the caller's promise.
+    unsafe {
+        call::<M>(handle, function, |_| {
+            let size = not_null("size", size)?;
+            size.write_unaligned(with_state(state, Instance::<M>::serialize)?.len());
+            Ok(Status::Ok)
+        })
+    }
+}
+
+/// Serializes a saved state into as many bytes as [`serialized_size`] says.
+///
+/// # Safety
+/// As for [`call`]; there are as many bytes as counted.
+pub(crate) unsafe fn serialize<M: Model>(
+    handle: *mut c_void,
+    function: impl Function,
+    state: *mut c_void,
+    (bytes, size): (*mut u8, usize),
+) -> Status {
+    // SAFETY: the caller's promise.
+    unsafe {
+        call::<M>(handle, function, |_| {
+            let content = with_state(state, Instance::<M>::serialize)?;
+            if size != content.len() {
+                return Err(Error::new(format!("size is {size}, the state has {} bytes", content.len())));
+            }
+            write_elements("serializedState", bytes, size, |target| {
+                target.copy_from_slice(&content);
+                Ok(Status::Ok)
+            })
+        })
+    }
+}
+
+/// Makes a serialized state a saved one, always a new one: unlike [`get_state`], this does not read `*state`, which the
+/// standard does not require to be set and which may happen to be a state's handle.
+///
+/// # Safety
+/// As for [`serialize`]; `state` is null or may be written to.
+pub(crate) unsafe fn deserialize<M: Model>(
+    handle: *mut c_void,
+    function: impl Function,
+    (bytes, size): (*const u8, usize),
+    state: *mut *mut c_void,
+) -> Status {
+    // SAFETY: the caller's promise.
+    unsafe {
+        call::<M>(handle, function, |instance| {
+            let bytes = elements("serializedState", bytes, size)?;
+            let state = not_null("FMUstate", state)?;
+            state.write_unaligned(keep(handle, instance.deserialize(&bytes)?));
+            Ok(Status::Ok)
+        })
+    }
+}
+
+/// Sets the continuous states.
+///
+/// # Safety
+/// As for [`call`]; there are as many states as counted.
+pub(crate) unsafe fn set_continuous_states<M: ModelExchange>(
+    handle: *mut c_void,
+    function: impl Function,
+    [name, count_name]: [&str; 2],
+    (states, count): (*const f64, usize),
+) -> Status {
+    // SAFETY: the caller's promise.
+    unsafe {
+        call::<M>(handle, function, |instance| {
+            check_count(count_name, count, M::Variables::STATE_NAMES)?;
+            instance.set_continuous_states(&elements(name, states, count)?)
+        })
+    }
+}
+
+/// Gets an array with a number for each of some names: of the states or event indicators.
+///
+/// # Safety
+/// As for [`call`]; there are as many values as counted.
+pub(crate) unsafe fn get_array<M: Model>(
+    handle: *mut c_void,
+    function: impl Function,
+    ([name, count_name], names): ([&str; 2], &[&str]),
+    (values, count): (*mut f64, usize),
+    get: impl FnOnce(&mut Instance<M>, &mut [f64]) -> Answer,
+) -> Status {
+    // SAFETY: the caller's promise.
+    unsafe {
+        call::<M>(handle, function, |instance| {
+            check_count(count_name, count, names)?;
+            write_elements(name, values, count, |values| get(instance, values))
+        })
+    }
+}

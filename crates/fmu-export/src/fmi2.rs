@@ -1,0 +1,5 @@
+//! FMI 2.0: its C functions, their types, and the order in which they may be called.
+
+pub mod c_api;
+pub mod c_types;
+mod calling_sequence;

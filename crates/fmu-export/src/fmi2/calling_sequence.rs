@@ -1,0 +1,101 @@
+//! The order in which an importer may call: the state machines of FMI 2.0.5, sections 3.2.3 and 4.2.4, as data.
+//!
+//! The standard's states `stepInProgress` and `stepCanceled` do not occur, since steps are not asynchronous, and neither
+//! does `fatal`, since an error never affects another instance.
+
+use std::borrow::Cow;
+
+use crate::calling_sequence::{Interface, Phase, functions};
+use crate::description::ValueReference;
+use crate::error;
+use crate::model::Variables;
+
+use Phase::{
+    ContinuousTimeMode, Error, EventMode, InitializationMode, Instantiated, StepComplete, StepFailed,
+    Terminated,
+};
+
+/// Any state.
+const ANY: &[Phase] = Phase::ALL;
+/// The states in which values can be read.
+const READABLE: &[Phase] =
+    &[InitializationMode, StepComplete, StepFailed, EventMode, ContinuousTimeMode, Terminated, Error];
+/// The states in which values can be set; the standard restricts the variables further.
+const WRITABLE: &[Phase] = &[Instantiated, InitializationMode, StepComplete, EventMode, ContinuousTimeMode];
+/// The states in which the status of a step can be asked for.
+const STEPPED: &[Phase] = &[StepComplete, StepFailed, Terminated];
+/// The states in which what a solver needs can be read.
+const SOLVABLE: &[Phase] = &[InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error];
+
+functions! {
+    "fmi2";
+    None => {
+        SetDebugLogging: ANY,
+        SetupExperiment: &[Instantiated],
+        EnterInitializationMode: &[Instantiated],
+        ExitInitializationMode: &[InitializationMode],
+        Terminate: &[StepComplete, StepFailed, EventMode, ContinuousTimeMode],
+        Reset: ANY,
+        GetReal: READABLE,
+        GetInteger: READABLE,
+        GetBoolean: READABLE,
+        GetString: READABLE,
+        SetReal: WRITABLE,
+        SetInteger: WRITABLE,
+        SetBoolean: WRITABLE,
+        SetString: WRITABLE,
+        GetFMUstate: ANY,
+        SetFMUstate: ANY,
+        FreeFMUstate: ANY,
+        SerializedFMUstateSize: ANY,
+        SerializeFMUstate: ANY,
+        DeSerializeFMUstate: ANY,
+        GetDirectionalDerivative: READABLE,
+    }
+    Some(Interface::CoSimulation) => {
+        SetRealInputDerivatives: &[Instantiated, InitializationMode, StepComplete],
+        GetRealOutputDerivatives: &[StepComplete, StepFailed, Terminated, Error],
+        DoStep: &[StepComplete],
+        CancelStep: &[],
+        GetStatus: STEPPED,
+        GetRealStatus: STEPPED,
+        GetIntegerStatus: STEPPED,
+        GetBooleanStatus: STEPPED,
+        GetStringStatus: STEPPED,
+    }
+    Some(Interface::ModelExchange) => {
+        EnterEventMode: &[EventMode, ContinuousTimeMode],
+        NewDiscreteStates: &[EventMode],
+        EnterContinuousTimeMode: &[EventMode],
+        CompletedIntegratorStep: &[ContinuousTimeMode],
+        // In Event Mode that of a model without states, which need not leave it.
+        SetTime: &[EventMode, ContinuousTimeMode],
+        SetContinuousStates: &[ContinuousTimeMode],
+        GetDerivatives: SOLVABLE,
+        GetEventIndicators: SOLVABLE,
+        GetContinuousStates: SOLVABLE,
+        GetNominalsOfContinuousStates:
+            &[Instantiated, InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error],
+    };
+    const VALUE_REFERENCES: &'static str = "vr";
+    const VALUES: &'static str = "value";
+    const AFTER_ERROR: Option<Phase> = None;
+
+    /// Each variable is a scalar, and the counts are one argument.
+    fn scalars<V: Variables>(
+        references: Cow<'_, [ValueReference]>,
+        _values: usize,
+    ) -> Result<Cow<'_, [ValueReference]>, error::Error> {
+        Ok(references)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn functions_of_an_interface_are_called_in_its_states() {
+        crate::calling_sequence::check_interfaces(Function::ALL);
+    }
+}

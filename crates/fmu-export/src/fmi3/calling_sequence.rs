@@ -1,0 +1,195 @@
+//! The order in which an importer may call: the state machines of FMI 3.0.2, sections 2.3, 3.2 and 4.2, as data.
+//!
+//! Configuration Mode and Reconfiguration Mode do not occur, as there are no structural parameters, and neither does
+//! Intermediate Update Mode.
+
+use core::ops::Deref;
+use std::borrow::Cow;
+
+use crate::calling_sequence::{Interface, Phase, functions};
+use crate::description::ValueReference;
+use crate::error;
+use crate::model::Variables;
+
+use Phase::{
+    ContinuousTimeMode, Error, EventMode, InitializationMode, Instantiated, StepComplete, StepFailed,
+    Terminated,
+};
+
+/// Any state.
+const ANY: &[Phase] = Phase::ALL;
+/// The states in which values can be read; in the first one, start values.
+const READABLE: &[Phase] = ANY;
+/// The states in which values can be set; the standard restricts the variables further.
+const WRITABLE: &[Phase] = &[Instantiated, InitializationMode, StepComplete, EventMode, ContinuousTimeMode];
+/// The states in which derivatives can be read.
+const DIFFERENTIABLE: &[Phase] =
+    &[InitializationMode, StepComplete, StepFailed, EventMode, ContinuousTimeMode, Terminated, Error];
+/// The states in which what a solver needs can be read.
+const SOLVABLE: &[Phase] = &[InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error];
+/// The states in which the sizes of what a solver needs can be read.
+const COUNTABLE: &[Phase] = &[Instantiated, EventMode];
+/// The states in which intervals of clocks can be read and set.
+const TIMED: &[Phase] = &[InitializationMode, EventMode];
+
+functions! {
+    "fmi3";
+    None => {
+        SetDebugLogging: ANY,
+        EnterInitializationMode: &[Instantiated],
+        ExitInitializationMode: &[InitializationMode],
+        EnterEventMode: &[StepComplete, ContinuousTimeMode],
+        Terminate: &[StepComplete, StepFailed, EventMode, ContinuousTimeMode],
+        Reset: ANY,
+        GetFloat32: READABLE,
+        GetFloat64: READABLE,
+        GetInt8: READABLE,
+        GetUInt8: READABLE,
+        GetInt16: READABLE,
+        GetUInt16: READABLE,
+        GetInt32: READABLE,
+        GetUInt32: READABLE,
+        GetInt64: READABLE,
+        GetUInt64: READABLE,
+        GetBoolean: READABLE,
+        GetString: READABLE,
+        GetBinary: READABLE,
+        GetClock: &[EventMode],
+        SetFloat32: WRITABLE,
+        SetFloat64: WRITABLE,
+        SetInt8: WRITABLE,
+        SetUInt8: WRITABLE,
+        SetInt16: WRITABLE,
+        SetUInt16: WRITABLE,
+        SetInt32: WRITABLE,
+        SetUInt32: WRITABLE,
+        SetInt64: WRITABLE,
+        SetUInt64: WRITABLE,
+        SetBoolean: WRITABLE,
+        SetString: WRITABLE,
+        SetBinary: WRITABLE,
+        SetClock: &[EventMode],
+        GetNumberOfVariableDependencies: ANY,
+        GetVariableDependencies: ANY,
+        GetFMUState: ANY,
+        SetFMUState: ANY,
+        FreeFMUState: ANY,
+        SerializedFMUStateSize: ANY,
+        SerializeFMUState: ANY,
+        DeserializeFMUState: ANY,
+        GetDirectionalDerivative: DIFFERENTIABLE,
+        GetAdjointDerivative: DIFFERENTIABLE,
+        EnterConfigurationMode: &[Instantiated, StepComplete, EventMode],
+        ExitConfigurationMode: &[],
+        GetIntervalDecimal: TIMED,
+        GetIntervalFraction: TIMED,
+        GetShiftDecimal: TIMED,
+        GetShiftFraction: TIMED,
+        SetIntervalDecimal: TIMED,
+        SetIntervalFraction: TIMED,
+        SetShiftDecimal: &[InitializationMode],
+        SetShiftFraction: &[InitializationMode],
+        EvaluateDiscreteStates: &[EventMode],
+        UpdateDiscreteStates: &[EventMode],
+        // There is no instance for Scheduled Execution.
+        ActivateModelPartition: &[],
+    }
+    Some(Interface::ModelExchange) => {
+        EnterContinuousTimeMode: &[EventMode],
+        CompletedIntegratorStep: &[ContinuousTimeMode],
+        SetTime: &[ContinuousTimeMode],
+        SetContinuousStates: &[ContinuousTimeMode],
+        GetContinuousStateDerivatives: SOLVABLE,
+        GetEventIndicators: SOLVABLE,
+        GetContinuousStates: SOLVABLE,
+        GetNominalsOfContinuousStates: SOLVABLE,
+        GetNumberOfEventIndicators: COUNTABLE,
+        GetNumberOfContinuousStates: COUNTABLE,
+    }
+    Some(Interface::CoSimulation) => {
+        // From Event Mode, which there is not.
+        EnterStepMode: &[],
+        GetOutputDerivatives: &[StepComplete, StepFailed, Terminated, Error],
+        DoStep: &[StepComplete],
+    };
+    const VALUE_REFERENCES: &'static str = "valueReferences";
+    const VALUES: &'static str = "values";
+    // Section 2.2.4: the simulation must not be continued.
+    const AFTER_ERROR: Option<Phase> = Some(Error);
+
+    fn scalars<V: Variables>(
+        references: Cow<'_, [ValueReference]>,
+        values: usize,
+    ) -> Result<Cow<'_, [ValueReference]>, error::Error> {
+        let mut is_scalar = true;
+        for &reference in &*references {
+            is_scalar &= Self::elements::<V>(reference)?.len() == 1;
+        }
+        let spread = if is_scalar {
+            references
+        } else {
+            let mut spread = Vec::with_capacity(values);
+            for &reference in &*references {
+                spread.extend_from_slice(&Self::elements::<V>(reference)?);
+            }
+            Cow::Owned(spread)
+        };
+        Self::check_values(spread.len(), values)?;
+        Ok(spread)
+    }
+}
+
+impl Function {
+    /// The value references of the elements of an array, or that of a scalar.
+    pub(super) fn elements<V: Variables>(reference: ValueReference) -> Result<Elements, error::Error> {
+        if V::INNER_ELEMENTS.binary_search(&reference).is_ok() {
+            return Err(error::Error::new(format!(
+                "there is no variable with the value reference {reference}"
+            )));
+        }
+        let array = V::ARRAYS.binary_search_by_key(&reference, |elements| elements[0]);
+        Ok(array.map_or(Elements::Scalar([reference]), |array| Elements::Array(V::ARRAYS[array])))
+    }
+
+    /// Checks the number of values that come with variables.
+    pub(super) fn check_values(expected: usize, values: usize) -> Result<(), error::Error> {
+        if expected == values {
+            Ok(())
+        } else {
+            Err(error::Error::new(format!("nValues is {values}; the variables have {expected}")))
+        }
+    }
+}
+
+/// The value references of a variable's elements.
+pub(super) enum Elements {
+    Scalar([ValueReference; 1]),
+    Array(&'static [ValueReference]),
+}
+
+impl Deref for Elements {
+    type Target = [ValueReference];
+
+    fn deref(&self) -> &[ValueReference] {
+        match self {
+            Self::Scalar(reference) => reference,
+            Self::Array(references) => references,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn functions_of_an_interface_are_called_in_its_states() {
+        crate::calling_sequence::check_interfaces(Function::ALL);
+    }
+
+    #[test]
+    fn there_are_75_functions() {
+        // GetVersion, three that instantiate, and FreeInstance take no part in the calling sequence.
+        assert_eq!(Function::ALL.len() + 5, 75);
+    }
+}

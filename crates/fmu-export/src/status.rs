@@ -1,0 +1,15 @@
+//! What a function returns to the importer, alike in every version of the standard.
+
+/// `fmi2Status` and `fmi3Status`, as returned to importers. From an importer it is a `c_int`, since it may be any number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(C)]
+#[allow(missing_docs)]
+pub enum Status {
+    Ok = 0,
+    Warning = 1,
+    Discard = 2,
+    Error = 3,
+    Fatal = 4,
+    /// Of FMI 2.0 alone.
+    Pending = 5,
+}

@@ -1,0 +1,356 @@
+"""FMI 3.0: the symbols, the order of calls (sections 2.3, 3.2 and 4.2), arrays, types, and results equal to FMI 2.0."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from ctypes import byref, c_bool, c_double, c_uint8, c_uint32, c_void_p
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from conftest import TARGET
+from fmi3 import CO_SIMULATION, DECLARED, LOGGER, MODEL_EXCHANGE, Instance, Library, Status
+from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
+from fmpy.model_description import ModelDescription
+from fmpy.validation import validate_fmu
+
+ALL = {"instantiated", "initialization", "step", "event", "continuous", "terminated", "error"}
+READABLE = ALL
+SOLVABLE = {"initialization", "event", "continuous", "terminated", "error"}
+COMMON = {
+    "SetDebugLogging": ALL,
+    "EnterInitializationMode": {"instantiated"},
+    "ExitInitializationMode": {"initialization"},
+    "EnterEventMode": {"continuous"},
+    "Terminate": {"step", "event", "continuous"},
+    "Reset": ALL,
+    "GetClock": {"event"},
+    "SetClock": {"event"},
+    "GetFMUState": ALL,
+    "SetFMUState": ALL,
+    "FreeFMUState": ALL,
+    "SerializedFMUStateSize": ALL,
+    "SerializeFMUState": ALL,
+    "DeserializeFMUState": ALL,
+    "GetDirectionalDerivative": ALL - {"instantiated"},
+    "GetIntervalDecimal": {"initialization", "event"},
+    "GetIntervalFraction": {"initialization", "event"},
+    "GetShiftDecimal": {"initialization", "event"},
+    "GetShiftFraction": {"initialization", "event"},
+    "SetIntervalDecimal": {"initialization", "event"},
+    "SetIntervalFraction": {"initialization", "event"},
+    "SetShiftDecimal": {"initialization"},
+    "SetShiftFraction": {"initialization"},
+    "UpdateDiscreteStates": {"event"},
+    "EnterContinuousTimeMode": {"event"},
+    "CompletedIntegratorStep": {"continuous"},
+    "SetTime": {"continuous"},
+    "SetContinuousStates": {"continuous"},
+    "GetContinuousStateDerivatives": SOLVABLE,
+    "GetEventIndicators": SOLVABLE,
+    "GetContinuousStates": SOLVABLE,
+    "GetNominalsOfContinuousStates": SOLVABLE,
+    "GetNumberOfEventIndicators": {"instantiated", "event"},
+    "GetNumberOfContinuousStates": {"instantiated", "event"},
+    "GetOutputDerivatives": {"step", "terminated", "error"},
+    "DoStep": {"step"},
+    # Capabilities that are not declared, and what the model does not have.
+    "GetNumberOfVariableDependencies": set(),
+    "GetVariableDependencies": set(),
+    "GetAdjointDerivative": set(),
+    "EnterConfigurationMode": set(),
+    "ExitConfigurationMode": set(),
+    "EvaluateDiscreteStates": set(),
+    "EnterStepMode": set(),
+    "ActivateModelPartition": set(),
+}
+"""In which states a function succeeds."""
+
+KINDS = ["Float32", "Float64", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64"]
+KINDS += ["Boolean", "String", "Binary"]
+ALLOWED = COMMON | {f"Get{kind}": READABLE for kind in KINDS}
+ALLOWED |= {f"Set{kind}": ALL - {"terminated", "error"} for kind in KINDS}
+
+OF_MODEL_EXCHANGE = {
+    "EnterContinuousTimeMode",
+    "CompletedIntegratorStep",
+    "SetTime",
+    "SetContinuousStates",
+    "GetContinuousStateDerivatives",
+    "GetEventIndicators",
+    "GetContinuousStates",
+    "GetNominalsOfContinuousStates",
+    "GetNumberOfEventIndicators",
+    "GetNumberOfContinuousStates",
+}
+OF_CO_SIMULATION = {"EnterStepMode", "GetOutputDerivatives", "DoStep"}
+STATES = {
+    CO_SIMULATION: ["instantiated", "initialization", "step", "terminated", "error"],
+    MODEL_EXCHANGE: ["instantiated", "initialization", "event", "continuous", "terminated", "error"],
+}
+COUNTS = {"nContinuousStates": 2, "nEventIndicators": 3}
+
+
+def described() -> tuple[Path, ModelDescription]:
+    """The test model as an FMU of FMI 3.0, with both interfaces."""
+    path = TARGET / "test-model" / "cs,me" / "fmi3" / "TestModel.fmu"
+    assert path.is_file(), f"{path} is missing: bash tests/run exports it"
+    return path, fmpy.read_model_description(path)
+
+
+@pytest.fixture(scope="module")
+def description() -> ModelDescription:
+    return described()[1]
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
+    folder = tmp_path_factory.mktemp("fmi3")
+    fmpy.extract(described()[0], folder)
+    (binary,) = (folder / "binaries").glob("*/TestModel.*")
+    return Library(binary)
+
+
+@pytest.fixture
+def make(
+    library: Library, description: ModelDescription, capfd: pytest.CaptureFixture[str]
+) -> Iterator[Callable[..., Instance]]:
+    """Makes instances, and frees them after the test. Nothing may be written to the host's streams."""
+    made: list[Instance] = []
+
+    def make(interface: str, state: str = "instantiated", **arguments: object) -> Instance:
+        instance = Instance(library, description.instantiationToken, interface, **arguments)
+        made.append(instance)
+        if state == "initialization":
+            instance.ok("fmi3EnterInitializationMode")
+        elif state != "instantiated":
+            instance.initialize()
+            if state == "continuous":
+                instance.ok("fmi3EnterContinuousTimeMode")
+            elif state == "terminated":
+                instance.ok("fmi3Terminate")
+            elif state == "error":
+                assert instance.call("fmi3ExitInitializationMode") == Status.ERROR
+        return instance
+
+    yield make
+    for instance in made:
+        instance.free()
+    assert capfd.readouterr() == ("", "")
+
+
+def test_the_description_is_valid() -> None:
+    assert validate_fmu(described()[0]) == []
+
+
+def test_the_symbols_are_those_of_the_header(library: Library, tmp_path: Path) -> None:
+    assert len(DECLARED) == 75
+    names = Path(library.c._name).read_bytes()
+    assert b"fmi2DoStep\0" not in names
+    assert library.c.fmi3GetVersion() == b"3.0"
+
+
+@pytest.mark.parametrize("interface", STATES)
+@pytest.mark.parametrize("function", sorted(ALLOWED))
+def test_each_function_in_each_state(make: Callable[..., Instance], interface: str, function: str) -> None:
+    others = OF_CO_SIMULATION if interface == MODEL_EXCHANGE else OF_MODEL_EXCHANGE
+    for state in STATES[interface]:
+        instance = make(interface, state)
+        saved = instance.state()
+        values: dict[str, object] = {} if function.startswith("GetNumberOf") else dict(COUNTS)
+        if function in ("SetFMUState", "SerializedFMUStateSize", "SerializeFMUState"):
+            values["FMUState"] = saved
+        if function == "FreeFMUState":
+            values["FMUState"] = byref(saved)
+        if function in ("SerializeFMUState", "DeserializeFMUState"):
+            content = instance.serialized(saved)
+            values |= {"serializedState": (c_uint8 * len(content))(*content), "size": len(content)}
+        if function == "DoStep":
+            values["communicationStepSize"] = 0.125
+        name = f"fmi3{function}"
+        before = len(instance.messages)
+        status = instance.call(name, *instance.arguments(name, **values))
+        allowed = state in ALLOWED[function] and function not in others
+        assert status == (Status.OK if allowed else Status.ERROR), (state, instance.messages)
+        if not allowed:
+            # Section 2.2.4: the function says why, and the simulation cannot go on.
+            assert [message.category for message in instance.messages[before:]] == ["logStatusError"]
+            assert instance.messages[-1].text.startswith(f"{name}: ")
+            assert instance.call("fmi3Terminate") == Status.ERROR
+            instance.ok("fmi3SetFMUState", FMUState=saved)
+            instance.ok("fmi3Reset")
+            instance.initialize()
+
+
+def test_an_instance_of_another_interface_is_refused(library: Library, description: ModelDescription) -> None:
+    token = description.instantiationToken
+    for interface, arguments, reason in [
+        ("ScheduledExecution", {}, "this FMU does not offer Scheduled Execution"),
+        (CO_SIMULATION, {"eventModeUsed": True}, "hasEventMode is false"),
+        (CO_SIMULATION, {"instanceName": None}, "instanceName is NULL"),
+        (CO_SIMULATION, {"instantiationToken": b"another"}, "is another FMU's"),
+        (
+            CO_SIMULATION,
+            {"requiredIntermediateVariables": (c_uint32 * 1)(1), "nRequiredIntermediateVariables": 1},
+            "the variable rate",
+        ),
+    ]:
+        instance = Instance(library, token, interface, **arguments)
+        assert instance.address is None
+        (message,) = instance.messages
+        assert reason in message.text
+    # Without a callback there is no one to tell.
+    assert Instance(library, token, "ScheduledExecution", logMessage=LOGGER()).address is None
+
+
+def test_arrays(make: Callable[..., Instance], description: ModelDescription) -> None:
+    table = next(v for v in description.modelVariables if v.name == "settings.table")
+    assert [dimension.start for dimension in table.dimensions] == [2, 2]
+    determinant = next(v for v in description.modelVariables if v.name == "settings.determinant")
+    instance = make(CO_SIMULATION)
+    assert instance.get("Float64", [table.valueReference], 4) == [1.0, 0.0, 0.0, 1.0]
+    assert instance.set("Float64", [table.valueReference], [1.0, 2.0, 3.0, 5.0]) == Status.OK
+    instance.initialize()
+    references = [table.valueReference, determinant.valueReference, table.valueReference]
+    assert instance.get("Float64", references, 9) == [1.0, 2.0, 3.0, 5.0, -1.0, 1.0, 2.0, 3.0, 5.0]
+
+
+@pytest.mark.parametrize("size", [0, 3, 5])
+def test_wrong_numbers_of_values(make: Callable[..., Instance], size: int) -> None:
+    instance = make(CO_SIMULATION)
+    references = (c_uint32 * 1)(21)
+    assert instance.call("fmi3GetFloat64", references, 1, (c_double * 8)(), size) == Status.ERROR
+    assert f"nValues is {size}; the variables have 4" in instance.messages[-1].text
+
+
+def test_elements_of_arrays_are_not_variables(make: Callable[..., Instance]) -> None:
+    instance = make(CO_SIMULATION)
+    assert instance.call("fmi3GetFloat64", (c_uint32 * 1)(22), 1, (c_double * 1)(), 1) == Status.ERROR
+    assert "there is no variable with the value reference 22" in instance.messages[-1].text
+
+
+def test_types_are_told_apart(make: Callable[..., Instance], description: ModelDescription) -> None:
+    kinds = {"Float64": 1, "Int32": 4, "Boolean": 5, "String": 6, "Enumeration": 7}
+    assert all(description.modelVariables[position].type == kind for kind, position in kinds.items())
+    for kind in KINDS:
+        for of, reference in kinds.items():
+            instance = make(CO_SIMULATION)
+            name = f"fmi3Get{kind}"
+            values = {"valueReferences": (c_uint32 * 1)(reference), "nValueReferences": 1, "nValues": 1}
+            status = instance.call(name, *instance.arguments(name, **values))
+            fits = kind == of or (kind, of) == ("Int64", "Enumeration")
+            assert status == (Status.OK if fits else Status.ERROR), (kind, of)
+
+
+def test_items_of_enumerations_are_checked(make: Callable[..., Instance]) -> None:
+    for value, expected in [(1, Status.OK), (2, Status.OK), (0, Status.ERROR), (2**32 + 1, Status.ERROR)]:
+        instance = make(CO_SIMULATION)
+        assert instance.set("Int64", [7], [value]) == expected
+
+
+def test_event_indicators_are_variables(make: Callable[..., Instance], description: ModelDescription) -> None:
+    references = [unknown.variable.valueReference for unknown in description.eventIndicators]
+    instance = make(MODEL_EXCHANGE, "event")
+    indicators = (c_double * 3)()
+    assert instance.call("fmi3GetEventIndicators", indicators, 3) == Status.OK
+    assert instance.get("Float64", [1, *references, 0]) == [1.0, *indicators, 0.0]
+    seeds = (c_double * 1)(1.0)
+    status = instance.call(
+        "fmi3GetDirectionalDerivative", (c_uint32 * 1)(references[0]), 1, (c_uint32 * 1)(1), 1, seeds, 1, seeds, 1
+    )
+    assert status == Status.ERROR
+    assert "is not an unknown" in instance.messages[-1].text
+
+
+def test_warnings_are_logged_on_request(make: Callable[..., Instance]) -> None:
+    """Section 2.3.1: without `loggingOn` errors alone."""
+    for logging_on in (False, True):
+        instance = make(CO_SIMULATION, loggingOn=logging_on)
+        instance.initialize()
+        assert instance.set("Float64", [1], [1000.0]) == Status.WARNING
+        categories = [message.category for message in instance.messages]
+        assert categories.count("logStatusWarning") == logging_on
+        assert logging_on or categories == []
+
+
+def test_a_step_tells_where_it_ended(make: Callable[..., Instance]) -> None:
+    instance = make(CO_SIMULATION, "step")
+    assert instance.step(0.0, 0.125) == (Status.OK, (False, False, False, 0.125))
+    assert instance.step(0.125, -1.0) == (Status.ERROR, (False, False, False, 0.125))
+
+
+@pytest.mark.parametrize("early", [False, True])
+def test_the_model_asks_for_the_end(
+    make: Callable[..., Instance], description: ModelDescription, early: bool
+) -> None:
+    end = next(v.valueReference for v in description.modelVariables if v.name == "events.end")
+    instance = make(CO_SIMULATION, earlyReturnAllowed=early)
+    assert instance.set("Float64", [end], [0.1875]) == Status.OK
+    instance.initialize()
+    assert instance.step(0.0, 0.125)[1] == (False, False, False, 0.125)
+    status, (_, terminate, returned_early, reached) = instance.step(0.125, 0.125)
+    assert (status, terminate, reached) == (Status.OK, True, 0.1875)
+    assert returned_early == early
+    instance.ok("fmi3Terminate")
+
+
+def test_results_are_those_of_fmi_2(tmp_path: Path) -> None:
+    """The same inputs in the same steps, of random sizes: the same bits."""
+    path, description = described()
+    of_fmi2 = TARGET / "test-model" / "cs,me" / "TestModel.fmu"
+    other = fmpy.read_model_description(of_fmi2)
+    fmu3 = FMU3Slave(
+        guid=description.guid,
+        modelIdentifier="TestModel",
+        unzipDirectory=fmpy.extract(path, tmp_path / "3"),
+    )
+    fmu2 = FMU2Slave(
+        guid=other.guid, modelIdentifier="TestModel", unzipDirectory=fmpy.extract(of_fmi2, tmp_path / "2")
+    )
+    fmu2.instantiate()
+    fmu3.instantiate()
+    fmu2.setupExperiment(startTime=0.0)
+    fmu2.enterInitializationMode()
+    fmu3.enterInitializationMode(startTime=0.0)
+    fmu2.exitInitializationMode()
+    fmu3.exitInitializationMode()
+    random, time = np.random.default_rng(20), 0.0
+    for _ in range(200):
+        inputs, size = random.uniform(0, 1, 2).tolist(), float(random.uniform(0.01, 0.2))
+        fmu2.setReal([1, 2], inputs)
+        fmu3.setFloat64([1, 2], inputs)
+        fmu2.doStep(time, size)
+        fmu3.doStep(time, size)
+        time += size
+        assert fmu2.getReal([8, 9, 27, 28, 40, 41]) == fmu3.getFloat64([8, 9, 27, 28, 40, 41])
+    fmu2.freeInstance()
+    fmu3.freeInstance()
+
+
+def test_states_are_saved_and_serialized(make: Callable[..., Instance]) -> None:
+    instance, other = make(CO_SIMULATION, "step"), make(CO_SIMULATION, "step")
+    instance.step(0.0, 0.125)
+    content = instance.serialized(instance.state())
+    instance.step(0.125, 0.125)
+    expected = instance.get("Float64", [8, 9, 27])
+    state = c_void_p()
+    bytes_ = (c_uint8 * len(content))(*content)
+    assert other.call("fmi3DeserializeFMUState", bytes_, len(content), byref(state)) == Status.OK
+    assert other.call("fmi3SetFMUState", state) == Status.OK
+    other.step(0.125, 0.125)
+    assert other.get("Float64", [8, 9, 27]) == expected
+
+
+def test_an_event_answers_all_questions(make: Callable[..., Instance]) -> None:
+    instance = make(MODEL_EXCHANGE, "event")
+    answers = [c_bool(True) for _ in range(5)]
+    next_time = c_double()
+    assert instance.call("fmi3UpdateDiscreteStates", *map(byref, answers), byref(next_time)) == Status.OK
+    assert [answer.value for answer in answers] == [False] * 5
+    for missing in range(6):
+        instance = make(MODEL_EXCHANGE, "event")
+        arguments = [*map(byref, answers), byref(next_time)]
+        arguments[missing] = None
+        assert instance.call("fmi3UpdateDiscreteStates", *arguments) == Status.ERROR
