@@ -119,6 +119,25 @@ def test_noise_is_the_same_each_time_and_reaches_the_measurement_only(
     assert np.std(np.diff(records[0]["hp_wastegate_pwm"][400:])) > 0
 
 
+def test_measurement_noise_is_in_the_record_alone(lab: Run, exported: Path, tmp_path: Path) -> None:
+    text = (SCENARIOS / "figure_14.toml").read_text()
+    noise = "[measurement_noise]\nboost_pressure = { standard_deviation = 100, seed = 1 }\n"
+    records = []
+    for more in ["", noise, noise]:
+        file = tmp_path / "measured.toml"
+        file.write_text(f"{text}\n{more}")
+        assert lab("simulate", file, "--fmus", exported, "--out", tmp_path).returncode == 0
+        records.append(read(tmp_path / "measured.csv"))
+    exact, measured, again = records
+    added = measured["boost_pressure"] - exact["boost_pressure"]
+    # Within five standard errors.
+    assert abs(added.mean()) < 5 * 100 / np.sqrt(len(added))
+    assert abs(added.std() - 100) < 5 * 100 / np.sqrt(2 * len(added))
+    assert_equal(measured["boost_pressure"], again["boost_pressure"], "the same seed")
+    for name in set(exact) - {"boost_pressure"}:
+        assert_equal(measured[name], exact[name], name)
+
+
 @pytest.fixture(scope="module")
 def reproduction(lab: Run, exported: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder with the reports of all figures."""
@@ -374,6 +393,11 @@ WRONG = [
         "step = 0.0125",
         "step = 0.0125\nnoise = { boost = { standard_deviation = 1 } }",
         r"line \d+, noise.boost: no FMU gets boost from another",
+    ),
+    (
+        "step = 0.0125",
+        "step = 0.0125\nmeasurement_noise = { boost = { standard_deviation = 1 } }",
+        r"line \d+, measurement_noise.boost: boost is not recorded; the nearest is boost_pressure",
     ),
 ]
 """A text in the scenario of Fig. 13, its replacement, and the message."""

@@ -370,7 +370,7 @@ impl<'m, 'a> Page<'m, 'a> {
         let mut reference = self.references(field, 0);
         let mut unit = self.unit_or_type(field);
         let description = field.declaration.description.as_deref().unwrap_or_default();
-        let mut description = escape(description).into_owned();
+        let mut description = self.prose(description);
         if let Some(declared) = &field.declaration.derivative {
             let rate = &self.model.scalars[field.positions[0] + 1];
             let name = derivative(&name);
@@ -378,7 +378,7 @@ impl<'m, 'a> Page<'m, 'a> {
             let _ = write!(reference, "<span>{}</span>", self.references(field, 1));
             let _ = write!(unit, "<span>{}</span>", document::unit(rate.unit.as_deref().unwrap_or_default()));
             let derived = declared.description.as_deref().unwrap_or("time derivative");
-            let _ = write!(description, "<span>{}</span>", escape(derived));
+            let _ = write!(description, "<span>{}</span>", self.prose(derived));
         }
         let _ = write!(text, "</th><td class=\"reference\">{reference}</td><td class=\"unit\">{unit}</td>");
         if columns.start {
@@ -396,6 +396,20 @@ impl<'m, 'a> Page<'m, 'a> {
         }
         let _ = writeln!(text, "<td class=\"kind\">{kind}</td><td>{description}</td></tr>");
         text
+    }
+
+    /// A text as markup, in which units have raised exponents.
+    fn prose(&self, text: &str) -> String {
+        let is_unit = |name: &str| {
+            self.model.units.iter().any(|unit| {
+                unit.name == name || unit.display_units.iter().any(|display| display.name == name)
+            })
+        };
+        let words = text.split(' ').map(|word| {
+            let bare = word.trim_matches(['(', ')', ',', ';', ':', '.']);
+            if is_unit(bare) { word.replace(bare, &document::unit(bare)) } else { escape(word).into_owned() }
+        });
+        words.collect::<Vec<_>>().join(" ")
     }
 
     /// The value references of a variable's elements, or (1) of their derivatives.

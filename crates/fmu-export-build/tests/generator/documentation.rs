@@ -212,6 +212,16 @@ fn the_page_opens_with_what_stands_before_the_first_section() {
 }
 
 #[test]
+fn exponents_of_units_are_raised_in_descriptions() {
+    let described = |model: &mut Value| {
+        model["components"][2]["variables"][1]["description"] = "of 3 m2, (or m2) & am2, m2x".into();
+    };
+    let page = generated("units in descriptions", described, &[]).expect("nothing is wrong");
+    let text = "of 3 m<sup>2</sup>, (or m<sup>2</sup>) &amp; am2, m2x";
+    assert!(read(&page.documentation).contains(text));
+}
+
+#[test]
 fn identifiers_of_one_letter_are_italic_and_words_are_not() {
     let fragment = "<math><mi>x</mi><mi>clip</mi><mi mathvariant=\"normal\">sgn</mi></math>";
     let page = generated("letters", |_| {}, &[("vessels.html", fragment)]).expect("nothing is wrong");
