@@ -210,7 +210,7 @@ impl Difference {
             greatest.filter(|(_, difference)| *difference != 0.0).map(|&(time, value)| (value, time));
         let squares: f64 = finite().map(|(_, difference)| difference * difference).sum();
         let root_mean_square = (squares / finite().count().max(1) as f64).sqrt();
-        Self { greatest, root_mean_square, undefined, points }
+        Self { points, greatest, root_mean_square, undefined }
     }
 }
 
@@ -241,7 +241,9 @@ mod tests {
     fn record(name: &str, unit: &str, rows: &[(f64, f64)]) -> (String, Record) {
         let mut record =
             Record::new([("p".to_owned(), unit.to_owned()), (format!("own_{name}"), String::new())]);
-        rows.iter().for_each(|&(time, value)| record.push(time, &[value, 0.0]));
+        for &(time, value) in rows {
+            record.push(time, &[value, 0.0]);
+        }
         (name.to_owned(), record)
     }
 

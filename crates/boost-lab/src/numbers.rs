@@ -46,10 +46,10 @@ pub fn number(value: f64) -> String {
     }
     let magnitude = magnitude(value);
     if !(-3..6).contains(&magnitude) {
-        return format!("{}{}", minus(format!("{:.1}", value / 10_f64.powi(magnitude))), power(magnitude));
+        return format!("{}{}", minus(&format!("{:.1}", value / 10_f64.powi(magnitude))), power(magnitude));
     }
     let text = decimals(value, DIGITS - 1 - magnitude);
-    minus(if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text })
+    minus(if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text })
 }
 
 /// A value and its standard error, which has two digits and limits those of the value.
@@ -65,7 +65,7 @@ pub fn estimate(value: f64, error: f64) -> String {
     // Those of a value of 0 are its error's.
     let most = if value == 0.0 { places } else { MOST_DIGITS - 1 - magnitude(value * factor) };
     if places > most {
-        let mantissa = minus(decimals(value * factor, most));
+        let mantissa = minus(&decimals(value * factor, most));
         return format!(
             "{mantissa}{} ± {}",
             if exponent == 0 { String::new() } else { power(exponent) },
@@ -73,7 +73,7 @@ pub fn estimate(value: f64, error: f64) -> String {
         );
     }
     let [value, error] = [value, error].map(|number| decimals(number * factor, places));
-    minus(match exponent {
+    minus(&match exponent {
         0 => format!("{value} ± {error}"),
         _ => format!("({value} ± {error}){}", power(exponent)),
     })
@@ -103,7 +103,7 @@ fn power(exponent: i32) -> String {
     format!("\u{b7}10{}", exponent.to_string().chars().map(superscript).collect::<String>())
 }
 
-fn minus(text: String) -> String {
+fn minus(text: &str) -> String {
     text.replace('-', "\u{2212}")
 }
 

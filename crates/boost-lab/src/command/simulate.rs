@@ -30,7 +30,7 @@ pub struct Arguments {
     #[command(flatten)]
     fmus: FmuArguments,
     /// A value of a variable before initialization, or of an input all the time, in its unit or with another one:
-    /// tank.volume=0.002, plant:tank.volume=2e-3, "boost_reference=150 kPa"
+    /// tank.volume=0.002, plant:tank.volume=2e-3, "throttle=50 %"
     #[arg(long = "set", value_name = "[FMU:]NAME=VALUE", value_parser = super::name_and_value)]
     values: Vec<(String, String)>,
     /// A parameter set, for the FMU that has its parameters; may be given several times

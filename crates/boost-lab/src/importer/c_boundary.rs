@@ -84,7 +84,7 @@ unsafe fn text_at(text: *const c_char) -> String {
     unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned()
 }
 
-/// Why a library was not loaded. That of an FMU from PythonFMU expects Python in the process.
+/// Why a library was not loaded. That of an FMU from `PythonFMU` expects Python in the process.
 fn not_loaded(error: libloading::Error) -> anyhow::Error {
     // The loader's text is the source of the error.
     let text = format!("{:#}", anyhow::Error::new(error));

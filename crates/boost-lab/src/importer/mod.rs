@@ -35,8 +35,10 @@ pub(crate) const ONLY_ONCE: &str = "canBeInstantiatedOnlyOncePerProcess";
 /// What to do about a missing file.
 pub fn remedy(path: &Path) -> String {
     let others = path.parent().and_then(|folder| folder.read_dir().ok()).into_iter().flatten().flatten();
-    let others = others.map(|entry| entry.file_name().to_string_lossy().into_owned());
-    let mut others: Vec<_> = others.filter(|name| name.ends_with(".fmu")).collect();
+    let others =
+        others.map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|end| end == "fmu"));
+    let mut others: Vec<_> =
+        others.map(|path| path.file_name().unwrap_or_default().to_string_lossy().into_owned()).collect();
     others.sort();
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let like = like(&name, others.iter().map(String::as_str));

@@ -31,8 +31,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     let without = laboratory.run(&without)?;
     let compensated = laboratory.run(&compensated)?;
 
-    let mut pulses = vec![];
-    let mut left = vec![];
+    let (mut pulses, mut left) = (vec![], vec![]);
     for edge in EDGES {
         let before = at(&compensated, POSITION, edge)?;
         let pulse = between(&compensated, POSITION, edge, edge + 1.0)?;

@@ -17,9 +17,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     let terms = ["feedforward_pwm", "proportional_term", "integral_term", "derivative_term"];
 
     // At the start the controller has not yet sampled.
-    let mut sum_error = vec![];
-    let mut output_error = vec![];
-    let mut is_at_limit = vec![];
+    let [mut sum_error, mut output_error, mut is_at_limit] = <[Vec<f64>; 3]>::default();
     for row in 1..record.time().len() {
         let at = |name| Ok::<_, anyhow::Error>(get(name)?[row]);
         let sum = terms.iter().map(|name| at(name)).sum::<Result<f64>>()?;
