@@ -8,6 +8,7 @@
 //! - [`plot`] draws it as SVG.
 //! - [`journal`] keeps the finished parts of a long task.
 //! - [`identify`] finds parameters of the plant's actuator in measured data.
+//! - [`study`] judges a controller on random plants, days and manoeuvres.
 //! - [`sweep`] runs a scenario for many values of parameters.
 //! - [`reproduce`] compares the results with the paper, figure by figure.
 //! - [`tune`] tunes the controller to a plant.
@@ -27,6 +28,7 @@ mod plot;
 mod record;
 mod reproduce;
 mod scenario;
+mod study;
 mod sweep;
 mod tune;
 

@@ -3,6 +3,7 @@
 mod identify;
 mod reproduce;
 mod simulate;
+mod study;
 mod sweep;
 mod tune;
 
@@ -21,8 +22,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 /// What the process ends with.
 const EXIT_STATUSES: &str = "\
 Exit status:
-  0    it is done; `reproduce`: all statements hold
-  1    `reproduce`: a statement does not hold
+  0    it is done; `reproduce`: all statements hold; `study`: all criteria hold
+  1    `reproduce`: a statement does not hold; `study`: a criterion does not hold
   2    it could not be done, or the command line is wrong; standard error says why
   130  it was interrupted
 
@@ -82,6 +83,10 @@ enum Command {
         #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
         threads: Option<u16>,
     },
+    /// Judge a controller on random plants, days and manoeuvres; goes on where it was interrupted
+    ///
+    /// Exits with 0 when all criteria hold, and with 1 when one does not.
+    Study(study::Arguments),
     /// Identify parameters of the plant from measured data
     Identify {
         #[command(subcommand)]
@@ -129,7 +134,7 @@ enum Identify {
     Actuator(identify::Arguments),
 }
 
-/// Runs the command. Returns false when the statements of `reproduce` do not all hold.
+/// Runs the command. Returns false when the statements of `reproduce` or the criteria of `study` do not all hold.
 pub fn run() -> Result<bool> {
     match Arguments::parse().command {
         Command::Simulate { scenario, fmus, out, plot } => {
@@ -137,6 +142,7 @@ pub fn run() -> Result<bool> {
         }
         Command::Reproduce { figures, fmus, out } => reproduce::run(&fmus, &out, &figures),
         Command::Tune(arguments) => tune::run(&arguments).map(|()| true),
+        Command::Study(arguments) => study::run(&arguments),
         Command::Identify { what: Identify::Actuator(arguments) } => identify::run(arguments).map(|()| true),
         Command::Sweep { study, fmus, out, threads } => {
             sweep::run(&study, &fmus, &out, threads.map(usize::from)).map(|()| true)
