@@ -2,6 +2,7 @@
 
 mod identify;
 mod reproduce;
+mod show;
 mod simulate;
 mod study;
 mod sweep;
@@ -52,6 +53,20 @@ enum Command {
         /// Draw what is recorded, in the panels of the scenario
         #[arg(long, value_name = "FILE.svg|png|html")]
         plot: Option<PathBuf>,
+    },
+    /// Run scenarios, and show them on one page
+    Show {
+        /// The scenarios, which docs/laboratory.md describes
+        #[arg(value_name = "SCENARIO.toml", required = true)]
+        scenarios: Vec<PathBuf>,
+        #[command(flatten)]
+        fmus: FmuArguments,
+        /// The page's title
+        #[arg(long, default_value = "Scenarios")]
+        title: String,
+        /// The page to write
+        #[arg(long, value_name = "FILE.html", default_value = "target/scenarios.html")]
+        out: PathBuf,
     },
     /// Reproduce the paper's figures, and hold its statements against what the FMUs do
     ///
@@ -139,6 +154,9 @@ pub fn run() -> Result<bool> {
     match Arguments::parse().command {
         Command::Simulate { scenario, fmus, out, plot } => {
             simulate::run(&scenario, &fmus, out, plot.as_deref()).map(|()| true)
+        }
+        Command::Show { scenarios, fmus, title, out } => {
+            show::run(&scenarios, &fmus, &title, &out).map(|()| true)
         }
         Command::Reproduce { figures, fmus, out } => reproduce::run(&fmus, &out, &figures),
         Command::Tune(arguments) => tune::run(&arguments).map(|()| true),
