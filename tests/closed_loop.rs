@@ -4,6 +4,7 @@
 //! 200 kPa, within which two solvers agree.
 
 mod boost_steps;
+mod day;
 #[allow(clippy::float_cmp, reason = "codes and commands at their limits are exact")]
 mod faults;
 #[path = "support/random.rs"]
@@ -93,6 +94,8 @@ struct Loop {
     steps: u32,
     /// Noise on the measured boost pressure.
     noise: Option<Random>,
+    /// Whether the controller gets the speed of the high-pressure shaft.
+    measures_shaft: bool,
 }
 
 impl Loop {
@@ -115,7 +118,17 @@ impl Loop {
         let controller = Instance::<BoostController>::new(0.0);
         let plant = Instance::<BoostPlant>::new(0.0);
         let (step_size, steps, noise) = (STEP, 0, None);
-        let mut this = Self { controller, plant, demand, surroundings, order, step_size, steps, noise };
+        let mut this = Self {
+            controller,
+            plant,
+            demand,
+            surroundings,
+            order,
+            step_size,
+            steps,
+            noise,
+            measures_shaft: false,
+        };
         change(&mut this.controller.variables.parameters, &mut this.plant.variables.parameters);
         // The supply is known; the pressures settle at the controller's outputs, which do not depend on them.
         this.demand.supply_voltage_measured = surroundings.supply_voltage;
@@ -169,6 +182,7 @@ impl Loop {
             vacuum_pump: outputs.vacuum_pump,
             lp_wastegate: outputs.lp_wastegate,
             hp_bypass: outputs.hp_bypass,
+            surge_valve: outputs.surge_valve,
             ..self.surroundings
         }
     }
@@ -180,6 +194,7 @@ impl Loop {
             tank_pressure: measured.tank_pressure,
             supply_voltage_measured: measured.supply_voltage_measured,
             engine_speed: self.surroundings.engine_speed,
+            hp_turbo_speed: if self.measures_shaft { measured.hp_turbo_speed } else { 0.0 },
             ..self.demand
         }
     }

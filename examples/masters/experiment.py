@@ -3,9 +3,9 @@
 STEP = 1 / 80
 """The communication step (s): the controller's sample time."""
 STEPS = 124 * 80
-COMMANDS = ["hp_wastegate_pwm", "vacuum_pump", "lp_wastegate", "hp_bypass"]
+COMMANDS = ["hp_wastegate_pwm", "vacuum_pump", "lp_wastegate", "hp_bypass", "surge_valve"]
 """From the controller to the plant."""
-MEASUREMENTS = ["boost_pressure", "tank_pressure", "supply_voltage_measured"]
+MEASUREMENTS = ["boost_pressure", "tank_pressure", "supply_voltage_measured", "hp_turbo_speed"]
 """From the plant to the controller."""
 
 KILOPASCALS = {

@@ -24,6 +24,13 @@ pub fn duty(inverse: &ActuatorInverseParameters, opening: f64) -> f64 {
     root(&inverse.pressure_coefficient, chamber_pressure)
 }
 
+/// The duty (%) whose chamber pressure is lower by a difference (Pa) than that of another duty (%).
+pub(super) fn duty_at_lower_pressure(inverse: &ActuatorInverseParameters, duty: f64, difference: f64) -> f64 {
+    let coefficients = &inverse.pressure_coefficient;
+    let pressure = coefficients.iter().fold(0.0, |sum, coefficient| sum * duty + coefficient);
+    root(coefficients, pressure - difference)
+}
+
 /// The duty (%) at which the cubic of paper eq. (7) takes a value (Pa).
 ///
 /// Newton's method within a bracket, with bisection where a step would leave it or is not half as long as

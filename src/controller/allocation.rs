@@ -11,15 +11,19 @@ use super::compensator::{Compensator, Limits};
 use super::variables::{AllocationParameters, Parameters};
 use crate::elementary::smaller;
 
-/// The openings of the two valves beside the high-pressure wastegate.
+/// The openings of the valves beside the high-pressure wastegate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Openings {
+    /// Of the low-pressure wastegate: 0 shut, 1 fully open.
     pub lp_wastegate: f64,
+    /// Of the bypass of the high-pressure compressor.
     pub hp_bypass: f64,
+    /// Of the surge valve.
+    pub surge_valve: f64,
 }
 
 /// How far a value is between two bounds: 0 up to the lower, 1 from the upper on.
-pub fn ramp(value: f64, from: f64, to: f64) -> f64 {
+pub(super) fn ramp(value: f64, from: f64, to: f64) -> f64 {
     ((value - from) / (to - from)).clamp(0.0, 1.0)
 }
 
@@ -45,7 +49,8 @@ impl AllocationParameters {
     }
 
     /// The virtual duty (%) at which the low-pressure wastegate is fully open.
-    fn low_pressure_open(&self) -> f64 {
+    #[must_use]
+    pub fn low_pressure_open(&self) -> f64 {
         self.low_pressure_start + self.low_pressure_span / (1.0 + self.low_pressure_shape)
     }
 
@@ -53,7 +58,8 @@ impl AllocationParameters {
     ///
     /// The low-pressure wastegate follows a hyperbola, since its effect on boost falls with its opening: the gain
     /// from virtual duty to boost pressure hardly changes.
-    pub(super) fn openings(&self, virtual_duty: f64, engine_speed: f64) -> Openings {
+    #[must_use]
+    pub fn openings(&self, virtual_duty: f64, engine_speed: f64) -> Openings {
         let (span, beyond) = (self.low_pressure_span, virtual_duty - self.low_pressure_start);
         let curve = if beyond <= 0.0 {
             0.0
@@ -66,6 +72,7 @@ impl AllocationParameters {
             lp_wastegate: self.low_pressure_share(engine_speed) * curve,
             hp_bypass: ramp(engine_speed, self.bypass_shut_below, self.bypass_free_above)
                 * ramp(virtual_duty, self.bypass_start, self.bypass_end),
+            surge_valve: 0.0,
         }
     }
 }
@@ -73,19 +80,19 @@ impl AllocationParameters {
 /// The bypass moves with a lag: each of its movements changes the flow of both compressors at once, before
 /// their shafts can follow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
-pub struct Bypass {
+pub(super) struct Bypass {
     /// As commanded at the last sample; none before the first.
     opening: Option<f64>,
 }
 
 impl Bypass {
     /// As commanded at the last sample.
-    pub fn opening(self) -> f64 {
+    pub(super) fn opening(self) -> f64 {
         self.opening.unwrap_or_default()
     }
 
     /// Its opening at a sample, on the way to the one asked for. It begins there.
-    pub fn sample(&mut self, parameters: &Parameters, asked: f64, virtual_duty: f64) -> f64 {
+    pub(super) fn sample(&mut self, parameters: &Parameters, asked: f64, virtual_duty: f64) -> f64 {
         let allocation = &parameters.allocation;
         let before = self.opening.unwrap_or(asked);
         let shuts_alone = asked < before && virtual_duty <= allocation.low_pressure_start;
@@ -97,7 +104,7 @@ impl Bypass {
 }
 
 /// Rejects an allocation that does not open its valves one after the other.
-pub fn check(parameters: &Parameters) -> Result<(), Error> {
+pub(super) fn check(parameters: &Parameters) -> Result<(), Error> {
     let of = &parameters.allocation;
     refuse_not_below(
         ("allocation.low_pressure_shut_below", of.low_pressure_shut_below),

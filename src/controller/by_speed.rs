@@ -42,6 +42,7 @@ impl BySpeed {
             let openings = Openings {
                 lp_wastegate: self.low_pressure.sample(parameters, measurement - reference),
                 hp_bypass: 1.0,
+                surge_valve: 0.0,
             };
             return Command::new(DutyTerms::feedforward(parameters.pwm_max, measurement), limits, openings);
         }
@@ -57,7 +58,11 @@ impl BySpeed {
                 limits,
             },
         );
-        let openings = Openings { lp_wastegate: lp_wastegate(parameters, engine_speed), hp_bypass: 0.0 };
+        let openings = Openings {
+            lp_wastegate: lp_wastegate(parameters, engine_speed),
+            hp_bypass: 0.0,
+            surge_valve: 0.0,
+        };
         Command::new(terms, limits, openings)
     }
 
@@ -72,9 +77,13 @@ impl BySpeed {
         };
         // While the high-pressure stage is bypassed, the low-pressure wastegate is shut except in mode boost.
         let openings = if bypassed {
-            Openings { lp_wastegate: 0.0, hp_bypass: 1.0 }
+            Openings { lp_wastegate: 0.0, hp_bypass: 1.0, surge_valve: 0.0 }
         } else {
-            Openings { lp_wastegate: lp_wastegate(parameters, inputs.engine_speed), hp_bypass: 0.0 }
+            Openings {
+                lp_wastegate: lp_wastegate(parameters, inputs.engine_speed),
+                hp_bypass: 0.0,
+                surge_valve: 0.0,
+            }
         };
         Command::new(DutyTerms::feedforward(duty, reference), limits, openings)
     }

@@ -67,6 +67,11 @@ impl Pid {
         Self { integral: 0.0, derivative: 0.0, measurement }
     }
 
+    /// The same with all pressures (Pa) converted.
+    pub(super) fn convert(&mut self, pressure: impl Fn(f64) -> f64) {
+        self.measurement = pressure(self.measurement);
+    }
+
     /// The derivative term takes the measurement (Pa) of a new sample.
     ///
     /// It acts on the measurement alone, so that a step of the reference causes no kick, and through a filter with

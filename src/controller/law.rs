@@ -67,6 +67,12 @@ impl BoostLaw {
         Self { pid: Pid::at(boost_pressure), reference_model: ReferenceModel::at(boost_pressure) }
     }
 
+    /// The same with all pressures (Pa) converted.
+    pub fn convert(&mut self, pressure: impl Fn(f64) -> f64) {
+        self.pid.convert(&pressure);
+        self.reference_model.convert(&pressure);
+    }
+
     /// The boost pressure of the reference model (Pa).
     pub fn model_pressure(&self) -> f64 {
         self.reference_model.pressure

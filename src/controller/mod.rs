@@ -25,17 +25,20 @@
 //! Everything is computed at the samples; between them the outputs are held.
 
 pub mod actuator_inverse;
-mod allocation;
+pub mod allocation;
 mod by_speed;
 mod compensator;
+mod day;
 mod diagnosis;
 pub mod feedback;
 mod feedforward;
 mod law;
 mod reference_model;
 pub mod schedule;
+mod shaft_speed_limit;
 mod speed_feedforward;
 mod split_range;
+mod surge_protection;
 mod tank_relay;
 
 /// The variables of the controller, generated from `modelDescription/controller.json`.
@@ -240,20 +243,18 @@ impl ControlLaw {
     fn least_boost(&mut self, parameters: &Parameters, inputs: &Inputs, limits: Limits) -> Command {
         self.law = Some(BoostLaw::at(inputs.boost_pressure));
         let terms = DutyTerms::feedforward(parameters.pwm_max, inputs.boost_pressure);
-        Command::new(terms, limits, Openings { lp_wastegate: 1.0, hp_bypass: 0.0 })
+        Command::new(terms, limits, Openings { lp_wastegate: 1.0, hp_bypass: 0.0, surge_valve: 0.0 })
     }
 
     /// Judges whether boost answers a command.
     fn check_answer(&mut self, parameters: &Parameters, inputs: &Inputs, command: &Command) {
         let virtual_duty = command.limits.clip(command.terms.duty());
         match parameters.strategy {
-            Strategy::SplitRange => self.diagnosis.check_answer(
-                parameters,
-                inputs,
-                Some(Schedule::from(&parameters.range_schedule)),
-                split_range::reference(parameters, inputs),
-                virtual_duty,
-            ),
+            Strategy::SplitRange => {
+                let schedule = Schedule::from(&parameters.range_schedule);
+                let (inputs, reference) = split_range::on_scheduled_day(parameters, inputs);
+                self.diagnosis.check_answer(parameters, &inputs, Some(schedule), reference, virtual_duty);
+            }
             // Above, the low-pressure wastegate is open, with which its schedule was not identified.
             Strategy::BySpeed => self.diagnosis.check_answer(
                 parameters,
@@ -300,6 +301,7 @@ fn publish(
     outputs.vacuum_pump = f64::from(u8::from(vacuum_pump));
     outputs.lp_wastegate = openings.lp_wastegate;
     outputs.hp_bypass = openings.hp_bypass;
+    outputs.surge_valve = openings.surge_valve;
     locals.feedforward_pwm = terms.feedforward;
     locals.proportional_term = terms.proportional;
     locals.integral_term = terms.integral;

@@ -36,6 +36,12 @@ impl ReferenceModel {
         Self { pressure, delayed: None }
     }
 
+    /// The same with all pressures (Pa) converted.
+    pub fn convert(&mut self, pressure: impl Fn(f64) -> f64) {
+        self.pressure = pressure(self.pressure);
+        self.delayed = self.delayed.map(pressure);
+    }
+
     /// The model at its boost pressure, given any operating point of the same engine speed, and the duty (%) that
     /// holds it where that is not the duty at rest.
     pub fn linearize<const COLUMNS: usize>(

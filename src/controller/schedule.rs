@@ -105,6 +105,8 @@ pub struct OperatingPoint<'a, const COLUMNS: usize> {
     /// How much each of the four grid points around it counts: those of the row below, then those of the
     /// next row.
     weights: [f64; 4],
+    /// The factor of time constants.
+    time_scale: f64,
 }
 
 impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
@@ -121,14 +123,20 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
         let row = GridPosition::on(schedule.boost_pressure, boost_pressure);
         let (y, x) = (row.fraction, column.fraction);
         let weights = [(1.0 - y) * (1.0 - x), (1.0 - y) * x, y * (1.0 - x), y * x];
-        Self { schedule, row, column, weights }
+        Self { schedule, row, column, weights, time_scale: 1.0 }
+    }
+
+    /// With time constants longer by a factor.
+    #[must_use]
+    pub fn slower(self, time_scale: f64) -> Self {
+        Self { time_scale, ..self }
     }
 
     /// The operating point of another boost pressure (Pa) at the same engine speed.
     #[must_use]
     #[inline]
     pub fn at_pressure(self, boost_pressure: f64) -> Self {
-        Self::at(self.schedule, boost_pressure, self.column)
+        Self::at(self.schedule, boost_pressure, self.column).slower(self.time_scale)
     }
 
     /// The duty at nominal voltage (%) that holds the boost pressure at rest: the static map of the
@@ -176,7 +184,7 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
     pub fn local_model(self) -> LocalModel {
         LocalModel {
             gain: self.interpolate(self.schedule.gain),
-            time_constant: self.interpolate(self.schedule.time_constant),
+            time_constant: self.time_scale * self.interpolate(self.schedule.time_constant),
             delay: self.interpolate(self.schedule.delay),
         }
     }

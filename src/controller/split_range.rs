@@ -12,18 +12,25 @@ use fmu_export::{Error, Persistent};
 use super::Command;
 use super::allocation::{self, Bypass, Openings};
 use super::compensator::{Compensator, Limits};
+use super::day::Day;
 use super::feedforward;
 use super::law::{BoostLaw, DutyTerms, Task};
 use super::schedule::{self, OperatingPoint};
+use super::shaft_speed_limit::ShaftSpeedLimit;
 use super::speed_feedforward::{self, SpeedFilter};
+use super::surge_protection::SurgeValve;
 use super::variables::{Inputs, Parameters};
-use crate::elementary::smaller;
+use crate::elementary::{larger, smaller};
 
 /// The memory of the strategy, beside the law's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct SplitRange {
     engine_speed: SpeedFilter,
     bypass: Bypass,
+    shaft_speed: ShaftSpeedLimit,
+    surge_valve: SurgeValve,
+    /// The day of the law's pressures.
+    day: Day,
 }
 
 impl SplitRange {
@@ -36,17 +43,31 @@ impl SplitRange {
         compensator: Compensator,
     ) -> Command {
         let &Parameters { lambda, feedback_lambda, ref allocation, .. } = parameters;
-        let engine_speed = inputs.engine_speed;
-        let rate = self.engine_speed.sample(parameters, engine_speed);
+        let day = Day::measured(parameters, inputs);
+        if day != self.day {
+            let before = std::mem::replace(&mut self.day, day);
+            law.convert(|pressure| day.scheduled_pressure(before.pressure(pressure)));
+        }
         let (pressure, bypass) = (law.model_pressure(), self.bypass.opening());
-        let reference = reference(parameters, inputs);
-        let limits = allocation.limits(parameters, engine_speed, compensator);
+        let factor = day.speed_factor(pressure);
+        let engine_speed = factor * inputs.engine_speed;
+        // The sensitivity grows with the time constants.
+        let rate = day.time_scale() * (factor * self.engine_speed.sample(parameters, inputs.engine_speed));
+        let (reference, limit) = references(parameters, inputs, &day, engine_speed);
+        let mut limits = allocation.limits(parameters, engine_speed, compensator);
+        let at = |pressure| OperatingPoint::new(&parameters.range_schedule, pressure, engine_speed);
+        let holding = at(limit).feedforward();
+        if let Some(least) = self.shaft_speed.least_duty(parameters, inputs.hp_turbo_speed, holding) {
+            limits.least = larger(limits.least, least);
+        }
+        let expected = day.pressure(larger(pressure, reference));
+        let surge_valve = self.surge_valve.sample(parameters, inputs.boost_pressure, expected);
         let terms = law.sample(
             parameters,
             Task {
                 reference,
-                measurement: inputs.boost_pressure,
-                operating_point: OperatingPoint::new(&parameters.range_schedule, reference, engine_speed),
+                measurement: day.scheduled_pressure(inputs.boost_pressure),
+                operating_point: at(reference).slower(day.time_scale()),
                 holding: speed_feedforward::holding_duty(parameters, pressure, engine_speed, rate, bypass),
                 feedback_lambda: lambda
                     + (feedback_lambda - lambda) * allocation.low_pressure_share(engine_speed),
@@ -56,29 +77,49 @@ impl SplitRange {
         let virtual_duty = limits.clip(terms.duty());
         let asked = allocation.openings(virtual_duty, engine_speed);
         let hp_bypass = self.bypass.sample(parameters, asked.hp_bypass, virtual_duty);
-        command(parameters, terms, limits, Openings { hp_bypass, ..asked })
+        command(parameters, &day, terms, limits, Openings { hp_bypass, surge_valve, ..asked })
     }
 }
 
 /// The command without memory: the virtual duty that holds the reference at rest.
 pub fn at_rest(parameters: &Parameters, inputs: &Inputs, compensator: Compensator) -> Command {
-    let reference = reference(parameters, inputs);
-    let engine_speed = inputs.engine_speed;
+    let day = Day::measured(parameters, inputs);
+    let asked = day.scheduled_pressure(feedforward::bounded_reference(parameters, inputs));
+    let engine_speed = day.speed_factor(asked) * inputs.engine_speed;
+    let (reference, _) = references(parameters, inputs, &day, engine_speed);
     let holding = OperatingPoint::new(&parameters.range_schedule, reference, engine_speed).feedforward();
     let limits = parameters.allocation.limits(parameters, engine_speed, compensator);
     let openings = parameters.allocation.openings(limits.clip(holding), engine_speed);
-    command(parameters, DutyTerms::feedforward(holding, reference), limits, openings)
+    command(parameters, &day, DutyTerms::feedforward(holding, reference), limits, openings)
 }
 
-fn command(parameters: &Parameters, terms: DutyTerms, limits: Limits, openings: Openings) -> Command {
-    Command { hp_duty: smaller(limits.clip(terms.duty()), parameters.pwm_max), terms, limits, openings }
+fn command(
+    parameters: &Parameters,
+    day: &Day,
+    mut terms: DutyTerms,
+    limits: Limits,
+    openings: Openings,
+) -> Command {
+    let hp_duty = day.duty(parameters, smaller(limits.clip(terms.duty()), parameters.pwm_max));
+    terms.reference_model_pressure = day.pressure(terms.reference_model_pressure);
+    Command { terms, limits, hp_duty, openings }
 }
 
-/// The reference of the boost pressure (Pa), within the limits that protect the engine and its high-pressure shaft.
-pub fn reference(parameters: &Parameters, inputs: &Inputs) -> f64 {
+/// The reference of the boost pressure, within the limits that protect the engine and its high-pressure shaft, and the
+/// limit for the shaft (Pa, as on the day of the schedule).
+fn references(parameters: &Parameters, inputs: &Inputs, day: &Day, engine_speed: f64) -> (f64, f64) {
     let schedule = &parameters.range_schedule;
-    let limit = schedule::interpolate(&schedule.engine_speed, &schedule.boost_limit, inputs.engine_speed);
-    smaller(feedforward::bounded_reference(parameters, inputs), limit)
+    let limit = schedule::interpolate(&schedule.engine_speed, &schedule.boost_limit, engine_speed);
+    (smaller(day.scheduled_pressure(feedforward::bounded_reference(parameters, inputs)), limit), limit)
+}
+
+/// The inputs and the reference of the boost pressure (Pa) as on the day of the schedule.
+pub fn on_scheduled_day(parameters: &Parameters, inputs: &Inputs) -> (Inputs, f64) {
+    let day = Day::measured(parameters, inputs);
+    let boost_pressure = day.scheduled_pressure(inputs.boost_pressure);
+    let engine_speed = day.speed_factor(boost_pressure) * inputs.engine_speed;
+    let (reference, _) = references(parameters, inputs, &day, engine_speed);
+    (Inputs { boost_pressure, engine_speed, ..*inputs }, reference)
 }
 
 /// Rejects parameters of the strategy that contradict each other.

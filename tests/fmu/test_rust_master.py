@@ -41,7 +41,7 @@ def test_every_number_equals_that_of_fmpy(run: Run, exported: Path, plant: Make,
     expected = np.stack(list(record.values()), axis=1)
 
     assert names.split(",") == list(record)
-    assert table.shape == expected.shape == (124 * 80 + 1, 1 + 5 + 14)
+    assert table.shape == expected.shape == (124 * 80 + 1, 1 + 6 + 14)
     different = table.view(np.uint64) != expected.view(np.uint64)
     assert not different.any(), f"first at {table[different.any(axis=1), 0][0]} s"
     # The comparison would not detect constant tables.

@@ -135,7 +135,7 @@ impl<'a> Compatibility<'a> {
                 Match::Found { variable, .. } => {
                     Some(Entry { name: variable.name.clone(), ..Entry::default() })
                 }
-                Match::Missing { suggestions } if port.couples() => Some(Entry {
+                Match::Missing { suggestions } if port.is_required() => Some(Entry {
                     name: suggestions.first().map(|&name| name.to_owned()).unwrap_or_default(),
                     candidates: suggestions.iter().map(|&name| name.to_owned()).collect(),
                     ..Entry::default()
@@ -223,7 +223,7 @@ impl<'a> Match<'a> {
         match self {
             Self::Found { problems, .. } if problems.is_empty() => Verdict::Fits,
             Self::Unconnected => Verdict::LeftOut,
-            Self::Missing { .. } if !port.couples() => Verdict::LeftOut,
+            Self::Missing { .. } if !port.is_required() => Verdict::LeftOut,
             _ => Verdict::Wrong,
         }
     }

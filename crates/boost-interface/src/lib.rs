@@ -19,6 +19,9 @@ pub use self::compatibility::{Compatibility, Match, Verdict};
 pub use self::name_map::{Entry, Meaning, NameMap};
 pub use self::translation::Translation;
 
+/// Variables that couple where both FMUs have them, and that each can do without.
+const OPTIONAL: [&str; 2] = ["hp_turbo_speed", "surge_valve"];
+
 /// The two roles in the system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -107,6 +110,12 @@ impl Port {
         self.counterpart.is_some()
     }
 
+    /// Whether an FMU in this role must have it.
+    #[must_use]
+    pub fn is_required(&self) -> bool {
+        self.couples() && !OPTIONAL.contains(&self.name())
+    }
+
     /// The name in the interface.
     #[must_use]
     pub fn name(&self) -> &'static str {
@@ -136,8 +145,8 @@ mod tests {
         let coupled = |role: Role, kind| {
             role.ports().filter(move |port| port.couples() && port.kind == kind).map(|port| port.name())
         };
-        let commands = ["hp_wastegate_pwm", "vacuum_pump", "lp_wastegate", "hp_bypass"];
-        let measurements = ["boost_pressure", "tank_pressure", "supply_voltage_measured"];
+        let commands = ["hp_wastegate_pwm", "vacuum_pump", "lp_wastegate", "hp_bypass", "surge_valve"];
+        let measurements = ["boost_pressure", "tank_pressure", "supply_voltage_measured", "hp_turbo_speed"];
         assert!(coupled(Role::Plant, Kind::Input).eq(commands));
         assert!(coupled(Role::Controller, Kind::Output).eq(commands));
         // The plant lists its outputs in another order.
@@ -146,5 +155,8 @@ mod tests {
         );
         assert_eq!(coupled(Role::Plant, Kind::Output).count(), measurements.len());
         assert!(coupled(Role::Controller, Kind::Input).eq(measurements));
+        let can_be_missing =
+            |role: Role| role.ports().filter(|port| port.couples() && !port.is_required()).count();
+        assert_eq!([Role::Plant, Role::Controller].map(can_be_missing), [OPTIONAL.len(); 2]);
     }
 }

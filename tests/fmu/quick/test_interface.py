@@ -79,6 +79,9 @@ CONTROLLER_INPUTS = [
     Row("engine_speed", "rpm", 1500, 0, 8000, "continuous"),
     Row("wastegate_reference", "1", 0, 0, 1, "continuous"),
     Row("pwm_reference", "%", 40, 0, 100, "continuous"),
+    Row("ambient_pressure", "Pa", 0, 0, 1.1e5, "continuous"),
+    Row("ambient_temperature", "K", 0, 0, 330, "continuous"),
+    Row("hp_turbo_speed", "rpm", 0, 0, 1e6, "continuous"),
 ]
 
 CONTROLLER_OUTPUTS = {
@@ -86,6 +89,7 @@ CONTROLLER_OUTPUTS = {
     "vacuum_pump": "1",
     "lp_wastegate": "1",
     "hp_bypass": "1",
+    "surge_valve": "1",
     "fault_code": "1",
 }
 

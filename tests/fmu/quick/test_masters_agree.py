@@ -34,6 +34,6 @@ def test_every_number_is_the_models(
     # FMPy's record starts before the first step.
     in_python = np.stack([record[name][1:] for name in names], axis=1)
     for fmus in (in_c, in_python):
-        assert fmus.shape == models.shape == (124 * 80, 19)
+        assert fmus.shape == models.shape == (124 * 80, 20)
         different = fmus.view(np.uint64) != models
         assert not different.any(), f"first in step {np.argmax(different.any(axis=1))}"

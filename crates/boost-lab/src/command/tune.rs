@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::importer::Fmu;
 use crate::journal::digest;
 use crate::mapping::{self, NameMap};
-use crate::tune::{CellOrigin, Procedure, Schedule, Task, TuningJournal, html, json};
+use crate::tune::{CellOrigin, Procedure, Schedule, Strategy, Task, TuningJournal, html, json};
 use anyhow::{Context, Result};
 use clap::Args;
 use fmu_package::ParameterSet;
@@ -33,6 +33,9 @@ pub struct Arguments {
     /// The controller, whose start values give grid, lambda and nominal voltage [default: this repository's]
     #[arg(long, value_name = "FILE.fmu")]
     controller: Option<PathBuf>,
+    /// The strategy of the controller whose schedule is tuned
+    #[arg(long, value_enum, default_value_t = Strategy::SplitRange)]
+    strategy: Strategy,
     /// Other engine speeds of the grid's columns (rpm), ascending
     #[arg(long, value_name = "RPM,...", value_delimiter = ',')]
     engine_speeds: Option<Vec<f64>>,
@@ -56,11 +59,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let inputs: Vec<_> = inputs.chain(&arguments.parameters).cloned().collect();
     super::refuse_overlap(out, &outputs, &inputs)?;
     let schedule = match &arguments.controller {
-        Some(path) => Schedule::read(Fmu::open(path)?.description())
+        Some(path) => Schedule::read(Fmu::open(path)?.description(), arguments.strategy)
             .with_context(|| format!("{} cannot be tuned", path.display()))?,
-        None => Schedule::built_in()?,
+        None => Schedule::built_in(arguments.strategy)?,
     };
     let plant_map = arguments.map.as_deref().map(NameMap::read).transpose()?;
+    let procedure = schedule.allocation.as_ref().map_or_else(Procedure::default, |allocation| {
+        Procedure::split_range(allocation.parameters.low_pressure_open())
+    });
     let task = Task {
         plant: mapping::open(&arguments.plant, plant_map.as_ref())?,
         plant_map,
@@ -74,7 +80,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             arguments.boost_references.clone(),
             arguments.lambda,
         )?,
-        procedure: Procedure::default(),
+        procedure,
     };
     super::make_folder(out)?;
     let settings = task.settings(digest(&arguments.plant)?)?;

@@ -8,13 +8,17 @@ use fmu_package::{ParameterSet, Value};
 use serde::{Deserialize, Serialize};
 
 use super::fit::FirstOrder;
-use super::procedure::Procedure;
-use super::schedule::{Schedule, check_unit};
+use super::procedure::{Procedure, SplitRange};
+use super::schedule::{Allocation, Schedule, check_unit};
+use super::speed_fit::SpeedResponse;
 use crate::importer::{Fmu, Instance, SavedState, Selection};
 
 const DUTY: &str = "hp_wastegate_pwm";
 const BOOST: &str = "boost_pressure";
+const LOW_PRESSURE: &str = "lp_wastegate";
+const BYPASS: &str = "hp_bypass";
 const SPEED: &str = "engine_speed";
+const SHAFT: &str = "hp_turbo_speed";
 const FROZEN: &str = "tank.frozen";
 const START: &str = "initialization.mode";
 const RUNNING: &str = "running";
@@ -42,6 +46,9 @@ pub struct Hold {
     pub boost_pressure: f64,
     /// Its change in the last second (Pa).
     pub drift: f64,
+    /// The speed of the high-pressure shaft at the end (rpm), if the plant has it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shaft_speed: Option<f64>,
 }
 
 /// The responses to steps at a point of the grid.
@@ -59,6 +66,9 @@ pub struct Point {
     pub asymmetry: f64,
     /// The model of the mean response to 1 % (Pa/%, s); none if no model fits.
     pub model: Option<FirstOrder>,
+    /// The model of the mean response to 1 rpm (Pa/rpm, s); none if no model fits, or none is needed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed_model: Option<SpeedResponse>,
 }
 
 /// The samples of a response that are kept for drawing, from 1.
@@ -75,6 +85,7 @@ fn steps(duration: f64, sample_time: f64) -> usize {
 }
 
 /// A plant with its constant inputs.
+#[allow(clippy::struct_excessive_bools, reason = "each is something that a plant may lack")]
 pub struct Bench<'a> {
     plant: &'a Arc<Fmu>,
     parameters: &'a [ParameterSet],
@@ -82,6 +93,9 @@ pub struct Bench<'a> {
     procedure: &'a Procedure,
     /// The constant inputs.
     held: Vec<(&'static str, f64)>,
+    has_low_pressure: bool,
+    has_bypass: bool,
+    has_shaft_speed: bool,
     freezes_tank: bool,
     starts_running: bool,
     saves_states: bool,
@@ -107,15 +121,25 @@ impl<'a> Bench<'a> {
             check_unit(variable, unit)?;
         }
         let wished = [
-            ("lp_wastegate", 0.0),
-            ("hp_bypass", 0.0),
+            (LOW_PRESSURE, 0.0),
+            (BYPASS, 0.0),
             ("surge_valve", 0.0),
             ("vacuum_pump", 0.0),
             ("throttle", 1.0),
             ("supply_voltage", schedule.nominal_voltage),
         ];
-        let (held, missing): (Vec<_>, Vec<_>) =
-            wished.into_iter().partition(|(name, _)| plant.names("input").any(|input| input == *name));
+        let has_input = |name: &str| plant.names("input").any(|input| input == name);
+        let [has_low_pressure, has_bypass] =
+            [LOW_PRESSURE, BYPASS].map(|name| schedule.allocation.is_some() && has_input(name));
+        let has_shaft_speed =
+            schedule.allocation.is_some() && plant.names("output").any(|output| output == SHAFT);
+        if has_shaft_speed {
+            check_unit(plant.variable(SHAFT)?, "rpm")?;
+        }
+        let (held, missing): (Vec<_>, Vec<_>) = wished.into_iter().partition(|(name, _)| has_input(name));
+        let (commanded, missing): (Vec<_>, Vec<_>) = missing
+            .into_iter()
+            .partition(|(name, _)| schedule.allocation.is_some() && [LOW_PRESSURE, BYPASS].contains(name));
         let freezes_tank = plant.description().variable(FROZEN).is_some();
         let starts_running = plant.description().variable(START).is_some_and(|variable| {
             let enumeration = plant.description().enumeration(&variable.declared_type);
@@ -124,6 +148,17 @@ impl<'a> Bench<'a> {
         let saves_states = plant.description().has_capability("canGetAndSetFMUstate");
 
         let mut notes = vec![];
+        for (name, _) in commanded {
+            notes.push(format!(
+                "The plant has no input {name}: the virtual duty does not move this valve, and the maps are those \
+                 of the other valves."
+            ));
+        }
+        if schedule.allocation.is_some() && !has_shaft_speed {
+            notes.push(format!(
+                "The plant has no output {SHAFT}: the boost reference is not limited for the speed of this shaft."
+            ));
+        }
         if !missing.is_empty() {
             let names: Vec<_> = missing.iter().map(|(name, _)| *name).collect();
             notes.push(format!(
@@ -153,6 +188,9 @@ impl<'a> Bench<'a> {
             schedule,
             procedure,
             held,
+            has_low_pressure,
+            has_bypass,
+            has_shaft_speed,
             freezes_tank,
             starts_running,
             saves_states,
@@ -164,7 +202,7 @@ impl<'a> Bench<'a> {
     pub fn sweep(&self, column: usize) -> Result<Sweep> {
         let mut run = None;
         let mut holds = vec![];
-        for &(duty, duration) in &self.procedure.sweep {
+        for &(duty, duration) in self.procedure.range(self.schedule.is_wide(column)).sweep {
             let run = match &mut run {
                 Some(run) => run,
                 None => run.insert(self.start(column, duty)?),
@@ -176,23 +214,22 @@ impl<'a> Bench<'a> {
 
     /// Steps the duty up and down from a settled plant.
     pub fn step_both_ways(&self, row: usize, column: usize, duty: f64) -> Result<Point> {
-        let step = self.procedure.duty_step;
-        let mut run = self.start(column, duty)?;
-        let hold = run.hold(duty, self.procedure.settling_duration)?;
-        let saved = if self.saves_states { Some(run.save()?) } else { None };
-        let up = run.response(duty + step, hold, self.procedure.response_duration)?;
-        if let Some(saved) = &saved {
-            run.restore(saved)?;
-        } else {
-            drop(run);
-            run = self.start(column, duty)?;
-            run.hold(duty, self.procedure.settling_duration)?;
+        let Procedure { duty_step, response_duration, ref split_range, .. } = *self.procedure;
+        let mut changes =
+            vec![(Change::Duty(duty_step), response_duration), (Change::Duty(-duty_step), response_duration)];
+        if let Some(SplitRange { speed_step, speed_response_duration, .. }) = *split_range {
+            changes.extend(
+                [speed_step, -speed_step].map(|step| (Change::EngineSpeed(step), speed_response_duration)),
+            );
         }
-        let down = run.response(duty - step, hold, self.procedure.response_duration)?;
-
-        let mean: Vec<f64> = up.iter().zip(&down).map(|(up, down)| (up - down) / (2.0 * step)).collect();
-        let ends = [&up, &down].map(|response| response.last().copied().unwrap_or(f64::NAN));
+        let (hold, responses) = self.responses(column, duty, &changes)?;
         let sample_time = self.schedule.sample_time;
+        let mean = |[up, down]: &[Vec<f64>; 2], step: f64| -> Vec<f64> {
+            up.iter().zip(down).map(|(up, down)| (up - down) / (2.0 * step)).collect()
+        };
+        let (pairs, _) = responses.as_chunks::<2>();
+        let of_duty = &pairs[0];
+        let ends = of_duty.each_ref().map(|response| response.last().copied().unwrap_or(f64::NAN));
         let drawn = |response: &[f64]| {
             drawn_samples(self.procedure, sample_time).map(|sample| response[sample - 1]).collect()
         };
@@ -200,14 +237,60 @@ impl<'a> Bench<'a> {
             row,
             column,
             hold,
-            responses: [drawn(&up), drawn(&down)],
+            responses: of_duty.each_ref().map(|response| drawn(response)),
             asymmetry: (ends[0] / ends[1]).abs(),
-            model: FirstOrder::fit(&mean, sample_time),
+            model: FirstOrder::fit(&mean(of_duty, duty_step), sample_time),
+            speed_model: split_range.as_ref().zip(pairs.get(1)).and_then(|(split, of_speed)| {
+                SpeedResponse::fit(&mean(of_speed, split.speed_step), sample_time)
+            }),
         })
     }
 
+    /// The changes of boost pressure (Pa) after each change, all from one settled state, and the hold before them.
+    fn responses(
+        &self,
+        column: usize,
+        duty: f64,
+        changes: &[(Change, f64)],
+    ) -> Result<(Hold, Vec<Vec<f64>>)> {
+        let mut settled: Option<Settled<'_>> = None;
+        let mut responses = vec![];
+        for &(change, duration) in changes {
+            if let Some((run, _, Some(saved))) = &mut settled {
+                run.restore(saved)?;
+            } else {
+                // The plant may allow one instance only.
+                drop(settled.take());
+                let mut run = self.start(column, duty)?;
+                let hold = run.hold(duty, self.procedure.settling_duration)?;
+                let saved = if self.saves_states { Some(run.save()?) } else { None };
+                settled = Some((run, hold, saved));
+            }
+            let (run, hold, _) = settled.as_mut().context("the plant is settled")?;
+            match change {
+                Change::Duty(step) => run.set_duty(duty + step)?,
+                Change::EngineSpeed(step) => run.set_speed(self.schedule.engine_speeds[column] + step)?,
+            }
+            responses.push(run.response(*hold, duration)?);
+        }
+        let (_, hold, _) = settled.context("there is a change")?;
+        Ok((hold, responses))
+    }
+
+    /// The inputs that a duty sets at the engine speed of a column, by the controller's allocation if it has one.
+    fn valves(&self, column: usize, duty: f64) -> Vec<(&'static str, f64)> {
+        let Some(Allocation { parameters, largest_duty, .. }) = &self.schedule.allocation else {
+            return vec![(DUTY, duty)];
+        };
+        let openings = parameters.openings(duty, self.schedule.engine_speeds[column]);
+        let mut valves = vec![(DUTY, duty.min(*largest_duty))];
+        valves.extend(self.has_low_pressure.then_some((LOW_PRESSURE, openings.lp_wastegate)));
+        valves.extend(self.has_bypass.then_some((BYPASS, openings.hp_bypass)));
+        valves
+    }
+
     /// An initialized instance at the engine speed of a column.
-    fn start(&self, column: usize, duty: f64) -> Result<SteppedInstance> {
+    fn start(&self, column: usize, duty: f64) -> Result<SteppedInstance<'_>> {
         let mut instance = self.plant.instantiate("plant")?;
         instance.set_up(0.0, None)?;
         for set in self.parameters {
@@ -217,9 +300,12 @@ impl<'a> Bench<'a> {
             instance.set_value(START, &Value::Enumeration(RUNNING.to_owned()))?;
         }
         let frozen = self.freezes_tank.then_some((FROZEN, 1.0));
-        let values = self.held.iter().copied().chain(frozen);
-        let values: Vec<_> =
-            values.chain([(SPEED, self.schedule.engine_speeds[column]), (DUTY, duty)]).collect();
+        let valves = self.valves(column, duty);
+        // The valves replace what is held.
+        let held =
+            self.held.iter().copied().filter(|(name, _)| valves.iter().all(|(valve, _)| valve != name));
+        let values = held.chain(frozen).chain([(SPEED, self.schedule.engine_speeds[column])]);
+        let values: Vec<_> = values.chain(valves.iter().copied()).collect();
         let mut all = self.plant.select(values.iter().map(|(name, _)| *name))?;
         instance.set(&mut all, &values.iter().map(|(_, value)| *value).collect::<Vec<_>>())?;
         instance.enter_initialization()?;
@@ -228,22 +314,52 @@ impl<'a> Bench<'a> {
             instance,
             steps_done: 0,
             sample_time: self.schedule.sample_time,
-            duty: self.plant.select([DUTY])?,
+            bench: self,
+            column,
+            valves: self.plant.select(valves.iter().map(|(name, _)| *name))?,
+            speed: self.plant.select([SPEED])?,
             boost: self.plant.select([BOOST])?,
+            shaft: if self.has_shaft_speed { Some(self.plant.select([SHAFT])?) } else { None },
         })
     }
 }
 
+/// An instance at rest, its hold, and its state if the plant can save it.
+type Settled<'a> = (SteppedInstance<'a>, Hold, Option<(SavedState, u32)>);
+
+/// A step from rest.
+#[derive(Clone, Copy, Debug)]
+enum Change {
+    /// Of the duty (%).
+    Duty(f64),
+    /// Of engine speed (rpm), with the valves held.
+    EngineSpeed(f64),
+}
+
 /// An instance with its time.
-struct SteppedInstance {
+struct SteppedInstance<'a> {
     instance: Instance,
     steps_done: u32,
     sample_time: f64,
-    duty: Selection,
+    bench: &'a Bench<'a>,
+    column: usize,
+    valves: Selection,
+    speed: Selection,
     boost: Selection,
+    shaft: Option<Selection>,
 }
 
-impl SteppedInstance {
+impl SteppedInstance<'_> {
+    fn set_duty(&mut self, duty: f64) -> Result<()> {
+        let values: Vec<_> =
+            self.bench.valves(self.column, duty).into_iter().map(|(_, value)| value).collect();
+        self.instance.set(&mut self.valves, &values)
+    }
+
+    fn set_speed(&mut self, engine_speed: f64) -> Result<()> {
+        self.instance.set(&mut self.speed, &[engine_speed])
+    }
+
     fn step(&mut self) -> Result<()> {
         self.instance.step(f64::from(self.steps_done) * self.sample_time, self.sample_time)?;
         self.steps_done += 1;
@@ -253,15 +369,26 @@ impl SteppedInstance {
     fn boost_pressure(&mut self) -> Result<f64> {
         let mut value = [f64::NAN];
         self.instance.get(&mut self.boost, &mut value)?;
-        if !value[0].is_finite() {
+        self.finite(BOOST, value[0])
+    }
+
+    fn shaft_speed(&mut self) -> Result<Option<f64>> {
+        let Some(shaft) = &mut self.shaft else { return Ok(None) };
+        let mut value = [f64::NAN];
+        self.instance.get(shaft, &mut value)?;
+        self.finite(SHAFT, value[0]).map(Some)
+    }
+
+    fn finite(&self, name: &str, value: f64) -> Result<f64> {
+        if !value.is_finite() {
             let time = f64::from(self.steps_done) * self.sample_time;
-            bail!("the plant's {BOOST} is {} at {} s", number(value[0]), number(time));
+            bail!("the plant's {name} is {} at {} s", number(value), number(time));
         }
-        Ok(value[0])
+        Ok(value)
     }
 
     fn hold(&mut self, duty: f64, duration: f64) -> Result<Hold> {
-        self.instance.set(&mut self.duty, &[duty])?;
+        self.set_duty(duty)?;
         let count = steps(duration, self.sample_time);
         let look = count.saturating_sub(steps(LOOK_BACK, self.sample_time));
         let mut before = self.boost_pressure()?;
@@ -272,12 +399,11 @@ impl SteppedInstance {
             self.step()?;
         }
         let boost_pressure = self.boost_pressure()?;
-        Ok(Hold { duty, boost_pressure, drift: boost_pressure - before })
+        Ok(Hold { duty, boost_pressure, drift: boost_pressure - before, shaft_speed: self.shaft_speed()? })
     }
 
     /// The change of boost pressure at each sample.
-    fn response(&mut self, duty: f64, from: Hold, duration: f64) -> Result<Vec<f64>> {
-        self.instance.set(&mut self.duty, &[duty])?;
+    fn response(&mut self, from: Hold, duration: f64) -> Result<Vec<f64>> {
         (0..steps(duration, self.sample_time))
             .map(|_| {
                 self.step()?;

@@ -13,12 +13,14 @@ mod monotone;
 mod procedure;
 mod report;
 mod schedule;
+mod speed_fit;
 
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use boost_fmu::controller::feedback;
 use boost_fmu::controller::schedule::LocalModel;
+use clap::ValueEnum as _;
 use fmu_package::{Parameter, ParameterSet, Value};
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
@@ -33,7 +35,8 @@ pub use self::bench::{Point, Sweep};
 pub use self::fit::{Estimate, FirstOrder};
 pub use self::journal::TuningJournal;
 pub use self::monotone::Monotone;
-pub use self::procedure::Procedure;
+use self::procedure::Range;
+pub use self::procedure::{Procedure, Strategy};
 pub use self::report::{html, json};
 pub use self::schedule::{Schedule, ScheduleTable};
 
@@ -87,6 +90,10 @@ pub struct Cell {
     pub delay: f64,
     /// Whether the delay was raised to the least one.
     pub delay_is_raised: bool,
+    /// How far boost pressure differs from rest while engine speed rises by 1 rpm/s (Pa s/rpm); none for the strategy
+    /// `by_speed`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed_sensitivity: Option<f64>,
     /// The feedback that the controller computes from these.
     pub feedback: Feedback,
 }
@@ -120,6 +127,8 @@ pub struct Tuning<'a> {
     pub cells: Vec<Cell>,
     /// For each column, the largest duty of the sweep at which the wastegate is shut (%).
     pub lift_offs: Vec<f64>,
+    /// For each column, the limit of the boost reference (Pa); none for the strategy `by_speed`.
+    pub boost_limits: Vec<f64>,
     pub notes: Vec<String>,
 }
 
@@ -144,6 +153,7 @@ impl Task {
             ("the nominal voltage", format!("{:?}", schedule.nominal_voltage)),
             ("the sample time", format!("{:?}", schedule.sample_time)),
             ("the procedure", format!("{:?}", self.procedure)),
+            ("the allocation", format!("{:?}", schedule.allocation)),
         ]
         .map(|(name, value)| (name.to_owned(), value))
         .into();
@@ -157,7 +167,14 @@ impl Task {
     pub fn duration(&self) -> f64 {
         let columns = self.schedule.engine_speeds.len() as f64;
         let points = columns * self.schedule.boost_references.len() as f64;
-        columns * self.procedure.sweep_duration() + points * self.procedure.point_duration()
+        let sweeps: f64 =
+            (0..self.schedule.engine_speeds.len()).map(|column| self.range(column).sweep_duration()).sum();
+        sweeps + points * self.procedure.point_duration()
+    }
+
+    /// The duties of a column.
+    fn range(&self, column: usize) -> Range<'_> {
+        self.procedure.range(self.schedule.is_wide(column))
     }
 
     /// Tunes. Finished parts are taken from the journal, others are written there; several threads call `progress` with
@@ -184,7 +201,7 @@ impl Task {
                 journal.write_sweep(&sweep)?;
                 sweep
             };
-            progress(self.procedure.sweep_duration());
+            progress(self.range(column).sweep_duration());
             Ok(sweep)
         };
         let sweeps: Vec<_> =
@@ -195,7 +212,7 @@ impl Task {
             .flat_map(|row| (0..columns).map(move |column| (row, column)))
             .collect();
         let point = |&(row, column): &(usize, usize)| {
-            let (basis, duty) = self.placed(&statics[column], row);
+            let (basis, duty) = self.placed(&statics[column], row, column);
             let point = if basis != CellOrigin::Identified {
                 None
             } else if let Some(point) = journal.point(row, column) {
@@ -216,7 +233,8 @@ impl Task {
         let cells = self.cells(&statics, &points)?;
         let points = points.into_iter().flatten().collect();
         let lift_offs = sweeps.iter().map(|sweep| self.lift_off(sweep)).collect();
-        Ok(Tuning { task: self, sweeps, points, cells, lift_offs, notes: bench.notes })
+        let boost_limits = sweeps.iter().filter_map(|sweep| self.boost_limit(sweep)).collect();
+        Ok(Tuning { task: self, sweeps, points, cells, lift_offs, boost_limits, notes: bench.notes })
     }
 
     /// The largest duty of a sweep (%) below which boost pressure hardly rises.
@@ -229,15 +247,32 @@ impl Task {
         holds.map(|hold| hold.duty).fold(f64::NEG_INFINITY, f64::max)
     }
 
+    /// The boost reference (Pa) at which the high-pressure shaft reaches its limit at rest, at least the pressure at
+    /// which the low-pressure wastegate begins to open.
+    fn boost_limit(&self, sweep: &Sweep) -> Option<f64> {
+        let (allocation, split) = (self.schedule.allocation.as_ref()?, self.procedure.split_range.as_ref()?);
+        let holds = || sweep.holds.iter();
+        let over_shaft_speed =
+            rising(holds().filter_map(|hold| Some((hold.shaft_speed?, hold.boost_pressure))));
+        let Some(&(fastest, _)) =
+            over_shaft_speed.last().filter(|(speed, _)| *speed >= split.shaft_speed_limit)
+        else {
+            return Some(allocation.boost_limit);
+        };
+        let at = |points, place: f64| Monotone::through(points).and_then(|pressure| pressure.at(place));
+        // As the duty falls boost pressure rises, and with it the shaft's speed.
+        let shut = at(
+            rising(holds().map(|hold| (-hold.duty, hold.boost_pressure))),
+            -allocation.parameters.low_pressure_start,
+        );
+        let reached = at(over_shaft_speed, split.shaft_speed_limit.min(fastest));
+        Some(reached.into_iter().chain(shut).fold(0.0, f64::max).min(allocation.boost_limit))
+    }
+
     /// The duty over boost pressure, from the points of a sweep with ascending pressure.
     fn static_map(&self, sweep: &Sweep) -> Result<Monotone> {
-        let mut rising: Vec<(f64, f64)> = vec![];
-        for hold in &sweep.holds {
-            if rising.last().is_none_or(|&(before, _)| hold.boost_pressure > before) {
-                rising.push((hold.boost_pressure, hold.duty));
-            }
-        }
-        Monotone::through(rising).with_context(|| {
+        let points = rising(sweep.holds.iter().map(|hold| (hold.boost_pressure, hold.duty)));
+        Monotone::through(points).with_context(|| {
             let speed = self.schedule.engine_speeds[sweep.column];
             format!(
                 "at {speed} rpm boost pressure does not rise when the duty falls: the procedure is for a wastegate \
@@ -247,16 +282,16 @@ impl Task {
     }
 
     /// Whether a reference can be reached, and its feedforward.
-    fn placed(&self, duty_over_boost: &Monotone, row: usize) -> (CellOrigin, f64) {
+    fn placed(&self, duty_over_boost: &Monotone, row: usize, column: usize) -> (CellOrigin, f64) {
         let reference = self.schedule.boost_references[row];
-        let (least, most) = self.procedure.fitted_duty;
+        let Range { fitted_duty: (least, most), duty_below_reach, .. } = self.range(column);
         match duty_over_boost.at(reference) {
             Some(duty) if (least..=most).contains(&duty) => (CellOrigin::Identified, duty),
             Some(duty) => (CellOrigin::OutsideFittedDuty, duty),
             None if reference > duty_over_boost.last() => {
                 (CellOrigin::AboveReach, self.procedure.duty_above_reach)
             }
-            None => (CellOrigin::BelowReach, self.procedure.duty_below_reach),
+            None => (CellOrigin::BelowReach, duty_below_reach),
         }
     }
 
@@ -267,13 +302,17 @@ impl Task {
             .flatten()
             .filter_map(|point| {
                 let model = point.model.as_ref().filter(|model| self.is_usable(model))?;
-                Some(((point.row, point.column), model))
+                let sensitivity = match self.procedure.split_range {
+                    Some(_) => Some(self.speed_sensitivity(point, model)?),
+                    None => None,
+                };
+                Some(((point.row, point.column), (model, sensitivity)))
             })
             .collect();
         let columns = statics.len();
         let cell = |index: usize| {
             let (row, column) = (index / columns, index % columns);
-            let (basis, feedforward) = self.placed(&statics[column], row);
+            let (basis, feedforward) = self.placed(&statics[column], row, column);
             // The nearest row of the same speed, or else of the nearest speed.
             let distance = |&(known_row, known_column): &(usize, usize)| {
                 let apart = |values: &[f64], one: usize, other: usize| (values[one] - values[other]).abs();
@@ -286,7 +325,7 @@ impl Task {
                 let (one, other) = (distance(one), distance(other));
                 one.0.total_cmp(&other.0).then(one.1.total_cmp(&other.1))
             });
-            let &(taken_from, model) = nearest.context(
+            let &(taken_from, (model, speed_sensitivity)) = nearest.context(
                 "no point of the grid could be identified: its boost references are not within what the plant \
                  reaches, or no model fits the responses",
             )?;
@@ -305,19 +344,44 @@ impl Task {
                 time_constant,
                 delay,
                 delay_is_raised: delay > model.delay.value,
+                speed_sensitivity,
                 feedback: Feedback::tuned(gain, time_constant, delay, self.schedule.lambda),
             })
         };
         (0..points.len()).map(cell).collect()
     }
 
+    /// The effect of a change of engine speed at a point: how far boost pressure falls at first, times how long the
+    /// valves take to make up for it. None if no model that the controller accepts fits.
+    fn speed_sensitivity(&self, point: &Point, model: &FirstOrder) -> Option<f64> {
+        let sensitivity = point.speed_model.as_ref()?.fall * model.time_constant.value;
+        self.schedule.takes(ScheduleTable::SpeedSensitivity, sensitivity).then_some(sensitivity)
+    }
+
     /// Whether the controller accepts a model: falling with the duty, and within the ranges.
     fn is_usable(&self, model: &FirstOrder) -> bool {
-        model.gain.value < 0.0
+        let (least_gain, longest) = self
+            .procedure
+            .split_range
+            .as_ref()
+            .map_or((0.0, f64::INFINITY), |split| (split.least_fitted_gain, split.longest_time_constant));
+        model.gain.value < -least_gain
+            && model.time_constant.value <= longest
             && self.schedule.takes(ScheduleTable::Gain, model.gain.value)
             && self.schedule.takes(ScheduleTable::TimeConstant, model.time_constant.value)
             && self.schedule.takes(ScheduleTable::Delay, model.delay.value)
     }
+}
+
+/// The points that are beyond all before them.
+fn rising(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+    let mut rising: Vec<(f64, f64)> = vec![];
+    for point in points {
+        if rising.last().is_none_or(|&(before, _)| point.0 > before) {
+            rising.push(point);
+        }
+    }
+    rising
 }
 
 impl Cell {
@@ -327,6 +391,7 @@ impl Cell {
             ScheduleTable::Gain => self.gain,
             ScheduleTable::TimeConstant => self.time_constant,
             ScheduleTable::Delay => self.delay,
+            ScheduleTable::SpeedSensitivity => self.speed_sensitivity.unwrap_or_default(),
         }
     }
 
@@ -337,7 +402,9 @@ impl Cell {
                 !matches!(self.basis, CellOrigin::AboveReach | CellOrigin::BelowReach)
             }
             ScheduleTable::Gain => self.basis == CellOrigin::Identified && !self.gain_is_raised,
-            ScheduleTable::TimeConstant => self.basis == CellOrigin::Identified,
+            ScheduleTable::TimeConstant | ScheduleTable::SpeedSensitivity => {
+                self.basis == CellOrigin::Identified
+            }
             ScheduleTable::Delay => self.basis == CellOrigin::Identified && !self.delay_is_raised,
         }
     }
@@ -370,12 +437,15 @@ impl Tuning<'_> {
         let (row, column) = cell.taken_from;
         let mut text = if cell.basis == CellOrigin::Identified {
             let model = self.point(row, column).and_then(|point| point.model.as_ref());
-            let error = model.map_or(f64::NAN, |model| match map {
+            let error = model.map(|model| match map {
                 ScheduleTable::Gain => model.gain.standard_error,
                 ScheduleTable::Delay => model.delay.standard_error,
                 _ => model.time_constant.standard_error,
             });
-            format!("identified, standard error {error:.2e} {}", map.unit())
+            match error.filter(|_| map != ScheduleTable::SpeedSensitivity) {
+                Some(error) => format!("identified, standard error {error:.2e} {}", map.unit()),
+                None => "identified by steps of engine speed".to_owned(),
+            }
         } else {
             let schedule = &self.task.schedule;
             let why = match cell.basis {
@@ -401,6 +471,22 @@ impl Tuning<'_> {
         text
     }
 
+    /// The origin of a limit of the boost reference as text.
+    fn source_of_limit(&self, column: usize) -> String {
+        let limit =
+            self.task.procedure.split_range.as_ref().map_or(f64::NAN, |split| split.shaft_speed_limit);
+        let fastest = self.sweeps[column].holds.iter().filter_map(|hold| hold.shaft_speed).reduce(f64::max);
+        match fastest {
+            None => "the speed of the high-pressure shaft is not known".to_owned(),
+            Some(fastest) if fastest < limit => {
+                format!("the high-pressure shaft does not exceed {fastest:.0} rpm")
+            }
+            Some(_) => format!(
+                "the high-pressure shaft is at {limit} rpm, or the low-pressure wastegate begins to open"
+            ),
+        }
+    }
+
     pub fn parameter_set(&self, name: &str) -> ParameterSet {
         let schedule = &self.task.schedule;
         let parameter = |name: String, description: String, value: f64, unit: &str| Parameter {
@@ -418,17 +504,22 @@ impl Tuning<'_> {
         let least_duty =
             parameter(schedule::LEAST_DUTY.to_owned(), lift_off.to_owned(), self.least_duty(), "%");
         parameters.insert(1, least_duty);
-        let (strategy, by_speed) = schedule::STRATEGY;
-        if schedule.description.variable(strategy).is_some() {
+        if let Some(strategy) = schedule.strategy.to_possible_value()
+            && schedule.description.variable(schedule::STRATEGY).is_some()
+        {
             parameters.push(Parameter {
-                name: strategy.to_owned(),
+                name: schedule::STRATEGY.to_owned(),
                 description: "the strategy whose gain schedule this is".to_owned(),
-                value: Value::Enumeration(by_speed.to_owned()),
+                value: Value::Enumeration(strategy.get_name().to_owned()),
             });
         }
-        for map in ScheduleTable::ALL {
+        for (column, &limit) in self.boost_limits.iter().enumerate() {
+            let name = schedule::boost_limit_parameter(column);
+            parameters.push(parameter(name, self.source_of_limit(column), limit, "Pa"));
+        }
+        for &map in ScheduleTable::all(schedule.strategy) {
             for cell in &self.cells {
-                let name = map.parameter(cell.row, cell.column);
+                let name = schedule.parameter(map, cell.row, cell.column);
                 parameters.push(parameter(name, self.provenance(cell, map), cell.value(map), map.unit()));
             }
         }

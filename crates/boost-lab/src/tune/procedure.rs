@@ -3,7 +3,19 @@
 //! The paper (section 6) steps the control signal at many boost pressures and engine speeds, and prints no
 //! numbers; these are the ones that the maps of this repository's controller were made with.
 
+use clap::ValueEnum;
 use serde::Serialize;
+
+/// The tuned schedule: the controller's choice between strategies, with its names there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "snake_case")]
+#[value(rename_all = "snake_case")]
+pub enum Strategy {
+    /// One virtual duty for all three valves
+    SplitRange,
+    /// The duty of the high-pressure wastegate
+    BySpeed,
+}
 
 /// The numbers of the procedure.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -29,17 +41,52 @@ pub struct Procedure {
     pub least_gain: f64,
     /// The least delay (s): the derivative and the tracking time go to 0 with it.
     pub least_delay: f64,
+    /// What the strategy `split_range` needs in addition.
+    pub split_range: Option<SplitRange>,
+}
+
+/// The procedure for a virtual duty, from which all three valves are set.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SplitRange {
+    /// The sweep where the low-pressure wastegate takes part, as virtual duties (%) with durations (s).
+    pub sweep: Vec<(f64, f64)>,
+    /// The least and the largest feedforward there at which responses are taken.
+    pub fitted_duty: (f64, f64),
+    /// The feedforward there below the reachable range: the low-pressure wastegate is fully open.
+    pub duty_below_reach: f64,
+    /// A model with a gain closer to 0 (Pa/%) is rejected: no loop is closed over a valve that does nothing.
+    pub least_fitted_gain: f64,
+    /// A model with a longer time constant (s) is rejected: it is drift.
+    pub longest_time_constant: f64,
+    /// The step of engine speed (rpm).
+    pub speed_step: f64,
+    /// How long the response to it is recorded (s).
+    pub speed_response_duration: f64,
+    /// The largest speed of the high-pressure shaft at rest (rpm).
+    pub shaft_speed_limit: f64,
+}
+
+/// The largest and the least of a sweep's fine duties (%), between which boost pressure is steep; and the last one.
+const FINE: (f64, f64) = (56.0, 27.5);
+const LAST: f64 = 20.0;
+
+/// The turbochargers settle slowly where they are fast.
+fn hold(duty: f64) -> (f64, f64) {
+    (duty, if duty < 40.0 { 30.0 } else { 15.0 })
+}
+
+/// Duties from one down to another by a step.
+fn down(from: f64, to: f64, step: f64) -> impl Iterator<Item = f64> {
+    (0..).map(move |index| from - step * f64::from(index)).take_while(move |duty| *duty >= to)
 }
 
 impl Default for Procedure {
+    /// For the strategy `by_speed`.
     fn default() -> Self {
         // Always down, so that friction in the actuator keeps its sign; in steps below 1 % where boost pressure
         // is steep.
         let coarse = [100.0, 85.0, 75.0, 70.0, 66.0, 62.0, 59.0];
-        let fine = (0..=38).map(|index| 56.0 - 0.75 * f64::from(index));
-        let duties = coarse.into_iter().chain(fine).chain([20.0]);
-        // The turbochargers settle slowly where they are fast.
-        let hold = |duty: f64| (duty, if duty < 40.0 { 30.0 } else { 15.0 });
+        let duties = coarse.into_iter().chain(down(FINE.0, FINE.1, 0.75)).chain([LAST]);
         Self {
             sweep: duties.map(hold).collect(),
             settling_duration: 30.0,
@@ -51,18 +98,90 @@ impl Default for Procedure {
             duty_below_reach: 100.0,
             least_gain: 1000.0,
             least_delay: 0.05,
+            split_range: None,
         }
     }
 }
 
 impl Procedure {
-    /// The simulated time of a sweep (s).
-    pub fn sweep_duration(&self) -> f64 {
-        self.sweep.iter().map(|(_, duration)| duration).sum()
+    /// For the strategy `split_range`, whose low-pressure wastegate is fully open at a virtual duty (%).
+    pub fn split_range(low_pressure_open: f64) -> Self {
+        // The low-pressure wastegate opens along a hyperbola: the largest duties move boost pressure least.
+        let duties = down(low_pressure_open, 76.0, 2.0)
+            .chain(down(75.0, 57.0, 1.0))
+            .chain(down(FINE.0, FINE.1, 0.75))
+            .chain([LAST]);
+        let by_speed = Self::default();
+        Self {
+            split_range: Some(SplitRange {
+                sweep: duties.map(hold).collect(),
+                fitted_duty: (by_speed.fitted_duty.0, low_pressure_open - 2.0),
+                duty_below_reach: low_pressure_open,
+                least_fitted_gain: 20.0,
+                longest_time_constant: 5.0,
+                speed_step: 25.0,
+                speed_response_duration: 5.0,
+                shaft_speed_limit: 205e3,
+            }),
+            ..by_speed
+        }
+    }
+
+    /// The range of duties, wide where the low-pressure wastegate takes part.
+    pub fn range(&self, is_wide: bool) -> Range<'_> {
+        match &self.split_range {
+            Some(wide) if is_wide => Range {
+                sweep: &wide.sweep,
+                fitted_duty: wide.fitted_duty,
+                duty_below_reach: wide.duty_below_reach,
+            },
+            _ => Range {
+                sweep: &self.sweep,
+                fitted_duty: self.fitted_duty,
+                duty_below_reach: self.duty_below_reach,
+            },
+        }
     }
 
     /// The simulated time of a point of the grid (s).
     pub fn point_duration(&self) -> f64 {
-        self.settling_duration + 2.0 * self.response_duration
+        let of_speed = self.split_range.as_ref().map_or(0.0, |split| split.speed_response_duration);
+        self.settling_duration + 2.0 * (self.response_duration + of_speed)
+    }
+}
+
+/// The duties of an engine speed.
+#[derive(Clone, Copy, Debug)]
+pub struct Range<'a> {
+    pub sweep: &'a [(f64, f64)],
+    pub fitted_duty: (f64, f64),
+    pub duty_below_reach: f64,
+}
+
+impl Range<'_> {
+    /// The simulated time of the sweep (s).
+    pub fn sweep_duration(&self) -> f64 {
+        self.sweep.iter().map(|(_, duration)| duration).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As the maps of this repository's controller were made.
+    #[test]
+    fn the_sweep_of_the_virtual_duty() {
+        let procedure = Procedure::split_range(102.15);
+        let duties: Vec<_> = procedure.range(true).sweep.iter().map(|(duty, _)| *duty).collect();
+        let near = |index: usize, duty: f64| assert!((duties[index] - duty).abs() < 1e-9, "{duties:?}");
+        // 14 by 2 %, 19 by 1 %, 39 by 0.75 %, and the last.
+        assert_eq!(duties.len(), 14 + 19 + 39 + 1);
+        for (index, duty) in
+            [(0, 102.15), (13, 76.15), (14, 75.0), (32, 57.0), (33, 56.0), (71, 27.5), (72, 20.0)]
+        {
+            near(index, duty);
+        }
+        assert_eq!(procedure.range(false).sweep, Procedure::default().range(true).sweep);
     }
 }

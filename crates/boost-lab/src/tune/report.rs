@@ -4,7 +4,7 @@ use anyhow::Result;
 use serde::Serialize;
 
 use super::bench::drawn_samples;
-use super::{Cell, CellOrigin, Point, Procedure, ScheduleTable, Sweep, Tuning};
+use super::{Cell, CellOrigin, Point, Procedure, ScheduleTable, Strategy, Sweep, Tuning};
 use crate::page::page;
 use crate::plot::{Figure, Line, Panel, color, escaped};
 
@@ -36,6 +36,9 @@ struct TuningReport<'a> {
     procedure: &'a Procedure,
     lambda: f64,
     least_duty: f64,
+    strategy: Strategy,
+    #[serde(skip_serializing_if = "<[f64]>::is_empty")]
+    boost_limits: &'a [f64],
     notes: &'a [String],
     sweeps: &'a [Sweep],
     cells: Vec<JsonCell<'a>>,
@@ -69,6 +72,8 @@ pub fn json(tuning: &Tuning<'_>) -> Result<String> {
         procedure: &tuning.task.procedure,
         lambda: tuning.task.schedule.lambda,
         least_duty: tuning.least_duty(),
+        strategy: schedule.strategy,
+        boost_limits: &tuning.boost_limits,
         notes: &tuning.notes,
         sweeps: &tuning.sweeps,
         cells: cells.collect(),
@@ -159,17 +164,22 @@ fn identified_maps(tuning: &Tuning<'_>) -> String {
             is_raised: match map {
                 ScheduleTable::Gain => cell.gain_is_raised,
                 ScheduleTable::Delay => cell.delay_is_raised,
-                ScheduleTable::Feedforward | ScheduleTable::TimeConstant => false,
+                ScheduleTable::Feedforward
+                | ScheduleTable::TimeConstant
+                | ScheduleTable::SpeedSensitivity => false,
             },
             hint: tuning.provenance(cell, map),
         })
     };
-    let maps = [
-        map("Feedforward (%)", ScheduleTable::Feedforward, 1.0, 1),
-        map("Gain <i>K<sub>p</sub></i> (kPa/%)", ScheduleTable::Gain, 1e-3, 2),
-        map("Time constant <i>T</i> (s)", ScheduleTable::TimeConstant, 1.0, 2),
-        map("Delay <i>L</i> (ms)", ScheduleTable::Delay, 1e3, 0),
-    ];
+    let maps = ScheduleTable::all(tuning.task.schedule.strategy).iter().map(|&shown| match shown {
+        ScheduleTable::Feedforward => map("Feedforward (%)", shown, 1.0, 1),
+        ScheduleTable::Gain => map("Gain <i>K<sub>p</sub></i> (kPa/%)", shown, 1e-3, 2),
+        ScheduleTable::TimeConstant => map("Time constant <i>T</i> (s)", shown, 1.0, 2),
+        ScheduleTable::Delay => map("Delay <i>L</i> (ms)", shown, 1e3, 0),
+        ScheduleTable::SpeedSensitivity => {
+            map("Sensitivity to engine speed (Pa\u{2009}s/rpm)", shown, 1.0, 1)
+        }
+    });
     let procedure = &tuning.task.procedure;
     format!(
         "<h2>The maps</h2>\n<div class=\"maps\">\n{}</div>\n<table class=\"legend\"><tr><td class=\"filled\">1.23</td>\
@@ -178,7 +188,7 @@ fn identified_maps(tuning: &Tuning<'_>) -> String {
          </tr><tr><td class=\"filled raised\">1.23</td><td>raised to the least magnitude: {} kPa/% for the gain, {} ms \
          for the delay</td></tr></table>\n<p class=\"caption\">Hover over a number to see its origin. \
          Columns are engine speeds, rows boost references.</p>\n",
-        maps.concat(),
+        maps.collect::<String>(),
         procedure.duty_above_reach,
         procedure.duty_below_reach,
         1e-3 * procedure.least_gain,

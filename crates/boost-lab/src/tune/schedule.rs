@@ -2,21 +2,25 @@
 //! identification.
 
 use anyhow::{Context, Result, bail};
+use boost_fmu::controller::variables::AllocationParameters;
 use boost_interface::Role;
 use fmu_package::terminal::number;
 use fmu_package::{FmuDescription, FmuVariable, Value, like};
 
-/// The names of the axes: engine speeds of columns, boost references of rows.
-pub(super) const ENGINE_SPEED: &str = "schedule.engine_speed";
-pub(super) const BOOST_REFERENCE: &str = "schedule.boost_reference";
+use super::procedure::Strategy;
+
 /// The controller's parameter for the desired time constant of the closed loop.
 pub(super) const LAMBDA: &str = "lambda";
 /// The controller's parameter for the least duty, below which its reference model does not go either.
 pub(super) const LEAST_DUTY: &str = "pwm_min";
 
-/// The controller's choice between strategies, and the one whose schedule this is; a controller with one strategy
-/// needs none.
-pub(super) const STRATEGY: (&str, &str) = ("strategy", "by_speed");
+/// The controller's choice between strategies; a controller with one strategy needs none.
+pub(super) const STRATEGY: &str = "strategy";
+
+/// The controller's parameter for the largest duty of the high-pressure wastegate.
+const LARGEST_DUTY: &str = "pwm_max";
+/// The controller's upper limit of the boost reference, at any engine speed.
+const BOOST_LIMIT: &str = "boost_limit";
 
 /// A map over the grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,20 +33,20 @@ pub enum ScheduleTable {
     TimeConstant,
     /// The time delay of eq. (10) (s).
     Delay,
+    /// How far boost pressure differs from rest while engine speed rises by 1 rpm/s (Pa s/rpm).
+    SpeedSensitivity,
 }
 
 impl ScheduleTable {
-    pub const ALL: [Self; 4] = [Self::Feedforward, Self::Gain, Self::TimeConstant, Self::Delay];
+    const ALL: [Self; 5] =
+        [Self::Feedforward, Self::Gain, Self::TimeConstant, Self::Delay, Self::SpeedSensitivity];
 
-    /// The controller's name for a value of the map; rows and columns count from 0 here, from 1 there.
-    pub fn parameter(self, row: usize, column: usize) -> String {
-        let map = match self {
-            Self::Feedforward => "feedforward",
-            Self::Gain => "gain",
-            Self::TimeConstant => "time_constant",
-            Self::Delay => "delay",
-        };
-        format!("schedule.{map}[{},{}]", row + 1, column + 1)
+    /// The maps of a strategy.
+    pub fn all(strategy: Strategy) -> &'static [Self] {
+        match strategy {
+            Strategy::SplitRange => &Self::ALL,
+            Strategy::BySpeed => &Self::ALL[..4],
+        }
     }
 
     /// The unit of identified values.
@@ -51,6 +55,7 @@ impl ScheduleTable {
             Self::Feedforward => "%",
             Self::Gain => "Pa/%",
             Self::TimeConstant | Self::Delay => "s",
+            Self::SpeedSensitivity => "Pa.s/rpm",
         }
     }
 }
@@ -59,6 +64,7 @@ impl ScheduleTable {
 #[derive(Clone, Debug)]
 pub struct Schedule {
     pub controller: String,
+    pub strategy: Strategy,
     /// The engine speeds of the columns (rpm), ascending.
     pub engine_speeds: Vec<f64>,
     /// The boost references of the rows (Pa), ascending.
@@ -69,28 +75,92 @@ pub struct Schedule {
     pub sample_time: f64,
     /// The desired time constant of the closed loop (s).
     pub lambda: f64,
-    /// The ranges of the maps, in the order of [`ScheduleTable::ALL`].
-    ranges: [(f64, f64); 4],
+    /// How a virtual duty moves the three valves; none for the strategy `by_speed`.
+    pub allocation: Option<Allocation>,
+    /// The ranges of the maps, in the order of [`ScheduleTable::all`].
+    ranges: Vec<(f64, f64)>,
     /// The controller's description.
     pub(super) description: FmuDescription,
 }
 
-impl Schedule {
-    pub fn built_in() -> Result<Self> {
-        Self::read(Role::Controller.description())
+/// The allocation of a controller, with the related limits.
+#[derive(Clone, Debug)]
+pub struct Allocation {
+    pub parameters: AllocationParameters,
+    /// The largest duty of the high-pressure wastegate (%).
+    pub largest_duty: f64,
+    /// The largest boost reference at any engine speed (Pa).
+    pub boost_limit: f64,
+}
+
+impl Allocation {
+    /// The parameters' names after `allocation.`, their units, and their places.
+    #[rustfmt::skip]
+    fn fields(of: &mut AllocationParameters) -> [(&'static str, &'static str, &mut f64); 11] {
+        [
+            ("low_pressure_start", "%", &mut of.low_pressure_start),
+            ("low_pressure_span", "%", &mut of.low_pressure_span),
+            ("low_pressure_shape", "1", &mut of.low_pressure_shape),
+            ("low_pressure_shut_below", "rpm", &mut of.low_pressure_shut_below),
+            ("low_pressure_free_above", "rpm", &mut of.low_pressure_free_above),
+            ("bypass_start", "%", &mut of.bypass_start),
+            ("bypass_end", "%", &mut of.bypass_end),
+            ("bypass_shut_below", "rpm", &mut of.bypass_shut_below),
+            ("bypass_free_above", "rpm", &mut of.bypass_free_above),
+            ("bypass_opening_time", "s", &mut of.bypass_opening_time),
+            ("bypass_closing_time", "s", &mut of.bypass_closing_time),
+        ]
     }
 
-    pub fn read(controller: &FmuDescription) -> Result<Self> {
-        let mut ranges = [(0.0, 0.0); 4];
-        let engine_speeds = axis(controller, ENGINE_SPEED, "rpm")?;
-        let boost_references = axis(controller, BOOST_REFERENCE, "Pa")?;
-        for (map, range) in ScheduleTable::ALL.into_iter().zip(&mut ranges) {
+    fn read(controller: &FmuDescription) -> Result<Self> {
+        let mut parameters = AllocationParameters::default();
+        for (name, unit, value) in Self::fields(&mut parameters) {
+            *value = start(parameter(controller, &format!("allocation.{name}"), unit)?)?;
+        }
+        Ok(Self {
+            parameters,
+            largest_duty: start(parameter(controller, LARGEST_DUTY, "%")?)?,
+            boost_limit: start(parameter(controller, BOOST_LIMIT, "Pa")?)?,
+        })
+    }
+
+    /// Name, value and unit of each parameter.
+    fn given(&self) -> impl Iterator<Item = (String, f64, &'static str)> {
+        let mut parameters = self.parameters;
+        let given = Self::fields(&mut parameters)
+            .map(|(name, unit, value)| (format!("allocation.{name}"), *value, unit));
+        given.into_iter()
+    }
+}
+
+impl Schedule {
+    pub fn built_in(strategy: Strategy) -> Result<Self> {
+        Self::read(Role::Controller.description(), strategy)
+    }
+
+    pub fn read(controller: &FmuDescription, strategy: Strategy) -> Result<Self> {
+        let engine_speeds = axis(controller, &in_component(strategy, ENGINE_SPEED), "rpm")?;
+        let boost_references = axis(controller, &in_component(strategy, BOOST_REFERENCE), "Pa")?;
+        let mut ranges = vec![];
+        for &map in ScheduleTable::all(strategy) {
+            let mut range = (0.0, 0.0);
             for row in 0..boost_references.len() {
                 for column in 0..engine_speeds.len() {
-                    *range = parameter(controller, &map.parameter(row, column), map.unit())?.range()?;
+                    let name = map_parameter(strategy, map, row, column);
+                    range = parameter(controller, &name, map.unit())?.range()?;
                 }
             }
+            ranges.push(range);
         }
+        let allocation = match strategy {
+            Strategy::SplitRange => {
+                for column in 0..engine_speeds.len() {
+                    parameter(controller, &boost_limit_parameter(column), "Pa")?;
+                }
+                Some(Allocation::read(controller)?)
+            }
+            Strategy::BySpeed => None,
+        };
         let start_of = |name, unit| start(parameter(controller, name, unit)?);
         parameter(controller, LEAST_DUTY, "%")?;
         let schedule = Self {
@@ -99,6 +169,8 @@ impl Schedule {
             sample_time: start_of("sample_time", "s")?,
             lambda: start_of(LAMBDA, "s")?,
             description: controller.clone(),
+            strategy,
+            allocation,
             engine_speeds,
             boost_references,
             ranges,
@@ -130,12 +202,26 @@ impl Schedule {
         Ok(self)
     }
 
-    /// The given parameters of the controller: the time constant and the grid.
+    /// The controller's name for a value of a map.
+    pub fn parameter(&self, map: ScheduleTable, row: usize, column: usize) -> String {
+        map_parameter(self.strategy, map, row, column)
+    }
+
+    /// Whether the low-pressure wastegate takes part at the engine speed of a column.
+    pub fn is_wide(&self, column: usize) -> bool {
+        self.allocation
+            .as_ref()
+            .is_some_and(|of| self.engine_speeds[column] > of.parameters.low_pressure_shut_below)
+    }
+
+    /// The given parameters of the controller: the time constant, the grid, and the allocation.
     pub(super) fn given(&self) -> Vec<(String, f64, &'static str)> {
         let axes =
             [(ENGINE_SPEED, &self.engine_speeds, "rpm"), (BOOST_REFERENCE, &self.boost_references, "Pa")];
         let mut given = vec![(LAMBDA.to_owned(), self.lambda, "s")];
+        given.extend(self.allocation.iter().flat_map(Allocation::given));
         for (axis, values, unit) in axes {
+            let axis = in_component(self.strategy, axis);
             given.extend(
                 values.iter().zip(1..).map(|(&value, index)| (format!("{axis}[{index}]"), value, unit)),
             );
@@ -150,10 +236,10 @@ impl Schedule {
     }
 
     fn check(&self) -> Result<()> {
-        for (name, values) in [(ENGINE_SPEED, &self.engine_speeds), (BOOST_REFERENCE, &self.boost_references)]
+        for (axis, values) in [(ENGINE_SPEED, &self.engine_speeds), (BOOST_REFERENCE, &self.boost_references)]
         {
             if !values.windows(2).all(|pair| pair[0] < pair[1]) {
-                bail!("the values of {name} do not ascend: {values:?}");
+                bail!("the values of {} do not ascend: {values:?}", in_component(self.strategy, axis));
             }
         }
         if self.sample_time <= 0.0 {
@@ -165,6 +251,37 @@ impl Schedule {
         }
         Ok(())
     }
+}
+
+/// The names of the axes: engine speeds of columns, boost references of rows.
+const ENGINE_SPEED: &str = "engine_speed";
+const BOOST_REFERENCE: &str = "boost_reference";
+
+/// A name within the component of a strategy's schedule.
+fn in_component(strategy: Strategy, name: &str) -> String {
+    let component = match strategy {
+        Strategy::SplitRange => "range_schedule",
+        Strategy::BySpeed => "schedule",
+    };
+    format!("{component}.{name}")
+}
+
+/// The controller's name for a value of a map; rows and columns count from 0 here, from 1 there.
+fn map_parameter(strategy: Strategy, map: ScheduleTable, row: usize, column: usize) -> String {
+    let map = match (map, strategy) {
+        (ScheduleTable::Feedforward, Strategy::SplitRange) => "virtual_duty",
+        (ScheduleTable::Feedforward, Strategy::BySpeed) => "feedforward",
+        (ScheduleTable::Gain, _) => "gain",
+        (ScheduleTable::TimeConstant, _) => "time_constant",
+        (ScheduleTable::Delay, _) => "delay",
+        (ScheduleTable::SpeedSensitivity, _) => "speed_sensitivity",
+    };
+    in_component(strategy, &format!("{map}[{},{}]", row + 1, column + 1))
+}
+
+/// The controller's name for the limit of the reference at the engine speed of a column, from 0.
+pub(super) fn boost_limit_parameter(column: usize) -> String {
+    in_component(Strategy::SplitRange, &format!("{BOOST_LIMIT}[{}]", column + 1))
 }
 
 /// The start values of `name[1]`, `name[2]` and so on.
@@ -208,18 +325,29 @@ mod tests {
 
     #[test]
     fn the_controller_of_this_repository_has_a_grid() {
-        let schedule = Schedule::built_in().unwrap();
-        assert_eq!((schedule.boost_references.len(), schedule.engine_speeds.len()), (16, 7));
-        assert_eq!(schedule.controller, "BoostController");
+        for (strategy, columns) in [(Strategy::BySpeed, 7), (Strategy::SplitRange, 12)] {
+            let schedule = Schedule::built_in(strategy).unwrap();
+            assert_eq!((schedule.boost_references.len(), schedule.engine_speeds.len()), (16, columns));
+            assert_eq!(schedule.controller, "BoostController");
+        }
     }
 
     #[test]
     fn missing_parameters_of_a_controller_are_named() {
-        let refusal = |name: &str, change: fn(&mut FmuVariable)| {
+        let refusal_of = |strategy, name: &str, change: fn(&mut FmuVariable)| {
             let mut controller = Role::Controller.description().clone();
             change(controller.variables.iter_mut().find(|variable| variable.name == name).unwrap());
-            Schedule::read(&controller).unwrap_err().to_string()
+            Schedule::read(&controller, strategy).unwrap_err().to_string()
         };
+        let refusal = |name: &str, change| refusal_of(Strategy::BySpeed, name, change);
+        for name in [
+            "range_schedule.speed_sensitivity[16,12]",
+            "range_schedule.boost_limit[1]",
+            "allocation.bypass_end",
+        ] {
+            let message = refusal_of(Strategy::SplitRange, name, |variable| variable.unit = "mV".to_owned());
+            assert!(message.starts_with(&format!("{name} is in mV, expected is ")), "{message}");
+        }
         assert_eq!(
             refusal("schedule.gain[16,7]", |variable| variable.name = "schedule.gain[17,7]".to_owned()),
             "the controller BoostController has no schedule.gain[16,7]; the nearest is schedule.gain[6,7]"
@@ -233,7 +361,8 @@ mod tests {
     #[test]
     fn a_grid_keeps_its_size_and_ascends() {
         let refusal = |speeds: &[f64]| {
-            let schedule = Schedule::built_in().unwrap().with(Some(speeds.to_vec()), None, None);
+            let schedule =
+                Schedule::built_in(Strategy::BySpeed).unwrap().with(Some(speeds.to_vec()), None, None);
             schedule.unwrap_err().to_string()
         };
         assert_eq!(refusal(&[1000.0, 2000.0]), "2 engine speeds are given; the controller has 7");
@@ -243,8 +372,9 @@ mod tests {
     /// Before hours are spent on values that the controller rejects.
     #[test]
     fn given_values_are_within_the_controllers_ranges() {
-        let with =
-            |speeds, references, lambda| Schedule::built_in().unwrap().with(speeds, references, lambda);
+        let with = |speeds, references, lambda| {
+            Schedule::built_in(Strategy::BySpeed).unwrap().with(speeds, references, lambda)
+        };
         let refusal = |speeds, references, lambda| with(speeds, references, lambda).unwrap_err().to_string();
         for lambda in [1e308, 0.0, -1.0, f64::NAN, f64::INFINITY] {
             let expected = format!("the value {} of lambda cannot be taken: ", number(lambda));

@@ -1,0 +1,118 @@
+//! The day: the schedule of the strategy `split_range`, identified at one ambient, made to hold at another.
+//!
+//! An operating point on this day is looked up at the one on the schedule's day, with the same openings of all valves,
+//! that has the same pressure ratios of the turbines and speeds of the shafts. With δ and θ the ambient pressure and
+//! temperature by those of the schedule, and Π the ratio of boost to ambient pressure:
+//!
+//! - The exhaust's temperature hardly depends on the ambient's. So equal pressure ratios of the turbines mean equal work
+//!   per mass of gas, which is that of the compressors, `c_p T (Π^((γ−1)/γ) − 1)`: the schedule's ratio follows from
+//!   `Π₀^((γ−1)/γ) − 1 = θ (Π^((γ−1)/γ) − 1)`.
+//! - All flows through turbines and wastegates are proportional to the pressures, hence to δ. The engine's is proportional to
+//!   speed, boost pressure and 1/θ, so the schedule's engine speed is `N Π / (θ Π₀)`.
+//! - At equal speeds the energy of the shafts is the same and their power proportional to δ, so that time constants are
+//!   by 1/δ longer.
+//!
+//! (Corrected quantities: Eriksson and Nielsen, Modeling and Control of Engines and Drivelines, 2014, chapter 8.)
+//!
+//! The actuator does not scale: its spring needs the same difference to ambient pressure, and paper, eq. (7), gives the
+//! chamber's absolute pressure. So the duty is the one whose chamber pressure is lower by as much as the ambient's.
+
+use fmu_export::Persistent;
+
+use super::actuator_inverse;
+use super::variables::{Inputs, Parameters};
+use crate::elementary::{larger, power};
+
+/// The least ambient pressure (Pa) and temperature (K) that are measurements: there is no road where they are lower.
+const LEAST_PRESSURE: f64 = 40e3;
+const LEAST_TEMPERATURE: f64 = 200.0;
+
+/// (γ − 1)/γ of air.
+const EXPONENT: f64 = 0.4 / 1.4;
+
+/// The least ratio of pressures to ambient: a measurement of 0 stays finite.
+const LEAST_RATIO: f64 = 0.1;
+
+/// How a day differs from the one of the schedule.
+#[derive(Clone, Copy, Debug, PartialEq, Persistent)]
+pub struct Day {
+    /// δ: ambient pressure by that of the schedule.
+    pressure_ratio: f64,
+    /// θ: ambient temperature by that of the schedule.
+    temperature_ratio: f64,
+    /// Ambient pressure (Pa).
+    ambient_pressure: f64,
+    /// How far it is below that of the schedule (Pa).
+    pressure_deficit: f64,
+}
+
+impl Default for Day {
+    /// That of any schedule.
+    fn default() -> Self {
+        Self { pressure_ratio: 1.0, temperature_ratio: 1.0, ambient_pressure: 1.0, pressure_deficit: 0.0 }
+    }
+}
+
+#[allow(clippy::float_cmp, reason = "exactly 1 without a measurement")]
+impl Day {
+    /// The day by its measurements; that of the schedule where there are none.
+    pub fn measured(parameters: &Parameters, inputs: &Inputs) -> Self {
+        let &Parameters { nominal_ambient_pressure, nominal_ambient_temperature, .. } = parameters;
+        let measured = |value, least, nominal| if value >= least { value } else { nominal };
+        let ambient_pressure = measured(inputs.ambient_pressure, LEAST_PRESSURE, nominal_ambient_pressure);
+        let temperature =
+            measured(inputs.ambient_temperature, LEAST_TEMPERATURE, nominal_ambient_temperature);
+        Self {
+            pressure_ratio: ambient_pressure / nominal_ambient_pressure,
+            temperature_ratio: temperature / nominal_ambient_temperature,
+            ambient_pressure,
+            pressure_deficit: nominal_ambient_pressure - ambient_pressure,
+        }
+    }
+
+    /// The pressure on the day of the schedule that corresponds to one on this day (Pa).
+    pub fn scheduled_pressure(&self, pressure: f64) -> f64 {
+        self.with_work(pressure, self.temperature_ratio) / self.pressure_ratio
+    }
+
+    /// The pressure on this day that corresponds to one on the day of the schedule (Pa).
+    pub fn pressure(&self, scheduled: f64) -> f64 {
+        self.with_work(scheduled * self.pressure_ratio, 1.0 / self.temperature_ratio)
+    }
+
+    /// The pressure (Pa) to which compressors of this day bring the air with a multiple of the work.
+    fn with_work(&self, pressure: f64, multiple: f64) -> f64 {
+        if multiple == 1.0 {
+            return pressure;
+        }
+        let ratio = larger(pressure / self.ambient_pressure, LEAST_RATIO);
+        let work = multiple * (power(ratio, EXPONENT) - 1.0);
+        self.ambient_pressure * larger(power(larger(1.0 + work, LEAST_RATIO), 1.0 / EXPONENT), LEAST_RATIO)
+    }
+
+    /// The factor from engine speed to that at which the schedule holds, at a pressure on its day (Pa).
+    pub fn speed_factor(&self, scheduled_pressure: f64) -> f64 {
+        if self.temperature_ratio == 1.0 {
+            return 1.0;
+        }
+        let pressure = self.pressure(scheduled_pressure) / self.pressure_ratio;
+        pressure / (self.temperature_ratio * scheduled_pressure)
+    }
+
+    /// The factor of time constants.
+    pub fn time_scale(&self) -> f64 {
+        1.0 / self.pressure_ratio
+    }
+
+    /// The duty (%) on this day that acts like one on the day of the schedule.
+    pub fn duty(&self, parameters: &Parameters, scheduled: f64) -> f64 {
+        if self.pressure_deficit == 0.0 {
+            return scheduled;
+        }
+        actuator_inverse::duty_at_lower_pressure(
+            &parameters.actuator_inverse,
+            scheduled,
+            self.pressure_deficit,
+        )
+    }
+}
