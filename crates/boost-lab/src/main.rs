@@ -11,6 +11,7 @@
 //! - [`journal`] keeps the finished parts of a long task.
 //! - [`identify`] finds parameters of the plant's actuator in measured data.
 //! - [`compare`] compares records.
+//! - [`study`] judges a controller on random plants, days and manoeuvres.
 //! - [`sweep`] runs a scenario for many values of parameters.
 //! - [`reproduce`] compares the results with the paper, figure by figure.
 //! - [`tune`] tunes the controller to a plant.
@@ -32,6 +33,7 @@ mod plot;
 mod record;
 mod reproduce;
 mod scenario;
+mod study;
 mod sweep;
 mod system;
 mod table;

@@ -189,6 +189,17 @@ impl<'a> Master<'a> {
         &self.notes
     }
 
+    /// An instance, by its name in the scenario.
+    pub fn instance(&mut self, name: &str) -> Result<&mut Instance> {
+        let coupled = self.members.iter_mut().find(|coupled| coupled.member.name == name);
+        Ok(&mut coupled.with_context(|| format!("the scenario has no FMU {name}"))?.instance)
+    }
+
+    /// What is recorded so far.
+    pub fn record(&self) -> &Record {
+        &self.recorder.record
+    }
+
     /// The current communication point (s).
     pub fn time(&self) -> f64 {
         self.scenario.start_time + f64::from(self.steps_done) * self.scenario.step

@@ -48,6 +48,7 @@ impl Times {
         }
         let mut scenario = Scenario {
             title: Some(title.to_owned()),
+            description: None,
             step,
             start_time: start,
             stop_time: stop,

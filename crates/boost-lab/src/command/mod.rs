@@ -3,7 +3,9 @@
 mod compare;
 mod identify;
 mod reproduce;
+mod show;
 mod simulate;
+mod study;
 mod sweep;
 mod tune;
 
@@ -26,8 +28,8 @@ const FMUS: &str = "target/fmu";
 /// What the process ends with.
 const EXIT_STATUSES: &str = "\
 Exit status:
-  0    it is done; `reproduce`: all statements hold
-  1    `reproduce`: a statement does not hold
+  0    it is done; `reproduce`: all statements hold; `study`: all criteria hold
+  1    `reproduce`: a statement does not hold; `study`: a criterion does not hold
   2    it could not be done, or the command line is wrong; standard error says why
   130  it was interrupted
 
@@ -47,6 +49,20 @@ enum Command {
     Simulate(Box<simulate::Arguments>),
     /// Compare records: over each other in one plot, and their differences as numbers
     Compare(compare::Arguments),
+    /// Run scenarios, and show them on one page
+    Show {
+        /// The scenarios, which docs/laboratory.md describes
+        #[arg(value_name = "SCENARIO.toml", required = true)]
+        scenarios: Vec<PathBuf>,
+        #[command(flatten)]
+        fmus: FmuArguments,
+        /// The page's title
+        #[arg(long, default_value = "Scenarios")]
+        title: String,
+        /// The page to write
+        #[arg(long, value_name = "FILE.html", default_value = "target/scenarios.html")]
+        out: PathBuf,
+    },
     /// Reproduce the paper's figures, and hold its statements against what the FMUs do
     ///
     /// Exits with 0 when all statements hold, with 1 when one does not and with 2 when an experiment cannot be
@@ -80,6 +96,10 @@ enum Command {
         #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
         threads: Option<u16>,
     },
+    /// Judge a controller on random plants, days and manoeuvres; goes on where it was interrupted
+    ///
+    /// Exits with 0 when all criteria hold, and with 1 when one does not.
+    Study(study::Arguments),
     /// Identify parameters of the plant from measured data
     Identify {
         #[command(subcommand)]
@@ -157,13 +177,17 @@ enum Identify {
     Actuator(identify::Arguments),
 }
 
-/// Runs the command. Returns false when the statements of `reproduce` do not all hold.
+/// Runs the command. Returns false when the statements of `reproduce` or the criteria of `study` do not all hold.
 pub fn run() -> Result<bool> {
     match Arguments::parse().command {
         Command::Simulate(arguments) => simulate::run(&arguments).map(|()| true),
         Command::Compare(arguments) => compare::run(&arguments).map(|()| true),
+        Command::Show { scenarios, fmus, title, out } => {
+            show::run(&scenarios, &fmus, &title, &out).map(|()| true)
+        }
         Command::Reproduce { figures, fmus, out } => reproduce::run(&fmus, &out, &figures),
         Command::Tune(arguments) => tune::run(&arguments).map(|()| true),
+        Command::Study(arguments) => study::run(&arguments),
         Command::Identify { what: Identify::Actuator(arguments) } => identify::run(arguments).map(|()| true),
         Command::Sweep { study, fmus, out, units, threads } => {
             sweep::run(&study, &fmus, &out, units, threads.map(usize::from)).map(|()| true)

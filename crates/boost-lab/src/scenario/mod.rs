@@ -23,6 +23,8 @@ pub use self::signal::Signal;
 pub struct Scenario {
     /// What the scenario is about.
     pub title: Option<String>,
+    /// More about it, below the title on a page.
+    pub description: Option<String>,
     /// The communication step (s).
     pub step: f64,
     /// When it begins (s).
@@ -153,6 +155,7 @@ impl Scenario {
         let document = Document::parse(file, text)?;
         let root = document.root();
         let title = root.title()?.map(str::to_owned);
+        let description = root.optional("description").map(|node| node.string("a text")).transpose()?;
         let start = root.optional("start_time");
         let start_time = start.map_or(Ok(0.0), |node| node.number("a time in s"))?;
         let stop = root.required("stop_time", "a time in s")?;
@@ -163,6 +166,7 @@ impl Scenario {
         let step = root.required("step", "the communication step in s")?.positive("a time above 0 in s")?;
         let mut scenario = Self {
             title,
+            description: description.map(str::to_owned),
             step,
             start_time,
             stop_time,

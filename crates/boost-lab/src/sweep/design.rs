@@ -119,8 +119,14 @@ fn read_values(name: &str, node: &Node<'_>) -> Result<Vec<Value>> {
     Ok((0..count).map(|index| Value::Real(range.at(index as f64 / (count - 1) as f64), None)).collect())
 }
 
-/// A Latin hypercube (`McKay`, Beckman and Conover, Technometrics 21, 1979): each range is cut into as many parts
-/// as there are runs, and each part is drawn from once, at a random place in it.
+/// A column of a Latin hypercube (`McKay`, Beckman and Conover, Technometrics 21, 1979): the range from 0 to 1 is cut into
+/// as many parts as there are runs, and each part is drawn from once, at a random place in it.
+pub fn latin_fractions(count: usize, generator: &mut Pcg64) -> Vec<f64> {
+    let mut parts: Vec<usize> = (0..count).collect();
+    parts.shuffle(generator);
+    parts.into_iter().map(|part| (part as f64 + generator.random::<f64>()) / count as f64).collect()
+}
+
 fn read_latin_hypercube(node: &Node<'_>) -> Result<Design> {
     let table = node.table("a table of runs, seed and ranges")?;
     let count_node = table.required("runs", "how many runs there are")?;
@@ -138,11 +144,8 @@ fn read_latin_hypercube(node: &Node<'_>) -> Result<Design> {
         let range_table = node.table("a table of from, to and spacing")?;
         let range = Range::read(&range_table)?;
         range_table.finish()?;
-        let mut parts: Vec<usize> = (0..count).collect();
-        parts.shuffle(&mut generator);
-        for (point, part) in points.iter_mut().zip(parts) {
-            let place: f64 = generator.random();
-            point.push(Some(Value::Real(range.at((part as f64 + place) / count as f64), None)));
+        for (point, fraction) in points.iter_mut().zip(latin_fractions(count, &mut generator)) {
+            point.push(Some(Value::Real(range.at(fraction), None)));
         }
     }
     table.finish()?;

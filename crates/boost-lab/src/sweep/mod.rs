@@ -4,7 +4,7 @@
 //! instances, so that runs are independent; each finished run is written to the [journal] at once, from which an
 //! interrupted study resumes. A failed run is a row of the results with the FMU's message.
 
-mod design;
+pub mod design;
 pub mod journal;
 mod measures;
 pub mod report;

@@ -1,0 +1,100 @@
+//! `show`: scenarios, one below the other on a page.
+
+use std::path::{Path, PathBuf};
+
+use crate::master::{LoadedFmus, Master, Run};
+use crate::measure::{greatest, least};
+use crate::numbers::quantity;
+use crate::page::page;
+use crate::panels;
+use crate::plot::escaped;
+use crate::record::Record;
+use crate::scenario::Scenario;
+use anyhow::{Context, Result};
+use fmu_package::terminal::print;
+use fmu_package::writing;
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
+use std::io::Write;
+
+const STYLE: &str = "
+pre { font-size: 0.8em; background: var(--shade); padding: 0.8em; overflow-x: auto; }
+";
+
+/// Runs scenarios and writes the page.
+pub fn run(paths: &[PathBuf], fmus: &super::FmuArguments, title: &str, out: &Path) -> Result<()> {
+    let mut scenarios = vec![];
+    for path in paths {
+        let mut scenario = Scenario::read(path, &fmus.folder)?;
+        fmus.give(&mut scenario).with_context(|| path.display().to_string())?;
+        writing::refuse_overlap(&[out.to_path_buf()], &fmus.inputs(&scenario))?;
+        scenarios.push((path, scenario));
+    }
+    // Each FMU is loaded once.
+    let mut loaded = LoadedFmus::default();
+    for member in scenarios.iter().flat_map(|(_, scenario)| &scenario.fmus) {
+        loaded.get(member)?;
+    }
+    let bar = super::progress_bar(scenarios.len() as u64, "{pos} of {len} scenarios")?;
+    let section = |(path, scenario): &(&PathBuf, Scenario)| {
+        let section = section(path, scenario, &mut loaded.clone());
+        bar.inc(1);
+        section.with_context(|| path.display().to_string())
+    };
+    let sections = scenarios.par_iter().map(section).collect::<Result<Vec<_>>>();
+    bar.finish_and_clear();
+    let body = format!("<h1>{}</h1>\n{}", escaped(title), sections?.concat());
+    writing::write(out, |writer| writer.write_all(page(title, STYLE, &body).as_bytes()))?;
+    Ok(print(&format!("{}\n", out.display()))?)
+}
+
+fn section(path: &Path, scenario: &Scenario, fmus: &mut LoadedFmus) -> Result<String> {
+    let run = Master::new(scenario, fmus)?.run(|_| ())?;
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let title = scenario.title.as_deref().unwrap_or(&name);
+    let figure = panels::draw(&run.record, title, scenario.panel_names().as_deref());
+    let text = fmu_package::reading::text(path)?;
+    Ok(format!(
+        "<h2 id=\"{0}\">{1}</h2>\n<p>{2}</p>\n{3}<figure>\n{4}</figure>\n<details><summary>The scenario {0}</summary>\
+         <pre>{5}</pre></details>\n",
+        escaped(&name),
+        escaped(title),
+        escaped(scenario.description.as_deref().unwrap_or_default()),
+        facts(&run),
+        figure.html(),
+        escaped(&text)
+    ))
+}
+
+/// How far boost is from its reference, how fast the shaft turns, and what the FMUs warn of, where this is recorded.
+fn facts(run: &Run) -> String {
+    let mut facts = vec![];
+    if let (Ok(reference), Ok(boost)) = (run.record.get("boost_reference"), run.record.get("boost_pressure"))
+    {
+        let distances = || boost.iter().zip(reference).map(|(boost, reference)| 1e-3 * (boost - reference));
+        facts.push(format!(
+            "Measured boost pressure is at most {} above and {} below its reference, steps of the reference included.",
+            quantity(greatest(distances()).max(0.0), "kPa"),
+            quantity((-least(distances())).max(0.0), "kPa")
+        ));
+    }
+    if let Ok(speeds) = run.record.get("hp_turbo_speed") {
+        let speed = quantity(1e-3 * greatest(speeds.iter().copied()), "krpm");
+        facts.push(format!("The high-pressure shaft turns at {speed} at most."));
+    }
+    if let Some(alarm) = alarm(&run.record) {
+        facts.push(alarm);
+    }
+    facts.extend(
+        run.warnings.iter().map(|(name, message)| format!("{}: {}", escaped(name), escaped(&message.text))),
+    );
+    format!("<ul>{}</ul>\n", facts.iter().map(|fact| format!("<li>{fact}</li>")).collect::<String>())
+}
+
+/// When the diagnosis finds something for the first time.
+fn alarm(record: &Record) -> Option<String> {
+    let codes = record.get("fault_code").ok()?;
+    Some(match codes.iter().position(|code| *code != 0.0) {
+        Some(row) => format!("fault_code is {} from {} on.", codes[row], quantity(record.time()[row], "s")),
+        None => "fault_code is 0: no alarm.".to_owned(),
+    })
+}

@@ -1,0 +1,137 @@
+//! `study`: random plants, days and manoeuvres, to results.csv and a report; whether the criteria hold.
+
+use std::path::PathBuf;
+
+use crate::journal::{Settings, digest};
+use crate::mapping::{self, NameMap};
+use crate::study::case::{Rig, Source};
+use crate::study::draw::{Cases, known_plants};
+use crate::study::{Report, Study, csv, outside};
+use anyhow::{Result, bail};
+use clap::Args;
+use fmu_package::terminal::{complain, print};
+use fmu_package::{ParameterSet, writing};
+
+const CSV: &str = "results.csv";
+const HTML: &str = "report.html";
+const JSON: &str = "report.json";
+const JOURNAL: &str = "journal.jsonl";
+
+#[derive(Args)]
+pub struct Arguments {
+    /// The plant
+    #[arg(long, value_name = "FILE.fmu", default_value = "target/fmu/BoostPlant.fmu")]
+    plant: PathBuf,
+    /// The controller
+    #[arg(long, value_name = "FILE.fmu", default_value = "target/fmu/BoostController.fmu")]
+    controller: PathBuf,
+    /// Maps for FMUs with other names and units, as `boost-fmu check --write-map` writes them
+    #[arg(long = "map", value_name = "FILE.json")]
+    maps: Vec<PathBuf>,
+    /// A plant: parameters are drawn between the plant's own values and those of each set; may be given several
+    /// times [default: the plants of this repository's parameters/]
+    #[arg(long, value_name = "FILE.ssv")]
+    parameters: Vec<PathBuf>,
+    /// The controller's strategy [default: its own]
+    #[arg(long, value_name = "NAME")]
+    strategy: Option<String>,
+    /// Another strategy of the controller, run on the same cases for comparison
+    #[arg(long, value_name = "NAME")]
+    beside: Option<String>,
+    /// How many cases there are
+    #[arg(long, value_name = "NUMBER", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    cases: u32,
+    /// Equal seeds draw equal cases
+    #[arg(long, value_name = "NUMBER", default_value_t = 1)]
+    seed: u64,
+    /// How many cases run at once [default: one on each core]
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+    /// The folder to write results.csv, report.html and report.json to, and the journal that an interrupted study
+    /// goes on from
+    #[arg(long, value_name = "DIR", default_value = "target/study")]
+    out: PathBuf,
+}
+
+/// Runs the study, or what is left of it. Returns whether the criteria hold.
+pub fn run(arguments: &Arguments) -> Result<bool> {
+    let out = &arguments.out;
+    let outputs = [CSV, HTML, JSON, JOURNAL].map(|name| out.join(name));
+    let inputs = [&arguments.plant, &arguments.controller].into_iter().chain(&arguments.maps);
+    let inputs: Vec<_> = inputs.chain(&arguments.parameters).cloned().collect();
+    super::refuse_overlap(out, &outputs, &inputs)?;
+    let mut sources =
+        [&arguments.plant, &arguments.controller].map(|file| Source { file: file.clone(), map: None });
+    for path in &arguments.maps {
+        let map = NameMap::read(path)?;
+        let mut is_taken = false;
+        for source in &mut sources {
+            if fmu_package::FmuDescription::read(&source.file)?.attribute("modelName") == map.fmu {
+                source.map = Some(map.clone());
+                is_taken = true;
+            }
+        }
+        if !is_taken {
+            bail!("the map {} is for the FMU {}, which takes no part", path.display(), map.fmu);
+        }
+    }
+    let sets = match arguments.parameters.as_slice() {
+        [] => known_plants()?,
+        paths => paths.iter().map(|path| ParameterSet::read(path)).collect::<Result<_, _>>()?,
+    };
+
+    let mut settings = Settings::new();
+    for (name, source) in ["plant", "controller"].iter().zip(&sources) {
+        settings.insert(format!("SHA-256 of the {name}'s file"), digest(&source.file)?);
+        settings.insert(
+            format!("{name}'s map"),
+            source.map.as_ref().map(mapping::setting).transpose()?.unwrap_or_default(),
+        );
+    }
+    for (index, set) in sets.iter().enumerate() {
+        settings.insert(format!("parameter set {}", index + 1), format!("{set:?}"));
+    }
+    settings.insert("cases".into(), arguments.cases.to_string());
+    settings.insert("seed".into(), arguments.seed.to_string());
+    settings.insert("strategies".into(), format!("{:?}, {:?}", arguments.strategy, arguments.beside));
+
+    let [plant, controller] = sources;
+    let mut rig = Rig::new(plant, controller, arguments.seed)?;
+    let cases = Cases::draw(rig.plant.description(), &sets, arguments.cases as usize, arguments.seed)?;
+    rig.load(&cases.case(0))?;
+    for note in &cases.notes {
+        complain(&format!("note: {note}"));
+    }
+    let strategies = [Some(arguments.strategy.clone())]
+        .into_iter()
+        .chain(arguments.beside.clone().map(|name| Some(Some(name))));
+    let study = Study { rig, cases, strategies: strategies.flatten().collect() };
+    super::make_folder(out)?;
+    let (journal, finished) = study.open_journal(&out.join(JOURNAL), &settings)?;
+    if !finished.is_empty() {
+        print(&format!("{} of {} cases are in the journal\n", finished.len(), study.cases.len()))?;
+    }
+    let available = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let threads = arguments.threads.map_or(available, usize::from);
+    let bar = super::progress_bar(study.cases.len() as u64, "{pos} of {len} cases")?
+        .with_position(finished.len() as u64);
+    let outcomes = study.run(&journal, finished, threads, || bar.inc(1));
+    bar.finish_and_clear();
+    let outcomes = outcomes?;
+    for outcome in &outcomes {
+        if let Some(error) = &outcome.runs[0].error {
+            complain(&format!("case {}: {error}", outcome.case));
+        }
+    }
+    let bar = super::progress_bar(outside(&outcomes).len() as u64, "{pos} of {len} cases explained")?;
+    let explained = study.explain(&outcomes, threads, || bar.inc(1));
+    bar.finish_and_clear();
+    let explained = explained?;
+
+    let report = Report { study: &study, outcomes: &outcomes, explained: &explained };
+    writing::write(&out.join(CSV), |writer| csv(&report, writer))?;
+    print(&format!("{}\n", out.join(CSV).display()))?;
+    super::write(out, [(HTML, report.html()), (JSON, report.json()?)])?;
+    print(&report.text())?;
+    Ok(report.passes())
+}

@@ -1,0 +1,338 @@
+//! A case in closed loop, held against the reachable reference.
+//!
+//! The reachable reference is a band. Its edges are the reference itself, cut off where the plant cannot hold it at rest
+//! ([`Reach`]); after each step of the reference and from each ramp's begin on, no control is asked to be faster than the
+//! plant with its valves at their stops, which is tried on the plant itself, from its state in that moment. On its way
+//! from one reference to the next the pressure may be anywhere between, until [`ALLOWANCE`] after the fastest plant has
+//! arrived.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use boost_interface::NameMap;
+use serde::{Deserialize, Serialize};
+
+use super::draw::{Case, Event, SETTLING, STEP};
+use super::reach::{OPEN, OpenLoop, Reach, SHUT, VALVES};
+use crate::importer::Fmu;
+use crate::mapping;
+use crate::master::{LoadedFmus, Master};
+use crate::measure::{greatest, least};
+use crate::record::Record;
+use crate::scenario::{Scenario, Signal};
+
+/// How much later than the fastest plant a controlled one arrives (s): five times the controller's `lambda`, the time
+/// constant that is asked for.
+const ALLOWANCE: f64 = 1.5;
+/// Overshoot is looked for after a step (s), until the next event.
+const OVERSHOOT_WITHIN: f64 = 3.0;
+
+/// What is recorded of each case, where the FMUs have it.
+const RECORDED: [&str; 11] = [
+    "boost_reference",
+    "boost_pressure",
+    "engine_speed",
+    "hp_wastegate_pwm",
+    "lp_wastegate",
+    "hp_bypass",
+    SHAFT,
+    FLOWS[0],
+    FLOWS[1],
+    ALARM,
+    "supply_voltage_measured",
+];
+const BOOST: &str = "boost_pressure";
+pub const SHAFT: &str = "hp_turbo_speed";
+/// Backwards, and so negative, where a compressor surges.
+const FLOWS: [&str; 2] = ["hp_compressor.mass_flow", "lp_compressor.mass_flow"];
+const ALARM: &str = "fault_code";
+
+/// The names that the FMUs have.
+pub struct Names {
+    plant_inputs: Vec<String>,
+    inputs: Vec<String>,
+    recorded: Vec<&'static str>,
+    has_shaft: bool,
+}
+
+impl Names {
+    fn new(plant: &Fmu, controller: &Fmu) -> Self {
+        let names = |fmu: &Fmu, of| fmu.names(of).map(str::to_owned).collect::<Vec<_>>();
+        let plant_inputs = names(plant, "input");
+        let inputs = [plant_inputs.clone(), names(controller, "input")].concat();
+        let is_known =
+            |name: &&str| [plant, controller].iter().any(|fmu| fmu.description().variable(name).is_some());
+        let recorded = RECORDED.into_iter().filter(is_known).collect();
+        let has_shaft = plant.names("output").any(|name| name == SHAFT);
+        Self { plant_inputs, inputs, recorded, has_shaft }
+    }
+
+    pub fn plant_has_input(&self, name: &str) -> bool {
+        self.plant_inputs.iter().any(|known| known == name)
+    }
+
+    /// The variable of the shaft's speed.
+    pub fn shaft(&self) -> Option<&'static str> {
+        self.has_shaft.then_some(SHAFT)
+    }
+}
+
+/// An FMU's file, and its map if it has other names.
+#[derive(Clone)]
+pub struct Source {
+    pub file: PathBuf,
+    pub map: Option<NameMap>,
+}
+
+/// The FMUs of a study.
+pub struct Rig {
+    sources: [Source; 2],
+    fmus: LoadedFmus,
+    pub plant: Arc<Fmu>,
+    pub controller: Arc<Fmu>,
+    pub names: Names,
+    pub seed: u64,
+    saves_states: bool,
+}
+
+/// A closed loop and the band that it is held against.
+pub struct Simulated {
+    pub record: Record,
+    /// The edges of the reachable reference at each row (Pa).
+    pub lower: Vec<f64>,
+    pub upper: Vec<f64>,
+    /// Communication points in which something begins.
+    pub events: Vec<usize>,
+}
+
+/// The numbers of a case.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measures {
+    /// The largest distance from the reachable reference after the settling (Pa).
+    pub deviation: f64,
+    /// When (s).
+    pub deviation_time: f64,
+    /// Whether boost is too high there.
+    pub is_above: bool,
+    /// The largest overshoot over steps of the reference (Pa).
+    pub overshoot: f64,
+    /// The high-pressure shaft's greatest speed at rest, and otherwise (rpm).
+    pub shaft_at_rest: Option<f64>,
+    pub shaft_in_transients: Option<f64>,
+    /// The least flow of a compressor (kg/s).
+    pub least_flow: Option<f64>,
+    /// The greatest `fault_code`.
+    pub alarm: Option<f64>,
+}
+
+/// How fast a plant can be from a moment on.
+struct Fastest {
+    event: Event,
+    first: usize,
+    /// Boost pressure after each step from `first` on, with the valves shut and open.
+    up: Vec<f64>,
+    down: Vec<f64>,
+}
+
+/// The communication point of a time.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // small and positive
+pub fn point(time: f64) -> usize {
+    (time / STEP).round() as usize
+}
+
+impl Rig {
+    pub fn new(plant: Source, controller: Source, seed: u64) -> Result<Self> {
+        let [plant_fmu, controller_fmu] =
+            [&plant, &controller].map(|source| mapping::open(&source.file, source.map.as_ref()));
+        let (plant_fmu, controller_fmu) = (plant_fmu?, controller_fmu?);
+        for name in ["hp_wastegate_pwm", "engine_speed"] {
+            let is_input = plant_fmu.names("input").any(|known| known == name);
+            anyhow::ensure!(is_input, "{} has no input {name}", plant.file.display());
+        }
+        anyhow::ensure!(
+            plant_fmu.names("output").any(|known| known == BOOST),
+            "{} has no output {BOOST}",
+            plant.file.display()
+        );
+        Ok(Self {
+            names: Names::new(&plant_fmu, &controller_fmu),
+            saves_states: plant_fmu.description().has_capability("canGetAndSetFMUstate"),
+            plant: plant_fmu,
+            controller: controller_fmu,
+            sources: [controller, plant],
+            fmus: LoadedFmus::default(),
+            seed,
+        })
+    }
+
+    /// Loads both FMUs once for all cases.
+    pub fn load(&mut self, case: &Case) -> Result<()> {
+        let scenario = self.scenario(case, None)?;
+        for member in &scenario.fmus {
+            self.fmus.get(member)?;
+        }
+        Ok(())
+    }
+
+    /// Whether the plant can be tried from its state in a moment.
+    pub fn saves_states(&self) -> bool {
+        self.saves_states
+    }
+
+    /// A case as the text of a scenario.
+    pub fn text(&self, case: &Case, strategy: Option<&str>) -> String {
+        let has_input = |name: &str| self.names.inputs.iter().any(|known| known == name);
+        case.scenario(strategy, has_input, &self.names.recorded, self.seed)
+    }
+
+    pub fn scenario(&self, case: &Case, strategy: Option<&str>) -> Result<Scenario> {
+        let none = std::path::Path::new("");
+        let name = format!("case {}", case.number);
+        let mut scenario = Scenario::parse(&name, &self.text(case, strategy), none, none)?;
+        for (member, source) in scenario.fmus.iter_mut().zip(&self.sources) {
+            member.file.clone_from(&source.file);
+            member.map.clone_from(&source.map);
+        }
+        Ok(scenario)
+    }
+
+    /// The closed loop from the start to a communication point.
+    pub fn run_to<'a>(&self, scenario: &'a Scenario, end: usize) -> Result<Master<'a>> {
+        let mut master = Master::new(scenario, &mut self.fmus.clone())?;
+        master.initialize()?;
+        for _ in 0..end {
+            master.step()?;
+        }
+        Ok(master)
+    }
+
+    /// Runs a case, with a strategy of the controller.
+    pub fn simulate(&self, case: &Case, reach: &Reach, strategy: Option<&str>) -> Result<Simulated> {
+        let scenario = self.scenario(case, strategy)?;
+        let mut events = case.events.clone();
+        events.sort_by(|a, b| a.begin.total_cmp(&b.begin));
+        let begins: Vec<_> = events.iter().map(|event| point(event.begin)).collect();
+        let steps = scenario.steps as usize;
+        let mut fastest: Vec<Fastest> = vec![];
+        let mut master = self.run_to(&scenario, 0)?;
+        for index in 0..steps {
+            if let Some(position) = begins.iter().position(|&begin| begin == index) {
+                let last = begins.get(position + 1).copied().unwrap_or(steps);
+                fastest.push(self.fastest(case, events[position], &mut master, (index, last))?);
+            }
+            master.step()?;
+        }
+        let (lower, upper) = band(case, reach, &fastest, steps);
+        Ok(Simulated { record: master.record().clone(), lower, upper, events: begins })
+    }
+
+    fn fastest(
+        &self,
+        case: &Case,
+        event: Event,
+        master: &mut Master<'_>,
+        (first, last): (usize, usize),
+    ) -> Result<Fastest> {
+        let mut fastest = Fastest { event, first, up: vec![], down: vec![] };
+        if self.saves_states {
+            let mut plant = OpenLoop::new(master.instance("plant")?, &self.plant, case, &self.names)?;
+            let reference = |row: usize| case.reference.at(row as f64 * STEP);
+            fastest.up = plant.fastest(SHUT, first, last, |row, pressure| pressure >= reference(row))?;
+            fastest.down = plant.fastest(OPEN, first, last, |row, pressure| pressure <= reference(row))?;
+        }
+        Ok(fastest)
+    }
+}
+
+/// The edges of the reachable reference at each row.
+fn band(case: &Case, reach: &Reach, fastest: &[Fastest], steps: usize) -> (Vec<f64>, Vec<f64>) {
+    let row = |row: usize| {
+        let time = row as f64 * STEP;
+        let speed = case.engine_speed.at(time);
+        let (highest, lowest) = (reach.highest(speed), reach.lowest(speed));
+        let edges = |reference: f64| (reference.min(highest), reference.max(lowest));
+        let (mut lower, mut upper) = edges(case.reference.at(time));
+        let Some(Fastest { event, first, up, down }) = fastest.iter().rfind(|fastest| fastest.first <= row)
+        else {
+            return (lower, upper);
+        };
+        if event.is_step {
+            let before = case.reference.at(event.begin - 0.5 * STEP);
+            let arrival = if case.reference.at(event.begin) > before { up.len() } else { down.len() };
+            if row <= first + arrival + point(ALLOWANCE) {
+                let (old_lower, old_upper) = edges(before);
+                (lower, upper) = (lower.min(old_lower), upper.max(old_upper));
+            }
+        }
+        let at =
+            |pressures: &[f64]| row.checked_sub(first + 1).and_then(|index| pressures.get(index).copied());
+        (lower.min(at(up).unwrap_or(f64::INFINITY)), upper.max(at(down).unwrap_or(f64::NEG_INFINITY)))
+    };
+    (0..=steps).map(row).unzip()
+}
+
+impl Simulated {
+    /// The distance from the band at a row, and whether it is above (Pa).
+    pub fn distance(&self, row: usize, pressure: f64) -> (f64, bool) {
+        let (below, above) = (self.lower[row] - pressure, pressure - self.upper[row]);
+        // Not a number stays one.
+        if below > above {
+            (if below < 0.0 { 0.0 } else { below }, false)
+        } else {
+            (if above < 0.0 { 0.0 } else { above }, true)
+        }
+    }
+
+    pub fn boost(&self) -> Result<&[f64]> {
+        self.record.get(BOOST)
+    }
+
+    /// The valves that acted in the communication step of an index.
+    pub fn valves(&self, index: usize) -> [f64; 3] {
+        VALVES.map(|(name, _)| self.record.get(name).map_or(0.0, |values| values[index + 1]))
+    }
+
+    pub fn measures(&self, case: &Case) -> Result<Measures> {
+        let boost = self.boost()?;
+        anyhow::ensure!(boost.iter().all(|value| value.is_finite()), "boost_pressure is not finite");
+        let times = self.record.time();
+        let judged = (point(SETTLING)..boost.len()).map(|row| (row, self.distance(row, boost[row])));
+        let worst = judged.max_by(|(_, a), (_, b)| a.0.total_cmp(&b.0)).context("the case is empty")?;
+        let (row, (deviation, is_above)) = worst;
+        let of = |name: &str, is_meant: &dyn Fn(f64) -> bool| {
+            let values = self.record.get(name).ok()?.iter().zip(times);
+            Some(values.filter(|(_, time)| is_meant(**time)).map(|(value, _)| *value).collect::<Vec<_>>())
+        };
+        let flows: Vec<_> = FLOWS.iter().filter_map(|name| of(name, &|_| true)).flatten().collect();
+        Ok(Measures {
+            deviation,
+            deviation_time: times[row],
+            is_above,
+            overshoot: self.overshoot(case, boost),
+            shaft_at_rest: of(SHAFT, &|time| case.is_at_rest(time)).map(greatest),
+            shaft_in_transients: of(SHAFT, &|time| !case.is_at_rest(time)).map(greatest),
+            least_flow: (!flows.is_empty()).then(|| least(flows)),
+            alarm: of(ALARM, &|_| true).map(greatest),
+        })
+    }
+
+    /// The largest overshoot over the new reference, in the direction of the step, or over what can be reached of it.
+    fn overshoot(&self, case: &Case, boost: &[f64]) -> f64 {
+        let Signal::Steps(steps) = &case.reference else { return 0.0 };
+        let overshoot = steps.windows(2).map(|pair| {
+            let ((_, before), (begin, after)) = (pair[0], pair[1]);
+            let first = point(begin);
+            let next = self.events.iter().find(|&&event| event > first).copied().unwrap_or(boost.len());
+            let rows = first..next.min(first + point(OVERSHOOT_WITHIN)).min(boost.len());
+            greatest(rows.map(|row| {
+                if after > before {
+                    boost[row] - self.upper[row].max(after)
+                } else {
+                    self.lower[row].min(after) - boost[row]
+                }
+            }))
+        });
+        greatest(overshoot).max(0.0)
+    }
+}

@@ -1,0 +1,83 @@
+//! What a study is judged by: every bound stands here, and nowhere else.
+
+use serde::Serialize;
+
+use super::case::Measures;
+
+/// This share of the cases must stay within [`NEAR`] of the reachable reference.
+pub const SHARE_NEAR: f64 = 0.95;
+/// A deviation that a driver does not feel: twice the 1 kPa of the paper's Figs. 13 and 14 (Pa).
+pub const NEAR: f64 = 2e3;
+/// No case may deviate by more; the paper's bound for steps of its Fig. 13 (Pa).
+pub const FAR: f64 = 5e3;
+/// No shaft may be faster at rest; 5 krpm above what the controller's limits aim at (rpm).
+pub const FASTEST_AT_REST: f64 = 210e3;
+
+/// A criterion with the study's result.
+#[derive(Clone, Debug, Serialize)]
+pub struct Criterion {
+    pub name: &'static str,
+    /// What is asked for.
+    pub asked: String,
+    /// What was found; none where the FMUs do not tell.
+    pub found: Option<String>,
+    pub holds: bool,
+}
+
+/// Judges the cases of a study. A case that could not be run fails.
+pub fn judge(cases: &[Option<&Measures>]) -> Vec<Criterion> {
+    let run: Vec<_> = cases.iter().flatten().collect();
+    let share = |count: usize| count as f64 / cases.len().max(1) as f64;
+    let near = run.iter().filter(|measures| measures.deviation <= NEAR).count();
+    let beyond = cases.len() - run.iter().filter(|measures| measures.deviation <= FAR).count();
+    let worst = greatest(run.iter().map(|measures| Some(measures.deviation)));
+    let criterion = |name, asked, found, holds| Criterion { name, asked, found, holds };
+    let count = |name, is_bad: fn(&Measures) -> Option<bool>| {
+        let known: Vec<_> = run.iter().filter_map(|measures| is_bad(measures)).collect();
+        let bad = known.iter().filter(|bad| **bad).count();
+        let found = (!known.is_empty()).then(|| format!("{bad} of {}", known.len()));
+        criterion(name, "none".to_owned(), found, bad == 0)
+    };
+    vec![
+        criterion(
+            "cases that ran",
+            "all".to_owned(),
+            Some(format!("{} of {}", run.len(), cases.len())),
+            run.len() == cases.len(),
+        ),
+        criterion(
+            "cases within 2 kPa of the reachable reference",
+            format!("at least {:.0} %", 100.0 * SHARE_NEAR),
+            Some(format!("{:.1} %", 100.0 * share(near))),
+            share(near) >= SHARE_NEAR,
+        ),
+        criterion(
+            "cases beyond 5 kPa",
+            "none".to_owned(),
+            Some(format!("{beyond}; the worst deviates by {:.2} kPa", 1e-3 * worst.unwrap_or(f64::NAN))),
+            beyond == 0,
+        ),
+        count("cases with a shaft above 210 krpm at rest", |measures| {
+            measures.shaft_at_rest.map(|speed| speed > FASTEST_AT_REST)
+        }),
+        count("cases with a compressor in surge", |measures| measures.least_flow.map(|flow| flow < 0.0)),
+        count("cases with an alarm", |measures| measures.alarm.map(|code| code != 0.0)),
+    ]
+}
+
+/// Whether a case is shown one by one: it breaks a bound, or is among those beyond [`NEAR`].
+pub fn is_outside(measures: &Measures) -> bool {
+    measures.deviation.is_nan() || measures.deviation > NEAR || is_failed(measures)
+}
+
+/// Whether a case alone makes a study fail.
+pub fn is_failed(measures: &Measures) -> bool {
+    !(measures.deviation <= FAR)
+        || measures.shaft_at_rest.is_some_and(|speed| speed > FASTEST_AT_REST)
+        || measures.least_flow.is_some_and(|flow| flow < 0.0)
+        || measures.alarm.is_some_and(|code| code != 0.0)
+}
+
+pub fn greatest(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+    values.flatten().max_by(f64::total_cmp)
+}

@@ -1,0 +1,159 @@
+//! The study of a controller on random plants, days and manoeuvres, which it passes or fails.
+//!
+//! - [`draw`] draws the cases from a Latin hypercube.
+//! - [`reach`] finds what a case's plant can do at all.
+//! - [`case`] runs a case in closed loop and measures how far it is from what can be reached.
+//! - [`criteria`] judges the measures.
+//! - [`optimum`] searches for the best control of a case around its worst moment.
+//! - [`report`] writes the results.
+//!
+//! Each finished case is written to the [journal](crate::journal) at once, from which an interrupted study resumes.
+
+pub mod case;
+pub mod criteria;
+pub mod draw;
+mod optimum;
+mod reach;
+mod report;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
+use serde::{Deserialize, Serialize};
+
+use self::case::{Measures, Rig, Simulated};
+use self::draw::{Case, Cases};
+use self::optimum::Optimum;
+use self::reach::Reach;
+use crate::importer::ONLY_ONCE;
+use crate::journal::{Journal, Settings};
+
+pub use self::report::{Report, csv};
+
+/// Cases outside the criteria that are explained one by one: more say that something is wrong altogether.
+const MOST_EXPLAINED: usize = 40;
+
+/// A study: its FMUs, its cases, and the strategies of the controller that they are run with.
+pub struct Study {
+    pub rig: Rig,
+    pub cases: Cases,
+    /// The first is judged; none is the controller's own.
+    pub strategies: Vec<Option<String>>,
+}
+
+/// A finished case.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Outcome {
+    pub case: usize,
+    /// One for each strategy.
+    pub runs: Vec<Run>,
+}
+
+/// A case with a strategy.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Run {
+    /// The message of a run that failed.
+    pub error: Option<String>,
+    pub measures: Option<Measures>,
+}
+
+/// A case outside the criteria, with its traces and what could have been done.
+pub struct Explained {
+    pub case: Case,
+    pub measures: Measures,
+    pub simulated: Simulated,
+    /// None where the plant cannot save its state.
+    pub optimum: Option<Optimum>,
+}
+
+impl Study {
+    /// Opens the journal, and takes the finished cases from it.
+    pub fn open_journal(
+        &self,
+        path: &Path,
+        settings: &Settings,
+    ) -> Result<(Journal, BTreeMap<usize, Outcome>)> {
+        let (journal, finished) = Journal::open::<Outcome>(path, settings)?;
+        Ok((journal, finished.into_iter().map(|outcome| (outcome.case, outcome)).collect()))
+    }
+
+    /// Runs the cases that are not finished, on so many threads; `progress` is called after each.
+    pub fn run(
+        &self,
+        journal: &Journal,
+        mut finished: BTreeMap<usize, Outcome>,
+        threads: usize,
+        progress: impl Fn() + Sync,
+    ) -> Result<Vec<Outcome>> {
+        let pending: Vec<_> = (0..self.cases.len()).filter(|case| !finished.contains_key(case)).collect();
+        let outcomes: Vec<Outcome> = self.pool(threads)?.install(|| {
+            let run = |number| {
+                let outcome = self.run_one(number);
+                journal.write(&outcome)?;
+                progress();
+                Ok::<_, anyhow::Error>(outcome)
+            };
+            pending.into_par_iter().map(run).collect::<Result<_>>()
+        })?;
+        finished.extend(outcomes.into_iter().map(|outcome| (outcome.case, outcome)));
+        Ok(finished.into_values().collect())
+    }
+
+    fn pool(&self, threads: usize) -> Result<rayon::ThreadPool> {
+        let is_single = |fmu: &crate::importer::Fmu| fmu.description().has_capability(ONLY_ONCE);
+        let threads = if is_single(&self.rig.plant) || is_single(&self.rig.controller) { 1 } else { threads };
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("no threads")
+    }
+
+    fn run_one(&self, number: usize) -> Outcome {
+        let case = self.cases.case(number);
+        let reach = Reach::of(&case, &self.rig.plant, &self.rig.names);
+        let run = |strategy: &Option<String>| {
+            let reach = reach.as_ref().map_err(|error| anyhow::anyhow!("{error:#}"))?;
+            self.rig.simulate(&case, reach, strategy.as_deref())?.measures(&case)
+        };
+        let runs = self.strategies.iter().map(|strategy| match run(strategy) {
+            Ok(measures) => Run { error: None, measures: Some(measures) },
+            Err(error) => Run { error: Some(format!("{error:#}")), measures: None },
+        });
+        Outcome { case: number, runs: runs.collect() }
+    }
+
+    /// Explains the cases outside the criteria, the worst first.
+    pub fn explain(
+        &self,
+        outcomes: &[Outcome],
+        threads: usize,
+        progress: impl Fn() + Sync,
+    ) -> Result<Vec<Explained>> {
+        let mut outside = outside(outcomes);
+        outside.truncate(MOST_EXPLAINED);
+        self.pool(threads)?.install(|| {
+            let explain = |(number, measures): &(usize, Measures)| {
+                let case = self.cases.case(*number);
+                let strategy = self.strategies[0].as_deref();
+                let reach = Reach::of(&case, &self.rig.plant, &self.rig.names)?;
+                let simulated = self.rig.simulate(&case, &reach, strategy)?;
+                let optimum = if self.rig.saves_states() {
+                    Some(optimum::search(&self.rig, &case, strategy, &simulated, measures)?)
+                } else {
+                    None
+                };
+                progress();
+                Ok(Explained { case, measures: measures.clone(), simulated, optimum })
+            };
+            outside.par_iter().map(explain).collect()
+        })
+    }
+}
+
+/// The cases outside the criteria with the strategy that is judged, the worst first.
+pub fn outside(outcomes: &[Outcome]) -> Vec<(usize, Measures)> {
+    let measures = |outcome: &Outcome| Some((outcome.case, outcome.runs.first()?.measures.clone()?));
+    let mut outside: Vec<_> =
+        outcomes.iter().filter_map(measures).filter(|(_, measures)| criteria::is_outside(measures)).collect();
+    outside.sort_by(|(_, a), (_, b)| b.deviation.total_cmp(&a.deviation));
+    outside
+}

@@ -1,0 +1,159 @@
+//! What a control could have done that knew everything: the plant of a case, taken out of its loop shortly before its worst
+//! moment, with the movements of all valves searched for that keep boost nearest to the reachable reference.
+//!
+//! The search is direct: corrections of what the controller commanded, with lines between a few nodes, by an evolution
+//! strategy with one parent whose step widens with success and narrows without (Rechenberg's (1+1)-ES). What it finds can
+//! be done; the true optimum may be better.
+
+use anyhow::{Context, Result};
+use rand::{RngExt, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64;
+
+use super::case::{Measures, Rig, SHAFT, Simulated, point};
+use super::criteria::FASTEST_AT_REST;
+use super::draw::{Case, STEP};
+use super::reach::{OpenLoop, VALVES, Valves};
+use crate::measure::greatest;
+
+/// The window around the worst moment (s): from the event before, but at least and at most so long before, to after it.
+const AT_LEAST_BEFORE: f64 = 1.0;
+const AT_MOST_BEFORE: f64 = 2.5;
+const AFTER: f64 = 0.5;
+/// Nodes of the corrections.
+const NODES: usize = 6;
+const TRIALS: usize = 300;
+/// How a trial's step widens with success and narrows without, between bounds, in shares of a valve's range.
+const WIDER: f64 = 1.3;
+const NARROWER: f64 = 0.96;
+const WIDTHS: (f64, f64, f64) = (0.01, 0.2, 0.6);
+/// The share of the corrections that a trial changes.
+const CHANGED: f64 = 0.3;
+
+/// The best that was found.
+pub struct Optimum {
+    pub times: Vec<f64>,
+    pub boost: Vec<f64>,
+    pub shaft: Vec<f64>,
+    pub valves: Vec<Valves>,
+    /// The largest deviation in the window (Pa), also of the closed loop.
+    pub deviation: f64,
+    pub closed_loop: f64,
+}
+
+type Corrections = [[f64; NODES]; 3];
+
+/// Searches for the best control of a case around its worst moment.
+pub fn search(
+    rig: &Rig,
+    case: &Case,
+    strategy: Option<&str>,
+    simulated: &Simulated,
+    measures: &Measures,
+) -> Result<Optimum> {
+    let worst = point(measures.deviation_time);
+    let event = simulated.events.iter().rfind(|&&event| event <= worst).copied().unwrap_or(0);
+    let earliest = worst.saturating_sub(point(AT_MOST_BEFORE));
+    let first = event.min(worst.saturating_sub(point(AT_LEAST_BEFORE))).max(earliest);
+    let last = (worst + point(AFTER)).min(simulated.lower.len() - 1);
+    let scenario = rig.scenario(case, strategy)?;
+    let mut master = rig.run_to(&scenario, first)?;
+    let mut plant = OpenLoop::new(master.instance("plant")?, &rig.plant, case, &rig.names)?;
+    let saved = plant.instance().save()?;
+
+    let boost = simulated.boost()?;
+    let closed_loop = greatest((first + 1..=last).map(|row| simulated.distance(row, boost[row]).0));
+    let own_shaft =
+        simulated.record.get(SHAFT).map_or(0.0, |speeds| greatest(speeds[first..=last].iter().copied()));
+    let shaft_limit = own_shaft.max(FASTEST_AT_REST);
+    let mut attempt = |corrections: &Corrections| -> Result<(f64, Optimum)> {
+        plant.instance().restore(&saved)?;
+        let mut found = Optimum {
+            times: vec![],
+            boost: vec![],
+            shaft: vec![],
+            valves: vec![],
+            deviation: 0.0,
+            closed_loop,
+        };
+        let (mut sum, mut excess): (f64, f64) = (0.0, 0.0);
+        for index in first..last {
+            let valves = corrected(
+                corrections,
+                (index - first) as f64 / (last - first) as f64,
+                simulated.valves(index),
+            );
+            let measured = plant.step(index, valves)?;
+            let distance = simulated.distance(index + 1, measured.boost).0;
+            found.deviation = found.deviation.max(distance);
+            sum += distance;
+            excess = excess.max(measured.shaft - shaft_limit);
+            found.times.push((index + 1) as f64 * STEP);
+            found.boost.push(measured.boost);
+            found.shaft.push(measured.shaft);
+            found.valves.push(valves);
+        }
+        // 1 Pa for each rpm beyond the limit keeps the shaft below it; the mean decides between equal peaks.
+        Ok((found.deviation + excess + 0.01 * sum / (last - first) as f64, found))
+    };
+
+    let mut best: Option<(f64, Optimum, Corrections)> = None;
+    // What the controller did, and all valves at a stop.
+    for start in [0.0, -1.0, 1.0] {
+        let corrections = [[start; NODES]; 3];
+        let (cost, found) = attempt(&corrections)?;
+        if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
+            best = Some((cost, found, corrections));
+        }
+    }
+    let (mut least, mut optimum, mut corrections) = best.context("nothing was tried")?;
+    let mut generator = Pcg64::seed_from_u64(case.number as u64);
+    let (narrowest, mut width, widest) = WIDTHS;
+    for _ in 0..TRIALS {
+        let mut trial = corrections;
+        for value in trial.iter_mut().flatten() {
+            if generator.random::<f64>() < CHANGED {
+                let normal: f64 = StandardNormal.sample(&mut generator);
+                *value = (*value + width * normal).clamp(-1.0, 1.0);
+            }
+        }
+        let (cost, found) = attempt(&trial)?;
+        if cost < least {
+            (least, optimum, corrections) = (cost, found, trial);
+            width = (width * WIDER).min(widest);
+        } else {
+            width = (width * NARROWER).max(narrowest);
+        }
+    }
+    Ok(optimum)
+}
+
+/// The valves at a share of the window, corrected and within their ranges.
+fn corrected(corrections: &Corrections, share: f64, own: Valves) -> Valves {
+    let place = share * (NODES - 1) as f64;
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // from 0 to the number of nodes
+    let node = (place as usize).min(NODES - 2);
+    let mut valves = own;
+    for (valve, (nodes, (_, most))) in valves.iter_mut().zip(corrections.iter().zip(VALVES)) {
+        let correction = nodes[node] + (place - node as f64) * (nodes[node + 1] - nodes[node]);
+        *valve = (*valve + most * correction).clamp(0.0, most);
+    }
+    valves
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn corrections_are_lines_between_nodes_within_the_valves_ranges() {
+        let corrections = [[0.0, 0.1, 0.1, 0.1, 0.1, 0.1], [0.0; NODES], [-1.0; NODES]];
+        let close = |found: Valves, expected: Valves| {
+            assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?}");
+        };
+        close(corrected(&corrections, 0.0, [40.0, 0.5, 0.2]), [40.0, 0.5, 0.0]);
+        // Half way to the second of six nodes.
+        close(corrected(&corrections, 0.1, [40.0, 0.5, 0.2]), [45.0, 0.5, 0.0]);
+        close(corrected(&corrections, 1.0, [99.0, 0.5, 0.2]), [100.0, 0.5, 0.0]);
+    }
+}

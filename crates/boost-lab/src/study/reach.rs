@@ -1,0 +1,229 @@
+//! What a plant can do: boost pressure at rest with its valves at their stops, and how fast they move it.
+
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use fmu_package::Value;
+
+use super::case::Names;
+use super::draw::{Case, STEP};
+use crate::importer::{Fmu, Instance, Selection};
+use crate::measure::interpolate;
+use crate::scenario::Signal;
+
+/// The reachable range ends where the high-pressure shaft turns this fast at rest (rpm), as the controller's limits do.
+const SHAFT_LIMIT: f64 = 205e3;
+/// A start at rest is waited for until boost pressure changes by less (Pa) in [`LOOK_BACK`].
+const RESTS_WITHIN: f64 = 20.0;
+const LOOK_BACK: f64 = 0.5;
+/// The longest wait (s).
+const LONGEST_WAIT: f64 = 20.0;
+/// Engine speeds between which the range is interpolated (rpm).
+const SPEEDS: [f64; 8] = [2000.0, 2500.0, 3000.0, 3500.0, 4000.0, 4500.0, 5000.0, 5500.0];
+/// Refinements of the duty at which the shaft reaches its limit: to about 100 rpm.
+const REFINEMENTS: usize = 5;
+
+/// The valves: high-pressure wastegate (%), low-pressure wastegate, bypass of the high-pressure compressor.
+pub type Valves = [f64; 3];
+pub const SHUT: Valves = [0.0, 0.0, 0.0];
+pub const OPEN: Valves = [100.0, 1.0, 1.0];
+/// The names of the inputs, and the greatest value of each.
+pub const VALVES: [(&str, f64); 3] = [("hp_wastegate_pwm", 100.0), ("lp_wastegate", 1.0), ("hp_bypass", 1.0)];
+
+/// The boost pressure that can be held, over engine speed (Pa over rpm).
+pub struct Reach {
+    highest: Vec<(f64, f64)>,
+    lowest: Vec<(f64, f64)>,
+}
+
+impl Reach {
+    /// Holds a case's plant at its stops, at engine speeds between which the case moves.
+    pub fn of(case: &Case, plant: &Arc<Fmu>, names: &Names) -> Result<Self> {
+        let [least, most] = [f64::min as fn(f64, f64) -> f64, f64::max]
+            .map(|of| case.speeds().reduce(of).unwrap_or(f64::NAN));
+        let mut speeds: Vec<_> = SPEEDS.into_iter().filter(|speed| (least..=most).contains(speed)).collect();
+        speeds.extend(case.speeds());
+        speeds.sort_by(f64::total_cmp);
+        speeds.dedup();
+        let bench = Bench { case, plant, names };
+        let (mut highest, mut lowest) = (vec![], vec![]);
+        for speed in speeds {
+            highest.push((speed, bench.highest(speed)?));
+            let open = [OPEN, [OPEN[0], OPEN[1], 0.0]].map(|valves| bench.rest(speed, valves));
+            let [one, other] = open;
+            lowest.push((speed, one?.boost.min(other?.boost)));
+        }
+        Ok(Self { highest, lowest })
+    }
+
+    pub fn highest(&self, engine_speed: f64) -> f64 {
+        interpolate(&self.highest, engine_speed)
+    }
+
+    pub fn lowest(&self, engine_speed: f64) -> f64 {
+        interpolate(&self.lowest, engine_speed)
+    }
+}
+
+/// What is measured of a plant.
+#[derive(Clone, Copy)]
+pub struct Measured {
+    pub boost: f64,
+    /// Of the high-pressure shaft (rpm); 0 where the plant does not tell.
+    pub shaft: f64,
+}
+
+/// A case's plant with constant inputs.
+struct Bench<'a> {
+    case: &'a Case,
+    plant: &'a Arc<Fmu>,
+    names: &'a Names,
+}
+
+impl Bench<'_> {
+    /// The highest boost pressure at rest, with the wastegates shut or the shaft at its limit.
+    fn highest(&self, engine_speed: f64) -> Result<f64> {
+        let shut = self.rest(engine_speed, SHUT)?;
+        if shut.shaft <= SHAFT_LIMIT {
+            return Ok(shut.boost);
+        }
+        // Regula falsi (Illinois) on the shaft's speed over the duty.
+        let mut fast = (SHUT[0], shut);
+        let mut slow = (OPEN[0], self.rest(engine_speed, [OPEN[0], 0.0, 0.0])?);
+        if slow.1.shaft >= SHAFT_LIMIT {
+            return Ok(slow.1.boost);
+        }
+        for _ in 0..REFINEMENTS {
+            // Only the range in which the wastegate moves counts: halve at first.
+            let share = (fast.1.shaft - SHAFT_LIMIT) / (fast.1.shaft - slow.1.shaft);
+            let duty = fast.0 + share.clamp(0.2, 0.8) * (slow.0 - fast.0);
+            let found = self.rest(engine_speed, [duty, 0.0, 0.0])?;
+            if found.shaft > SHAFT_LIMIT { fast = (duty, found) } else { slow = (duty, found) }
+        }
+        let shafts = [(slow.1.shaft, slow.1.boost), (fast.1.shaft, fast.1.boost)];
+        Ok(interpolate(&shafts, SHAFT_LIMIT))
+    }
+
+    /// The plant at rest at an engine speed and its valves.
+    fn rest(&self, engine_speed: f64, valves: Valves) -> Result<Measured> {
+        let mut plant = self.plant.instantiate("plant")?;
+        plant.set_up(0.0, None)?;
+        for (name, value) in &self.case.parameters {
+            plant.set_value(name, &Value::Real(*value, None))?;
+        }
+        let constant = [
+            ("engine_speed", engine_speed),
+            ("ambient_pressure", self.case.ambient[0]),
+            ("ambient_temperature", self.case.ambient[1]),
+        ];
+        let inputs = VALVES.iter().zip(valves).map(|((name, _), value)| (*name, value)).chain(constant);
+        let inputs: Vec<_> = inputs.filter(|(name, _)| self.names.plant_has_input(name)).collect();
+        let mut selection = self.plant.select(inputs.iter().map(|(name, _)| *name))?;
+        plant.set(&mut selection, &inputs.iter().map(|(_, value)| *value).collect::<Vec<_>>())?;
+        plant.enter_initialization()?;
+        plant.exit_initialization()?;
+        let mut sensors = Sensors::new(self.plant, self.names)?;
+        let mut before = sensors.read(&mut plant)?;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // small and positive
+        let [look, longest] = [LOOK_BACK, LONGEST_WAIT].map(|time| (time / STEP) as u32);
+        for step in 0..longest {
+            plant.step(f64::from(step) * STEP, STEP)?;
+            if (step + 1) % look == 0 {
+                let now = sensors.read(&mut plant)?;
+                if (now.boost - before.boost).abs() < RESTS_WITHIN {
+                    return Ok(now);
+                }
+                before = now;
+            }
+        }
+        Ok(before)
+    }
+}
+
+struct Sensors {
+    selection: Selection,
+    values: Vec<f64>,
+}
+
+impl Sensors {
+    fn new(plant: &Fmu, names: &Names) -> Result<Self> {
+        let known: Vec<_> = ["boost_pressure"].into_iter().chain(names.shaft()).collect();
+        Ok(Self { values: vec![0.0; known.len()], selection: plant.select(known)? })
+    }
+
+    fn read(&mut self, plant: &mut Instance) -> Result<Measured> {
+        plant.get(&mut self.selection, &mut self.values)?;
+        let boost = *self.values.first().context("boost pressure")?;
+        Ok(Measured { boost, shaft: self.values.get(1).copied().unwrap_or(0.0) })
+    }
+}
+
+/// A plant taken out of its loop: its valves are commanded directly, its other inputs follow the case.
+pub struct OpenLoop<'a> {
+    plant: &'a mut Instance,
+    valves: Selection,
+    /// How many of [`VALVES`] the plant has, by their positions.
+    known: Vec<usize>,
+    driven: Selection,
+    signals: Vec<Signal>,
+    sensors: Sensors,
+}
+
+impl<'a> OpenLoop<'a> {
+    pub fn new(plant: &'a mut Instance, fmu: &Fmu, case: &Case, names: &Names) -> Result<Self> {
+        let known: Vec<_> =
+            (0..VALVES.len()).filter(|&valve| names.plant_has_input(VALVES[valve].0)).collect();
+        let driven = [("engine_speed", &case.engine_speed), ("supply_voltage", &case.supply)];
+        let driven: Vec<_> = driven.into_iter().filter(|(name, _)| names.plant_has_input(name)).collect();
+        Ok(Self {
+            plant,
+            valves: fmu.select(known.iter().map(|&valve| VALVES[valve].0))?,
+            known,
+            driven: fmu.select(driven.iter().map(|(name, _)| *name))?,
+            signals: driven.into_iter().map(|(_, signal)| signal.clone()).collect(),
+            sensors: Sensors::new(fmu, names)?,
+        })
+    }
+
+    pub fn instance(&mut self) -> &mut Instance {
+        self.plant
+    }
+
+    /// Makes the communication step of an index.
+    pub fn step(&mut self, index: usize, valves: Valves) -> Result<Measured> {
+        let time = index as f64 * STEP;
+        let signals: Vec<_> = self.signals.iter().map(|signal| signal.at(time)).collect();
+        self.plant.set(&mut self.driven, &signals)?;
+        let commands: Vec<_> = self.known.iter().map(|&valve| valves[valve]).collect();
+        self.plant.set(&mut self.valves, &commands)?;
+        self.plant.step(time, STEP)?;
+        self.sensors.read(self.plant)
+    }
+
+    /// Boost pressure from the step of an index on with the valves at a stop, until `ends` at a row or the row `last`. The
+    /// pressure that a shaft above its limit adds does not count. The plant is left where it was.
+    pub fn fastest(
+        &mut self,
+        valves: Valves,
+        first: usize,
+        last: usize,
+        ends: impl Fn(usize, f64) -> bool,
+    ) -> Result<Vec<f64>> {
+        let saved = self.plant.save()?;
+        let mut pressures = vec![];
+        let mut most = f64::INFINITY;
+        for index in first..last {
+            let measured = self.step(index, valves)?;
+            let pressure = measured.boost.min(most);
+            if measured.shaft > SHAFT_LIMIT && most.is_infinite() {
+                most = pressure;
+            }
+            pressures.push(pressure);
+            if ends(index + 1, pressure) {
+                break;
+            }
+        }
+        self.plant.restore(&saved)?;
+        Ok(pressures)
+    }
+}

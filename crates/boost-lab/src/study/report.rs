@@ -1,0 +1,545 @@
+//! The results of a study: a table of all cases, and a report with the distributions and the cases outside the criteria.
+
+use std::io::{self, Write};
+
+use serde::Serialize;
+
+use super::case::{Measures, SHAFT};
+use super::criteria::{Criterion, FAR, NEAR, SHARE_NEAR, is_failed, is_outside, judge};
+use super::{Explained, Outcome, Study, outside};
+use crate::numbers::number;
+use crate::page::page;
+use crate::plot::{Figure, Line, Panel, color, escaped};
+
+const STYLE: &str = "
+.holds, .fails { font-weight: 600; } .fails { color: var(--paper); background: var(--ink); padding: 0 0.3em; }
+table { font-variant-numeric: tabular-nums; } pre { font-size: 0.8em; background: var(--shade); padding: 0.8em; overflow-x: auto; }
+";
+
+/// The shares of the cases below the quantiles of the tables.
+const QUANTILES: [f64; 6] = [0.5, 0.9, 0.95, 0.99, 0.999, 1.0];
+/// The drawn quantities that are plotted: those with the strongest correlation.
+const PLOTTED: usize = 6;
+
+type Get = fn(&Measures) -> Option<f64>;
+
+/// The measures of which a distribution is shown: name, unit, factor to it, and the value.
+const DISTRIBUTIONS: [(&str, &str, f64, Get); 4] = [
+    ("worst deviation from the reachable reference", "kPa", 1e-3, |measures| Some(measures.deviation)),
+    ("largest overshoot over a step of the reference", "kPa", 1e-3, |measures| Some(measures.overshoot)),
+    ("greatest speed of the high-pressure shaft at rest", "krpm", 1e-3, |measures| measures.shaft_at_rest),
+    ("greatest speed of that shaft in transients", "krpm", 1e-3, |measures| measures.shaft_in_transients),
+];
+
+/// A study with its results.
+pub struct Report<'a> {
+    pub study: &'a Study,
+    pub outcomes: &'a [Outcome],
+    pub explained: &'a [Explained],
+}
+
+#[derive(Serialize)]
+struct Json<'a> {
+    plant: &'a str,
+    controller: &'a str,
+    seed: u64,
+    cases: usize,
+    strategies: Vec<JsonStrategy>,
+    outside: Vec<JsonCase>,
+}
+
+#[derive(Serialize)]
+struct JsonStrategy {
+    strategy: String,
+    criteria: Vec<Criterion>,
+    /// Quantiles by measure, in the order of `shares`.
+    shares: [f64; QUANTILES.len()],
+    quantiles: Vec<(String, Vec<f64>)>,
+}
+
+#[derive(Serialize)]
+struct JsonCase {
+    case: usize,
+    measures: Measures,
+    /// The deviation of the best control that was found, in the window around the worst moment (Pa).
+    optimum: Option<f64>,
+    cause: Option<String>,
+}
+
+/// The values' quantile: the least value that at least the share of them does not exceed.
+fn quantile(ascending: &[f64], share: f64) -> f64 {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // from 0 to the number of values
+    let rank = (share * ascending.len() as f64).ceil() as usize;
+    ascending.get(rank.saturating_sub(1)).copied().unwrap_or(f64::NAN)
+}
+
+impl Report<'_> {
+    fn strategy_name(&self, index: usize) -> String {
+        self.study.strategies[index].clone().unwrap_or_else(|| "the controller's own strategy".to_owned())
+    }
+
+    fn measures(&self, strategy: usize) -> Vec<Option<&Measures>> {
+        self.outcomes.iter().map(|outcome| outcome.runs.get(strategy)?.measures.as_ref()).collect()
+    }
+
+    pub fn criteria(&self, strategy: usize) -> Vec<Criterion> {
+        judge(&self.measures(strategy))
+    }
+
+    /// Whether the strategy that is judged meets all criteria.
+    pub fn passes(&self) -> bool {
+        self.criteria(0).iter().all(|criterion| criterion.holds)
+    }
+
+    /// A measure's values with a strategy, ascending, in the unit of [`DISTRIBUTIONS`].
+    fn ascending(&self, strategy: usize, measure: usize) -> Vec<f64> {
+        let (_, _, factor, get) = DISTRIBUTIONS[measure];
+        let values = self.measures(strategy).into_iter().flatten().filter_map(get);
+        let mut values: Vec<_> = values.map(|value| factor * value).collect();
+        values.sort_by(f64::total_cmp);
+        values
+    }
+
+    /// The criteria as lines of text.
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        for strategy in 0..self.study.strategies.len() {
+            text += &format!("{}\n", self.strategy_name(strategy));
+            for criterion in self.criteria(strategy) {
+                let word = if criterion.holds { "holds" } else { "FAILS" };
+                let found = criterion.found.as_deref().unwrap_or("the FMUs do not tell");
+                text += &format!("  {word}  {:48} {:14} {found}\n", criterion.name, criterion.asked);
+            }
+            for (measure, (name, unit, ..)) in DISTRIBUTIONS.iter().enumerate() {
+                let values = self.ascending(strategy, measure);
+                if !values.is_empty() {
+                    let quantiles = QUANTILES.map(|share| format!("{:.2}", quantile(&values, share)));
+                    text += &format!("         {name} ({unit}): {}\n", quantiles.join(", "));
+                }
+            }
+        }
+        text += &format!("  quantiles: {}\n", shares().join(", "));
+        text
+    }
+
+    pub fn json(&self) -> anyhow::Result<String> {
+        let strategies = (0..self.study.strategies.len()).map(|strategy| JsonStrategy {
+            strategy: self.strategy_name(strategy),
+            criteria: self.criteria(strategy),
+            shares: QUANTILES,
+            quantiles: (0..DISTRIBUTIONS.len())
+                .map(|measure| {
+                    let values = self.ascending(strategy, measure);
+                    let name = format!("{} ({})", DISTRIBUTIONS[measure].0, DISTRIBUTIONS[measure].1);
+                    (name, QUANTILES.map(|share| quantile(&values, share)).to_vec())
+                })
+                .collect(),
+        });
+        let outside = outside(self.outcomes).into_iter().map(|(case, measures)| {
+            let explained = self.explained.iter().find(|explained| explained.case.number == case);
+            JsonCase {
+                case,
+                measures,
+                optimum: explained.and_then(|explained| Some(explained.optimum.as_ref()?.deviation)),
+                cause: explained.map(cause),
+            }
+        });
+        let report = Json {
+            plant: self.study.rig.plant.description().attribute("modelName"),
+            controller: self.study.rig.controller.description().attribute("modelName"),
+            seed: self.study.rig.seed,
+            cases: self.outcomes.len(),
+            strategies: strategies.collect(),
+            outside: outside.collect(),
+        };
+        Ok(serde_json::to_string_pretty(&report)? + "\n")
+    }
+
+    pub fn html(&self) -> String {
+        let title = format!(
+            "{} on {} random plants and days",
+            self.study.rig.controller.description().attribute("modelName"),
+            self.outcomes.len()
+        );
+        let body = [
+            self.introduction(&title),
+            self.judged(),
+            self.distributions(),
+            self.influences(),
+            self.one_by_one(),
+        ];
+        page(&title, STYLE, &body.concat())
+    }
+
+    fn introduction(&self, title: &str) -> String {
+        let notes: String =
+            self.study.cases.notes.iter().map(|note| format!("<p>{}</p>\n", escaped(note))).collect();
+        let passes = self.passes();
+        let bound = if self.study.rig.saves_states() {
+            "No control is asked to be faster than the plant with all valves at their stops, which is tried on the plant \
+             itself from its state at each step and at each ramp's begin."
+        } else {
+            "The plant cannot save its state, so that how fast it can be is not considered."
+        };
+        format!(
+            "<h1>{}</h1>\n<p><span class=\"{}\">{}</span></p>\n<p>Plant: {}. The cases are a Latin hypercube with the \
+             seed {} of the plant's parameters, between its own values and those of each set, of ambient pressure and \
+             temperature, supply voltage, measurement noise, and a manoeuvre of engine speed and boost reference; \
+             results.csv has every drawn value. A case is judged by its largest distance from the <em>reachable</em> \
+             reference: cut off at what the plant holds at rest with its wastegates shut, or with its shaft at 205 krpm, \
+             and above what it has with all valves open. {bound} On its way between two references the pressure may be \
+             anywhere between them, until 1.5 s after the fastest plant has arrived.</p>\n{notes}",
+            escaped(title),
+            if passes { "holds" } else { "fails" },
+            if passes { "Passed: all criteria hold." } else { "Failed: not all criteria hold." },
+            escaped(self.study.rig.plant.description().attribute("modelName")),
+            self.study.rig.seed,
+        )
+    }
+
+    fn judged(&self) -> String {
+        let strategies = 0..self.study.strategies.len();
+        let heads: String = strategies
+            .clone()
+            .map(|strategy| format!("<th>{}</th>", escaped(&self.strategy_name(strategy))))
+            .collect();
+        let all: Vec<_> = strategies.clone().map(|strategy| self.criteria(strategy)).collect();
+        let mut text = format!("<h2>Criteria</h2>\n<table>\n<tr><th></th><th>asked for</th>{heads}</tr>\n");
+        for (index, criterion) in all[0].iter().enumerate() {
+            let found = all.iter().map(|criteria| {
+                let Criterion { found, holds, .. } = &criteria[index];
+                let (class, word) = if *holds { ("holds", "holds") } else { ("fails", "fails") };
+                let found = found.as_deref().unwrap_or("the FMUs do not tell");
+                format!("<td>{} <span class=\"{class}\">{word}</span></td>", escaped(found))
+            });
+            text += &format!(
+                "<tr><td>{}</td><td>{}</td>{}</tr>\n",
+                escaped(criterion.name),
+                escaped(&criterion.asked),
+                found.collect::<String>()
+            );
+        }
+        text += "</table>\n";
+        let shares: String = shares().iter().map(|share| format!("<th>{share}</th>")).collect();
+        text += &format!("<h2>Quantiles</h2>\n<table>\n<tr><th></th><th></th>{shares}</tr>\n");
+        for (measure, (name, unit, ..)) in DISTRIBUTIONS.iter().enumerate() {
+            for strategy in strategies.clone() {
+                let values = self.ascending(strategy, measure);
+                let cells = QUANTILES
+                    .map(|share| format!("<td class=\"number\">{:.2}</td>", quantile(&values, share)));
+                if !values.is_empty() {
+                    text += &format!(
+                        "<tr><td>{name} ({unit})</td><td>{}</td>{}</tr>\n",
+                        escaped(&self.strategy_name(strategy)),
+                        cells.concat()
+                    );
+                }
+            }
+        }
+        text + "</table>\n"
+    }
+
+    fn distributions(&self) -> String {
+        let panel = |measure: usize| {
+            let (name, unit, ..) = DISTRIBUTIONS[measure];
+            let mut panel =
+                Panel::new(&format!("{name} ({unit})"), "share of the cases (%)").y_range(0.0, 100.0);
+            for strategy in 0..self.study.strategies.len() {
+                let values = self.ascending(strategy, measure);
+                let count = values.len() as f64;
+                let shares = (1..=values.len()).map(|rank| 100.0 * rank as f64 / count);
+                let line =
+                    Line::new(&values, shares).held().color(color::CYCLE[strategy % color::CYCLE.len()]);
+                panel = panel.line(line.label(&self.strategy_name(strategy)));
+            }
+            panel
+        };
+        let has_values = |measure: &usize| !self.ascending(0, *measure).is_empty();
+        let figures = (0..DISTRIBUTIONS.len()).filter(has_values).map(panel);
+        let figure = figures.fold(Figure::new(), |figure, panel| figure.row([panel]));
+        format!(
+            "<h2>Distributions</h2>\n<figure>\n{}<figcaption>The share of the cases up to each value.</figcaption>\n</figure>\n",
+            figure.html()
+        )
+    }
+
+    /// What the deviation depends on.
+    fn influences(&self) -> String {
+        let known: Vec<_> = self
+            .outcomes
+            .iter()
+            .filter_map(|outcome| Some((outcome.case, outcome.runs[0].measures.as_ref()?.deviation)))
+            .collect();
+        let deviations: Vec<_> = known.iter().map(|(_, deviation)| 1e-3 * deviation).collect();
+        let drawn: Vec<_> = known.iter().map(|(case, _)| self.study.cases.case(*case).drawn).collect();
+        let columns = self.study.cases.columns();
+        let mut influences: Vec<_> = columns
+            .iter()
+            .enumerate()
+            .map(|(column, name)| {
+                let values: Vec<_> = drawn.iter().map(|values| values[column].1).collect();
+                (name, rank_correlation(&values, &deviations), values)
+            })
+            .collect();
+        influences.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        let panels = influences.iter().take(PLOTTED).map(|(name, correlation, values)| {
+            let title = format!("rank correlation {correlation:.2}").replace('-', "\u{2212}");
+            Panel::new(name, "deviation (kPa)")
+                .title(&title)
+                .line(Line::new(values, deviations.iter().copied()).dots())
+        });
+        let panels: Vec<_> = panels.collect();
+        let figure = panels.chunks(3).fold(Figure::new(), |figure, row| figure.row(row.to_vec()));
+        format!(
+            "<h2>What the deviation depends on</h2>\n<figure>\n{}<figcaption>The worst deviation of each case over the \
+             drawn quantities with the strongest correlation: the parameter sets by their share, from 0 (the plant's own \
+             value) to 1, the others in SI units and rpm.</figcaption>\n</figure>\n",
+            figure.html()
+        )
+    }
+
+    fn one_by_one(&self) -> String {
+        let all = outside(self.outcomes);
+        let errors: String = self
+            .outcomes
+            .iter()
+            .filter_map(|outcome| Some((outcome.case, outcome.runs[0].error.as_ref()?)))
+            .map(|(case, error)| format!("<p>Case {case} could not be run: {}</p>\n", escaped(error)))
+            .collect();
+        let mut text = format!(
+            "<h2>Outside, one by one</h2>\n{errors}<p>{} of {} cases deviate by more than {} kPa or break another bound; \
+             {:.0} % may deviate by so much, none by more than {} kPa.</p>\n",
+            all.len(),
+            self.outcomes.len(),
+            1e-3 * NEAR,
+            100.0 * (1.0 - SHARE_NEAR),
+            1e-3 * FAR
+        );
+        if all.len() > self.explained.len() {
+            text += &format!("<p>The worst {} are shown; results.csv has all.</p>\n", self.explained.len());
+        }
+        for explained in self.explained {
+            text += &self.explanation(explained);
+        }
+        text
+    }
+
+    fn explanation(&self, explained: &Explained) -> String {
+        let Explained { case, measures, .. } = explained;
+        let scenario = self.study.rig.text(case, self.study.strategies[0].as_deref());
+        let drawn: Vec<_> =
+            case.drawn.iter().map(|(name, value)| format!("{name} {}", number(*value))).collect();
+        format!(
+            "<h2 id=\"case-{0}\">Case {0}: {1:.2} kPa</h2>\n<p>{2}</p>\n<figure>\n{3}<figcaption>The closed loop, and \
+             the best control that was found from a moment before the worst on. Shaded: from a second before the worst \
+             moment to half a second after it. The plant: {4}.</figcaption>\n</figure>\n<details><summary>The scenario, for \
+             <code>boost-lab simulate</code></summary><pre>{5}</pre></details>\n",
+            case.number,
+            1e-3 * measures.deviation,
+            escaped(&cause(explained)),
+            traces(explained).html(),
+            drawn.join(", "),
+            escaped(&scenario)
+        )
+    }
+}
+
+/// Why a case is outside, as far as the numbers tell.
+fn cause(explained: &Explained) -> String {
+    let Explained { case, measures, simulated, optimum } = explained;
+    let time = measures.deviation_time;
+    let row = super::case::point(time);
+    let [duty, low_pressure, bypass] = simulated.valves(row.saturating_sub(1));
+    let event = case.events.iter().rfind(|event| event.begin <= time);
+    let last =
+        case.events.iter().filter(|event| event.begin <= time).max_by(|a, b| a.begin.total_cmp(&b.begin));
+    let after = match last.or(event) {
+        Some(event) if event.is_step => format!("{:.2} s after a step of the reference", time - event.begin),
+        Some(event) if time <= event.end => {
+            format!("{:.2} s into a ramp of engine speed", time - event.begin)
+        }
+        Some(event) => format!("{:.2} s after a ramp of engine speed", time - event.end),
+        None => "before anything moves".to_owned(),
+    };
+    let side = if measures.is_above { "high" } else { "low" };
+    let mut text = format!(
+        "Boost is {:.2} kPa too {side} at {time:.2} s, {after}, at {:.0} rpm ({:+.0} rpm/s), with the high-pressure \
+         wastegate's duty at {duty:.1} %, the low-pressure wastegate {:.0} % and the bypass {:.0} % open. ",
+        1e-3 * measures.deviation,
+        case.engine_speed.at(time),
+        (case.engine_speed.at(time) - case.engine_speed.at(time - 0.1)) / 0.1,
+        100.0 * low_pressure,
+        100.0 * bypass,
+    );
+    if let Some(optimum) = optimum {
+        let (best, own) = (1e-3 * optimum.deviation, 1e-3 * optimum.closed_loop);
+        text += &if optimum.deviation > NEAR {
+            format!(
+                "Beyond the plant: the best movement of all valves that was found, knowing everything before, deviates by {best:.2} kPa."
+            )
+        } else if optimum.deviation > 0.5 * optimum.closed_loop {
+            format!(
+                "Mostly the plant's limit: the best movement of all valves that was found, knowing everything before, deviates by {best:.2} kPa, the loop by {own:.2} kPa."
+            )
+        } else {
+            format!(
+                "Within the plant's reach: a control that knew everything before would have kept within {best:.2} kPa, the loop by feedback {own:.2} kPa."
+            )
+        };
+    }
+    if is_failed(measures) {
+        if let Some(code) = measures.alarm.filter(|code| *code != 0.0) {
+            text += &format!(" Alarm: fault_code {code}.");
+        }
+        if let Some(flow) = measures.least_flow.filter(|flow| *flow < 0.0) {
+            text += &format!(" A compressor surges: {:.2} g/s.", 1e3 * flow);
+        }
+        if let Some(speed) = measures.shaft_at_rest.filter(|speed| *speed > super::criteria::FASTEST_AT_REST)
+        {
+            text += &format!(" The shaft turns at {:.1} krpm at rest.", 1e-3 * speed);
+        }
+    }
+    text
+}
+
+fn traces(explained: &Explained) -> Figure {
+    let Explained { simulated, optimum, measures, .. } = explained;
+    let time = simulated.record.time();
+    let window = (measures.deviation_time - 1.0, measures.deviation_time + 0.5);
+    let own = |name: &str, factor: f64| {
+        let values = simulated.record.get(name).ok()?;
+        Some(Line::new(time, values.iter().map(|value| factor * value)))
+    };
+    let kilopascal = |values: &[f64]| values.iter().map(|value| 1e-3 * value).collect::<Vec<_>>();
+    let panel = |label: &str| Panel::new("time (s)", label).x_band(window.0, window.1);
+    let mut boost = panel("boost (kPa)").height(220);
+    boost = boost
+        .line(
+            Line::new(time, kilopascal(&simulated.lower)).color(color::GRAY).thin().label("reachable, from"),
+        )
+        .line(Line::new(time, kilopascal(&simulated.upper)).color(color::GRAY).thin().dashed().label("to"));
+    let mut speed = panel("engine (rpm)").height(100);
+    let mut duty = panel("duty (%)").height(110);
+    let mut openings = panel("opening").height(130);
+    let mut shaft = panel("shaft (krpm)").height(110);
+    let add = |panel: &mut Panel, line: Option<Line>, label: &str, color| {
+        if let Some(line) = line {
+            *panel = panel.clone().line(line.label(label).color(color));
+        }
+    };
+    add(&mut boost, own("boost_reference", 1e-3), "reference", color::INK);
+    add(&mut boost, own("boost_pressure", 1e-3), "closed loop", color::BLUE);
+    add(&mut speed, own("engine_speed", 1.0), "engine speed", color::INK);
+    add(&mut duty, own("hp_wastegate_pwm", 1.0), "high-pressure wastegate", color::BLUE);
+    add(&mut openings, own("lp_wastegate", 1.0), "low-pressure wastegate", color::BLUE);
+    add(&mut openings, own("hp_bypass", 1.0), "bypass", color::GREEN);
+    add(&mut shaft, own(SHAFT, 1e-3), "high-pressure shaft", color::BLUE);
+    if let Some(optimum) = optimum {
+        let best = |values: Vec<f64>| Some(Line::new(&optimum.times, values));
+        let valve = |index: usize| best(optimum.valves.iter().map(|valves| valves[index]).collect());
+        add(&mut boost, best(kilopascal(&optimum.boost)), "best found", color::VERMILION);
+        add(&mut duty, valve(0), "best found", color::VERMILION);
+        add(&mut openings, valve(1), "best low-pressure wastegate", color::VERMILION);
+        add(&mut openings, valve(2), "best bypass", color::ORANGE);
+        add(&mut shaft, best(kilopascal(&optimum.shaft)), "best found", color::VERMILION);
+    }
+    [boost, speed, duty, openings, shaft]
+        .into_iter()
+        .fold(Figure::new(), |figure, panel| figure.row([panel]))
+        .shared_x()
+}
+
+fn shares() -> [String; QUANTILES.len()] {
+    QUANTILES
+        .map(|share| if share < 1.0 { format!("{} %", number(100.0 * share)) } else { "worst".to_owned() })
+}
+
+/// Spearman's rank correlation of values without ties.
+fn rank_correlation(one: &[f64], other: &[f64]) -> f64 {
+    let ranks = |values: &[f64]| {
+        let mut order: Vec<_> = (0..values.len()).collect();
+        order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
+        let mut ranks = vec![0.0; values.len()];
+        for (rank, index) in order.into_iter().enumerate() {
+            ranks[index] = rank as f64;
+        }
+        ranks
+    };
+    let count = one.len() as f64;
+    let squares: f64 = ranks(one).iter().zip(ranks(other)).map(|(a, b)| (a - b) * (a - b)).sum();
+    1.0 - 6.0 * squares / (count * (count * count - 1.0)).max(1.0)
+}
+
+/// The table of all cases: a row for each case and strategy.
+pub fn csv(report: &Report<'_>, writer: impl Write) -> io::Result<()> {
+    const MEASURES: [&str; 12] = [
+        "case",
+        "strategy",
+        "verdict",
+        "deviation",
+        "deviation_time",
+        "is_above",
+        "overshoot",
+        "shaft_at_rest",
+        "shaft_in_transients",
+        "least_compressor_flow",
+        "fault_code",
+        "error",
+    ];
+    let mut csv = csv::Writer::from_writer(writer);
+    let columns = report.study.cases.columns();
+    csv.write_record(MEASURES.iter().copied().chain(columns.iter().map(String::as_str)))?;
+    for outcome in report.outcomes {
+        let drawn = report.study.cases.case(outcome.case).drawn;
+        for (strategy, run) in outcome.runs.iter().enumerate() {
+            let text = |value: Option<f64>| value.map(|value| format!("{value:?}")).unwrap_or_default();
+            let verdict = match &run.measures {
+                Some(measures) if is_failed(measures) => "fail",
+                Some(measures) if is_outside(measures) => "beyond 2 kPa",
+                Some(_) => "pass",
+                None => "error",
+            };
+            let measured = run.measures.as_ref();
+            let number = |get: Get| text(measured.and_then(get));
+            let row = [
+                outcome.case.to_string(),
+                report.study.strategies[strategy].clone().unwrap_or_default(),
+                verdict.to_owned(),
+                number(|measures| Some(measures.deviation)),
+                number(|measures| Some(measures.deviation_time)),
+                measured.map(|measures| measures.is_above.to_string()).unwrap_or_default(),
+                number(|measures| Some(measures.overshoot)),
+                number(|measures| measures.shaft_at_rest),
+                number(|measures| measures.shaft_in_transients),
+                number(|measures| measures.least_flow),
+                number(|measures| measures.alarm),
+                run.error.clone().unwrap_or_default(),
+            ];
+            csv.write_record(row.into_iter().chain(drawn.iter().map(|(_, value)| format!("{value:?}"))))?;
+        }
+    }
+    csv.flush()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_values_of_the_sample() {
+        let values: Vec<f64> = (1..=20).map(f64::from).collect();
+        for (share, expected) in [(0.5, 10.0), (0.95, 19.0), (0.96, 20.0), (1.0, 20.0)] {
+            assert!((quantile(&values, share) - expected).abs() < 1e-12, "{share}");
+        }
+        assert!(quantile(&[], 0.5).is_nan());
+    }
+
+    #[test]
+    fn ranks_correlate_whatever_the_scale() {
+        let rising = [1.0, 2.0, 30.0, 400.0];
+        assert!((rank_correlation(&rising, &[-5.0, 0.0, 1.0, 1.1]) - 1.0).abs() < 1e-12);
+        assert!((rank_correlation(&rising, &[4.0, 3.0, 2.0, 1.0]) + 1.0).abs() < 1e-12);
+        // Squares of differences 1, 1, 1, 1: 1 - 6 * 4 / (4 * 15).
+        assert!((rank_correlation(&rising, &[2.0, 1.0, 4.0, 3.0]) - 0.6).abs() < 1e-12);
+    }
+}
