@@ -88,14 +88,13 @@ fn steps_at(pressure: f64, at_all_limits: &[(f64, f64)]) {
         for engine_speed in SPEEDS {
             let [without, ambient, all] =
                 [NOTHING, AMBIENT, ALL].map(|measured| steps(pressure, temperature, engine_speed, measured));
+            let of_all = |value: fn(&Result) -> f64| [&without, &ambient, &all].map(value);
             println!(
-                "| {pressure:.0} | {temperature} | {engine_speed} | {:.2} | {:.2} | {:.2} | {:.0} | {:.0} | {:.0} |",
-                without.overshoot,
-                ambient.overshoot,
-                all.overshoot,
-                without.fastest_at_rest,
-                ambient.fastest_at_rest,
-                all.fastest_at_rest
+                "{pressure} Pa, {temperature} K, {engine_speed} rpm, nothing, ambient, and shaft measured: overshoot \
+                 {:.2?} kPa, shaft {:.0?} krpm on the way, {:.0?} krpm at rest",
+                of_all(|found| found.overshoot),
+                of_all(|found| found.fastest),
+                of_all(|found| found.fastest_at_rest)
             );
             assert!(ambient.overshoot <= 1.0 && all.overshoot <= 1.0, "{ambient:?} {all:?}");
             let bound = if at_all_limits.contains(&(temperature, engine_speed)) { 211.0 } else { 210.0 };
