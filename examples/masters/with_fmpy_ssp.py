@@ -9,6 +9,8 @@ inputs = {
     "engine_speed": lambda time: 1500.0,
     "supply_voltage": lambda time: 12.0,
     "throttle": lambda time: 1.0,
+    "ambient_pressure": lambda time: 101325.0,
+    "ambient_temperature": lambda time: 298.0,
 }
 result = simulate_ssp("target/fmu/Boost.ssp", stop_time=STEP * STEPS, step_size=STEP, input=inputs)
 rows = result[["boost_pressure", "hp_wastegate_pwm"]].tolist()

@@ -56,6 +56,8 @@ impl BySpeed {
                 holding: None,
                 feedback_lambda: parameters.lambda,
                 limits,
+                model_limits: limits,
+                waits: false,
             },
         );
         let openings = Openings {

@@ -2,7 +2,7 @@
 //!
 //! | finding | when | limp-home |
 //! |---|---|---|
-//! | boost sensor implausible | out of range, faster than the engine can be, or constant while engine speed changes | feedforward alone |
+//! | boost sensor implausible | out of range, faster than the engine can be; where asked to, constant while engine speed changes | feedforward alone |
 //! | loop not answering | boost does not follow a virtual duty that has moved, though it is far from its reference | least boost |
 //! | tank not filling | the pressure does not fall while the pump runs | pump off; least boost once the vacuum is too weak |
 //! | tank sensor implausible | out of range | the pump runs by time |
@@ -16,6 +16,7 @@ use std::fmt;
 
 use fmu_export::{Context, Error, Persistent};
 
+use super::actuator_inverse;
 use super::schedule::{OperatingPoint, Schedule};
 use super::variables::{
     ControlMode, DiagnosisLocals, DiagnosisParameters, Inputs, Locals, Outputs, Parameters,
@@ -206,7 +207,8 @@ impl Diagnosis {
     }
 
     /// Judges whether boost answers the virtual duty (%) that was commanded for a reference (Pa); without a schedule
-    /// that says what it ought to do, not.
+    /// that says what it ought to do, not. All pressures are as on the schedule's day, and so is that of the day, which
+    /// belongs to a fixed pressure on this day.
     pub fn check_answer<const COLUMNS: usize>(
         &mut self,
         parameters: &Parameters,
@@ -214,9 +216,11 @@ impl Diagnosis {
         schedule: Option<Schedule<'_, COLUMNS>>,
         reference: f64,
         virtual_duty: f64,
+        day: f64,
     ) {
         let fails = match schedule {
             Some(schedule) if !self.findings.boost_sensor_implausible => {
+                self.answer.sample_day(day, parameters.diagnosis.answer_error);
                 self.answer.fails(parameters, inputs, schedule, reference, virtual_duty)
             }
             _ => {
@@ -291,6 +295,8 @@ struct Answer {
     /// Virtual duty (%) and reference (Pa), filtered; none before the first sample.
     before: Option<[f64; 2]>,
     demand: Option<Demand>,
+    /// The pressure of the day (Pa) since which it is judged.
+    day: f64,
 }
 
 /// Since boost is far from its reference.
@@ -314,6 +320,14 @@ struct Demand {
 }
 
 impl Answer {
+    /// Judges anew from a pressure of the day (Pa) on that is another by a bound (Pa): the reference has not moved, though
+    /// it has on the schedule's day.
+    fn sample_day(&mut self, day: f64, bound: f64) {
+        if (day - self.day).abs() >= bound {
+            *self = Self { day, ..Self::default() };
+        }
+    }
+
     fn fails<const COLUMNS: usize>(
         &mut self,
         parameters: &Parameters,
@@ -324,6 +338,8 @@ impl Answer {
     ) -> bool {
         let &Inputs { boost_pressure, engine_speed, .. } = inputs;
         let &Parameters { sample_time, diagnosis: ref limits, .. } = parameters;
+        // Less moves no wastegate.
+        let virtual_duty = larger(virtual_duty, actuator_inverse::duty(&parameters.actuator_inverse, 0.0));
         let now = [virtual_duty, reference];
         let before = self.before.unwrap_or(now);
         let share = sample_time / larger(MEMORY, sample_time);

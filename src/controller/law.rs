@@ -9,6 +9,7 @@ use super::feedback::{FeedbackSettings, Pid};
 use super::reference_model::ReferenceModel;
 use super::schedule::OperatingPoint;
 use super::variables::{FeedbackStructure, Parameters};
+use crate::elementary::larger;
 
 /// A duty at nominal voltage as the sum of its terms (%).
 #[derive(Clone, Copy, Debug)]
@@ -52,6 +53,10 @@ pub struct Task<'a, const COLUMNS: usize> {
     /// λ of the feedback (s).
     pub feedback_lambda: f64,
     pub limits: Limits,
+    /// Those within which the duty moves the wastegate.
+    pub model_limits: Limits,
+    /// Whether the reference model waits for an engine that cannot follow.
+    pub waits: bool,
 }
 
 /// The memory of the law.
@@ -59,12 +64,18 @@ pub struct Task<'a, const COLUMNS: usize> {
 pub struct BoostLaw {
     pid: Pid,
     reference_model: ReferenceModel,
+    /// What the limits took away from the duty at the last sample (%).
+    blocked: f64,
 }
 
 impl BoostLaw {
     /// A controller at rest at a boost pressure (Pa).
     pub fn at(boost_pressure: f64) -> Self {
-        Self { pid: Pid::at(boost_pressure), reference_model: ReferenceModel::at(boost_pressure) }
+        Self {
+            pid: Pid::at(boost_pressure),
+            reference_model: ReferenceModel::at(boost_pressure),
+            blocked: 0.0,
+        }
     }
 
     /// The same with all pressures (Pa) converted.
@@ -85,7 +96,16 @@ impl BoostLaw {
         task: Task<'_, COLUMNS>,
     ) -> DutyTerms {
         let &Parameters { sample_time, lambda, derivative_filter, .. } = parameters;
-        let Task { reference, measurement, operating_point, holding, feedback_lambda, limits } = task;
+        let Task {
+            reference,
+            measurement,
+            operating_point,
+            holding,
+            feedback_lambda,
+            limits,
+            model_limits,
+            waits,
+        } = task;
         let local_model = operating_point.local_model();
         let tuning = FeedbackSettings::new(&local_model, feedback_lambda);
         self.pid.differentiate(&tuning, derivative_filter, sample_time, measurement);
@@ -94,12 +114,18 @@ impl BoostLaw {
             FeedbackStructure::Paper => (operating_point.feedforward(), reference - measurement, reference),
             FeedbackStructure::ModelReference => {
                 let model = &mut self.reference_model;
+                if waits && self.blocked * model.error(measurement) > 0.0 {
+                    model.approach(measurement, sample_time / larger(lambda, sample_time));
+                }
                 let linearized = model.linearize(operating_point, holding);
-                let feedforward = model.feedforward(&linearized, reference, lambda);
+                let unlimited = model.feedforward(&linearized, reference, lambda);
                 let error = model.error(measurement);
                 let pressure = model.pressure;
-                model.advance(&linearized, limits.clip(feedforward), local_model.delay, sample_time);
-                (feedforward, error, pressure)
+                if !(waits && self.blocked * error > 0.0) {
+                    let duty = model_limits.clip(unlimited);
+                    model.advance(&linearized, duty, local_model.delay, sample_time);
+                }
+                (if waits { limits.clip(unlimited) } else { unlimited }, error, pressure)
             }
         };
         let terms = DutyTerms {
@@ -110,7 +136,9 @@ impl BoostLaw {
             reference_model_pressure,
         };
         let duty = terms.duty();
-        self.pid.integrate(&tuning, sample_time, error, limits.clip(duty) - duty);
+        let cut = limits.clip(duty) - duty;
+        self.pid.integrate(&tuning, sample_time, error, cut);
+        self.blocked = cut;
         terms
     }
 }

@@ -252,8 +252,9 @@ impl ControlLaw {
         match parameters.strategy {
             Strategy::SplitRange => {
                 let schedule = Schedule::from(&parameters.range_schedule);
-                let (inputs, reference) = split_range::on_scheduled_day(parameters, inputs);
-                self.diagnosis.check_answer(parameters, &inputs, Some(schedule), reference, virtual_duty);
+                let (inputs, reference, day) = split_range::on_scheduled_day(parameters, inputs);
+                let duty = virtual_duty;
+                self.diagnosis.check_answer(parameters, &inputs, Some(schedule), reference, duty, day);
             }
             // Above, the low-pressure wastegate is open, with which its schedule was not identified.
             Strategy::BySpeed => self.diagnosis.check_answer(
@@ -263,6 +264,7 @@ impl ControlLaw {
                     .then(|| Schedule::from(&parameters.schedule)),
                 feedforward::bounded_reference(parameters, inputs),
                 virtual_duty,
+                0.0,
             ),
         }
     }

@@ -69,6 +69,13 @@ impl ReferenceModel {
         self.delayed.map_or(0.0, |delayed| delayed - measurement)
     }
 
+    /// Moves a share of the way to a measurement (Pa).
+    pub fn approach(&mut self, measurement: f64, share: f64) {
+        let shift = share * self.error(measurement);
+        self.pressure -= shift;
+        self.delayed = self.delayed.map(|delayed| delayed - shift);
+    }
+
     /// Moves to the next sample with the feedforward's duty (%) within its limits. The delay (s) is
     /// approximated by a first-order lag of the same length.
     pub fn advance(&mut self, model: &Linearized, duty: f64, delay: f64, sample_time: f64) {

@@ -89,6 +89,26 @@ impl GridPosition {
     }
 }
 
+/// Pressures of two neighbouring columns that correspond: those of the largest duty and of the least (Pa).
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Alignment {
+    ends: [[f64; 2]; 2],
+}
+
+impl Alignment {
+    /// The pressure of each column that corresponds to one between them (Pa).
+    fn pressures(self, pressure: f64, column: GridPosition) -> [f64; 2] {
+        let [left, right] = self.ends;
+        let between = |end: usize| left[end] + column.fraction * (right[end] - left[end]);
+        let width = between(1) - between(0);
+        if column.fraction == 0.0 || width <= 0.0 {
+            return [pressure; 2];
+        }
+        let share = (pressure - between(0)) / width;
+        self.ends.map(|[low, high]| low + share * (high - low))
+    }
+}
+
 /// Linear interpolation over one axis, clamped at its edges.
 #[must_use]
 pub fn interpolate<const POINTS: usize>(axis: &[f64; POINTS], values: &[f64; POINTS], at: f64) -> f64 {
@@ -100,8 +120,11 @@ pub fn interpolate<const POINTS: usize>(axis: &[f64; POINTS], values: &[f64; POI
 #[derive(Clone, Copy, Debug)]
 pub struct OperatingPoint<'a, const COLUMNS: usize> {
     schedule: Schedule<'a, COLUMNS>,
-    row: GridPosition,
+    /// In the column below and in the next one.
+    rows: [GridPosition; 2],
     column: GridPosition,
+    /// How the pressures of both columns correspond.
+    alignment: Option<Alignment>,
     /// How much each of the four grid points around it counts: those of the row below, then those of the
     /// next row.
     weights: [f64; 4],
@@ -115,15 +138,37 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
     #[inline]
     pub fn new(schedule: impl Into<Schedule<'a, COLUMNS>>, boost_pressure: f64, engine_speed: f64) -> Self {
         let schedule = schedule.into();
-        Self::at(schedule, boost_pressure, GridPosition::on(schedule.engine_speed, engine_speed))
+        Self::at(schedule, boost_pressure, GridPosition::on(schedule.engine_speed, engine_speed), None)
     }
 
     #[inline]
-    fn at(schedule: Schedule<'a, COLUMNS>, boost_pressure: f64, column: GridPosition) -> Self {
-        let row = GridPosition::on(schedule.boost_pressure, boost_pressure);
-        let (y, x) = (row.fraction, column.fraction);
-        let weights = [(1.0 - y) * (1.0 - x), (1.0 - y) * x, y * (1.0 - x), y * x];
-        Self { schedule, row, column, weights, time_scale: 1.0 }
+    fn at(
+        schedule: Schedule<'a, COLUMNS>,
+        boost_pressure: f64,
+        column: GridPosition,
+        alignment: Option<Alignment>,
+    ) -> Self {
+        let pressures =
+            alignment.map_or([boost_pressure; 2], |alignment| alignment.pressures(boost_pressure, column));
+        let rows = pressures.map(|pressure| GridPosition::on(schedule.boost_pressure, pressure));
+        let ([left, right], x) = (rows.map(|row| row.fraction), column.fraction);
+        let weights = [(1.0 - left) * (1.0 - x), (1.0 - right) * x, left * (1.0 - x), right * x];
+        Self { schedule, rows, column, alignment, weights, time_scale: 1.0 }
+    }
+
+    /// The same where each column is read at the same share of the way from the boost pressure of the largest duty (%) to
+    /// that of the least.
+    ///
+    /// Between two columns this follows the lines of equal duty. At equal pressures, one column may be beyond what the
+    /// engine can reach at its speed, where the map is filled, and the other not.
+    #[must_use]
+    pub fn aligned(self, boost_pressure: f64, [least, most]: [f64; 2]) -> Self {
+        let ends = [0.0, 1.0].map(|fraction| {
+            let column = GridPosition { fraction, ..self.column };
+            let column = Self::at(self.schedule, boost_pressure, column, None);
+            [column.pressure_held_by(most), column.pressure_held_by(least)]
+        });
+        Self::at(self.schedule, boost_pressure, self.column, Some(Alignment { ends })).slower(self.time_scale)
     }
 
     /// With time constants longer by a factor.
@@ -136,7 +181,7 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
     #[must_use]
     #[inline]
     pub fn at_pressure(self, boost_pressure: f64) -> Self {
-        Self::at(self.schedule, boost_pressure, self.column).slower(self.time_scale)
+        Self::at(self.schedule, boost_pressure, self.column, self.alignment).slower(self.time_scale)
     }
 
     /// The duty at nominal voltage (%) that holds the boost pressure at rest: the static map of the
@@ -193,10 +238,12 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
     #[must_use]
     #[inline]
     pub fn interpolate(self, table: &[[f64; COLUMNS]; ROWS]) -> f64 {
-        let (below, next) = (&table[self.row.below], &table[self.row.below + 1]);
-        let (left, right) = (self.column.below, self.column.below + 1);
+        let [(below_left, next_left), (below_right, next_right)] = [0, 1].map(|side| {
+            let (row, column) = (self.rows[side].below, self.column.below + side);
+            (table[row][column], table[row + 1][column])
+        });
         let [a, b, c, d] = self.weights;
-        (a * below[left] + b * below[right]) + (c * next[left] + d * next[right])
+        (a * below_left + b * below_right) + (c * next_left + d * next_right)
     }
 }
 

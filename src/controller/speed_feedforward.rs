@@ -6,7 +6,7 @@
 
 use fmu_export::Persistent;
 
-use super::schedule::OperatingPoint;
+use super::day::Day;
 use super::variables::Parameters;
 use crate::elementary::{larger, smaller};
 
@@ -52,6 +52,7 @@ pub fn speed_of_bypass(parameters: &Parameters, engine_speed: f64, bypass: f64) 
 /// it does not change.
 pub fn holding_duty(
     parameters: &Parameters,
+    day: &Day,
     boost_pressure: f64,
     engine_speed: f64,
     rate: f64,
@@ -62,7 +63,7 @@ pub fn holding_duty(
     }
     let schedule = &parameters.range_schedule;
     let of_bypass = speed_of_bypass(parameters, engine_speed, bypass);
-    let sensitive = OperatingPoint::new(schedule, boost_pressure, of_bypass);
+    let sensitive = day.operating_point(parameters, boost_pressure, of_bypass);
     let shift = |pressure| {
         let sensitivity = sensitive.at_pressure(pressure).interpolate(&schedule.speed_sensitivity);
         parameters.speed_feedforward.share * sensitivity * rate
@@ -73,6 +74,6 @@ pub fn holding_duty(
     }
     let (least, most) = PRESSURES;
     let shifted = smaller(larger(shifted, least), most);
-    let here = OperatingPoint::new(schedule, boost_pressure, engine_speed);
+    let here = day.operating_point(parameters, boost_pressure, engine_speed);
     Some(here.extrapolated_feedforward(shifted))
 }

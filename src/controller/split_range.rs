@@ -10,13 +10,14 @@
 use fmu_export::{Error, Persistent};
 
 use super::Command;
+use super::actuator_inverse;
 use super::allocation::{self, Bypass, Openings};
 use super::compensator::{Compensator, Limits};
 use super::day::Day;
 use super::feedforward;
 use super::law::{BoostLaw, DutyTerms, Task};
-use super::schedule::{self, OperatingPoint};
-use super::shaft_speed_limit::ShaftSpeedLimit;
+use super::schedule;
+use super::shaft_speed_limit::{self, ShaftSpeedLimit};
 use super::speed_feedforward::{self, SpeedFilter};
 use super::surge_protection::SurgeValve;
 use super::variables::{Inputs, Parameters};
@@ -55,10 +56,15 @@ impl SplitRange {
         let rate = day.time_scale() * (factor * self.engine_speed.sample(parameters, inputs.engine_speed));
         let (reference, limit) = references(parameters, inputs, &day, engine_speed);
         let mut limits = allocation.limits(parameters, engine_speed, compensator);
-        let at = |pressure| OperatingPoint::new(&parameters.range_schedule, pressure, engine_speed);
+        let at = |pressure| day.operating_point(parameters, pressure, engine_speed);
         let holding = at(limit).feedforward();
-        if let Some(least) = self.shaft_speed.least_duty(parameters, inputs.hp_turbo_speed, holding) {
-            limits.least = larger(limits.least, least);
+        let mut waits = day.is_other;
+        let excess = self.shaft_speed.excess(parameters, inputs.hp_turbo_speed);
+        let least = excess.map(|excess| shaft_speed_limit::least_duty(parameters, excess, holding));
+        if let Some(least) = least
+            && least > limits.least
+        {
+            (limits.least, waits) = (least, false);
         }
         let expected = day.pressure(larger(pressure, reference));
         let surge_valve = self.surge_valve.sample(parameters, inputs.boost_pressure, expected);
@@ -68,14 +74,24 @@ impl SplitRange {
                 reference,
                 measurement: day.scheduled_pressure(inputs.boost_pressure),
                 operating_point: at(reference).slower(day.time_scale()),
-                holding: speed_feedforward::holding_duty(parameters, pressure, engine_speed, rate, bypass),
+                holding: speed_feedforward::holding_duty(
+                    parameters,
+                    &day,
+                    pressure,
+                    engine_speed,
+                    rate,
+                    bypass,
+                ),
                 feedback_lambda: lambda
                     + (feedback_lambda - lambda) * allocation.low_pressure_share(engine_speed),
                 limits,
+                model_limits: if day.is_other { lifting(parameters, limits) } else { limits },
+                waits,
             },
         );
         let virtual_duty = limits.clip(terms.duty());
-        let asked = allocation.openings(virtual_duty, engine_speed);
+        let mut asked = allocation.openings(virtual_duty, engine_speed);
+        asked.hp_bypass *= excess.map_or(1.0, shaft_speed_limit::bypass_share);
         let hp_bypass = self.bypass.sample(parameters, asked.hp_bypass, virtual_duty);
         command(parameters, &day, terms, limits, Openings { hp_bypass, surge_valve, ..asked })
     }
@@ -87,10 +103,16 @@ pub fn at_rest(parameters: &Parameters, inputs: &Inputs, compensator: Compensato
     let asked = day.scheduled_pressure(feedforward::bounded_reference(parameters, inputs));
     let engine_speed = day.speed_factor(asked) * inputs.engine_speed;
     let (reference, _) = references(parameters, inputs, &day, engine_speed);
-    let holding = OperatingPoint::new(&parameters.range_schedule, reference, engine_speed).feedforward();
+    let holding = day.operating_point(parameters, reference, engine_speed).feedforward();
     let limits = parameters.allocation.limits(parameters, engine_speed, compensator);
     let openings = parameters.allocation.openings(limits.clip(holding), engine_speed);
     command(parameters, &day, DutyTerms::feedforward(holding, reference), limits, openings)
+}
+
+/// The part of the duty's limits in which the high-pressure wastegate is off its seat.
+fn lifting(parameters: &Parameters, limits: Limits) -> Limits {
+    let lift_off = actuator_inverse::duty(&parameters.actuator_inverse, 0.0);
+    Limits { least: larger(limits.least, lift_off), ..limits }
 }
 
 fn command(
@@ -113,13 +135,15 @@ fn references(parameters: &Parameters, inputs: &Inputs, day: &Day, engine_speed:
     (smaller(day.scheduled_pressure(feedforward::bounded_reference(parameters, inputs)), limit), limit)
 }
 
-/// The inputs and the reference of the boost pressure (Pa) as on the day of the schedule.
-pub fn on_scheduled_day(parameters: &Parameters, inputs: &Inputs) -> (Inputs, f64) {
+/// The inputs and the reference of the boost pressure (Pa) as on the day of the schedule, and the pressure there (Pa) of
+/// the largest reference.
+pub fn on_scheduled_day(parameters: &Parameters, inputs: &Inputs) -> (Inputs, f64, f64) {
     let day = Day::measured(parameters, inputs);
     let boost_pressure = day.scheduled_pressure(inputs.boost_pressure);
     let engine_speed = day.speed_factor(boost_pressure) * inputs.engine_speed;
     let (reference, _) = references(parameters, inputs, &day, engine_speed);
-    (Inputs { boost_pressure, engine_speed, ..*inputs }, reference)
+    let largest = day.scheduled_pressure(parameters.boost_limit);
+    (Inputs { boost_pressure, engine_speed, ..*inputs }, reference, largest)
 }
 
 /// Rejects parameters of the strategy that contradict each other.

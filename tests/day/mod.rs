@@ -3,7 +3,7 @@
 use boost_fmu::controller::variables as controller;
 use boost_fmu::plant::variables as plant;
 
-use crate::{Loop, Order, follow};
+use crate::{Loop, Order, STEP, follow};
 
 /// The optional measurements that a loop connects.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,6 +53,11 @@ struct Result {
 
 fn steps(pressure: f64, temperature: f64, engine_speed: f64, measured: Measured) -> Result {
     let mut control = on_a_day(pressure, temperature, 125e3, engine_speed, measured);
+    if measured == NOTHING {
+        // At 80 kPa and less, a reference out of the plant's reach is taken for a fault where the controller does not
+        // know of the thin air.
+        control.controller.variables.parameters.diagnosis.answer_error = 1e6;
+    }
     control.run(SETTLING, |_| {});
     let references = [125.0, 135.0, 150.0, 170.0, 150.0, 130.0, 120.0, 140.0, 125.0];
     let steps: Vec<_> = references.iter().zip(1..).map(|(&r, k)| (SETTLING * f64::from(k), r)).collect();
@@ -68,39 +73,124 @@ fn steps(pressure: f64, temperature: f64, engine_speed: f64, measured: Measured)
     let overshoot = held.map(|pair| pair[1].overshoot).fold(0.0, f64::max);
     let [overshoot, fastest, fastest_at_rest] =
         [overshoot, fastest, fastest_at_rest].map(|value| 1e-3 * value);
-    println!(
-        "{pressure} Pa, {temperature} K, {engine_speed} rpm, {measured:?}: overshoot {overshoot:.2} kPa, \
-         shaft {fastest:.0} krpm, {fastest_at_rest:.0} krpm at rest"
-    );
     Result { overshoot, fastest, fastest_at_rest }
 }
 
 const SPEEDS: [f64; 6] = [1500.0, 2000.0, 2500.0, 3500.0, 4500.0, 5500.0];
 
-/// At most 1 kPa of overshoot at 298 K, where the plant holds both references; without the measurement 3 to 11 kPa.
-#[test]
-fn steps_of_the_reference_at_altitude() {
-    for pressure in [101_325.0, 90e3, 80e3, 70e3] {
+/// The steps of the reference at an ambient pressure, from -20 to +40 degC, without and with the measurements: at most
+/// 1 kPa of overshoot where the plant holds both references.
+///
+/// With its speed measured the shaft is at 210 krpm at most at rest; where all valves are at their limits and the
+/// references out of reach, at most 211.
+fn steps_at(pressure: f64, at_all_limits: &[(f64, f64)]) {
+    for temperature in [253.0, 298.0, 313.0] {
         for engine_speed in SPEEDS {
-            let with = steps(pressure, 298.0, engine_speed, AMBIENT);
-            assert!(with.overshoot <= 1.0, "{with:?}");
+            let [without, ambient, all] =
+                [NOTHING, AMBIENT, ALL].map(|measured| steps(pressure, temperature, engine_speed, measured));
+            let of_all = |value: fn(&Result) -> f64| [&without, &ambient, &all].map(value);
+            println!(
+                "{pressure} Pa, {temperature} K, {engine_speed} rpm, nothing, ambient, and shaft measured: overshoot \
+                 {:.2?} kPa, shaft {:.0?} krpm on the way, {:.0?} krpm at rest",
+                of_all(|found| found.overshoot),
+                of_all(|found| found.fastest),
+                of_all(|found| found.fastest_at_rest)
+            );
+            assert!(ambient.overshoot <= 1.0 && all.overshoot <= 1.0, "{ambient:?} {all:?}");
+            let bound = if at_all_limits.contains(&(temperature, engine_speed)) { 211.0 } else { 210.0 };
+            assert!(all.fastest_at_rest <= bound, "{all:?}");
         }
     }
-    let without = [90e3, 80e3, 70e3].map(|pressure| steps(pressure, 298.0, 2000.0, NOTHING).overshoot);
-    assert!(without.iter().all(|overshoot| *overshoot > 3.0), "{without:?}");
 }
 
-/// The same from -20 to +40 degC. Beyond 1 kPa only at 1500 rpm: on the schedule's day that is 1400 and 1800 rpm,
-/// between its columns, with 1.8 kPa on that day, too.
 #[test]
-fn steps_of_the_reference_in_cold_and_heat() {
-    for temperature in [253.0, 273.0, 313.0] {
-        for engine_speed in SPEEDS {
-            let with = steps(101_325.0, temperature, engine_speed, AMBIENT);
-            let bound = if engine_speed < 2000.0 { 2.8 } else { 1.0 };
-            assert!(with.overshoot <= bound, "{with:?}");
+fn steps_of_the_reference_at_sea_level() {
+    steps_at(101_325.0, &[]);
+}
+
+#[test]
+fn steps_of_the_reference_at_1000_m() {
+    steps_at(90e3, &[]);
+}
+
+#[test]
+fn steps_of_the_reference_at_2000_m() {
+    steps_at(80e3, &[]);
+}
+
+#[test]
+fn steps_of_the_reference_at_3000_m() {
+    steps_at(70e3, &[(253.0, 5500.0)]);
+}
+
+/// Down from a reference that the plant cannot reach: boost stays where it is until the reference is below it.
+#[test]
+fn an_unreachable_reference_leaves_no_dip() {
+    for engine_speed in [1500.0, 5500.0] {
+        let mut control = on_a_day(70e3, 298.0, 170e3, engine_speed, AMBIENT);
+        control.run(2.0 * SETTLING, |_| {});
+        let (before, mut least) = (control.boost_pressure(), f64::INFINITY);
+        control.demand.boost_reference = 150e3;
+        control.run(3.0 * SETTLING, |control| least = least.min(control.boost_pressure()));
+        println!("{engine_speed} rpm: {before:.0} Pa before, {least:.0} Pa at least");
+        assert!(before < 150e3 && least > before - 500.0, "{least} Pa after {before} Pa");
+    }
+}
+
+/// Ramps of engine speed at altitude: the largest deviation of boost (kPa).
+#[test]
+fn ramps_at_altitude() {
+    let ramps = |measured| {
+        let mut worst: f64 = 0.0;
+        for boost_reference in [120e3, 130e3, 145e3] {
+            let mut control = on_a_day(90e3, 298.0, boost_reference, 2500.0, measured);
+            control.run(SETTLING, |_| {});
+            for (target, end) in [(4500.0, 20.0), (2500.0, 30.0)] {
+                while control.time() < end {
+                    let speed = &mut control.surroundings.engine_speed;
+                    *speed += (target - *speed).clamp(-2000.0 * STEP, 2000.0 * STEP);
+                    control.demand.engine_speed = *speed;
+                    control.step();
+                    worst = worst.max((control.boost_pressure() - boost_reference).abs());
+                }
+            }
+        }
+        1e-3 * worst
+    };
+    let [without, with] = [NOTHING, AMBIENT].map(ramps);
+    println!("ramps of 2000 rpm/s at 90 kPa: {without:.2} kPa, {with:.2} kPa with the ambient measured");
+    assert!(with <= 2.0 && with < without, "{with} kPa, {without} kPa");
+}
+
+/// The ambient changes faster than on any road, up and down by 60 K at once and by 20 kPa within seconds: the reference
+/// has not moved, although it has on the schedule's day. `Loop` refuses any alarm.
+#[test]
+fn a_change_of_the_ambient_is_no_fault() {
+    for (boost_reference, engine_speed) in [(150e3, 1500.0), (170e3, 1500.0), (170e3, 4500.0)] {
+        for (from, to) in [(253.0, 313.0), (268.0, 328.0), (313.0, 253.0)] {
+            for duration in [5.0, 20.0] {
+                let mut control = on_a_day(80e3, from, boost_reference, engine_speed, ALL);
+                control.run(SETTLING, |_| {});
+                while control.time() < 40.0 {
+                    let share = ((control.time() - SETTLING) / duration).clamp(0.0, 1.0);
+                    let pressure = 80e3 + share * 21e3;
+                    let (ambient, demand) = (&mut control.surroundings, &mut control.demand);
+                    (ambient.ambient_pressure, ambient.ambient_temperature) = (pressure, to);
+                    (demand.ambient_pressure, demand.ambient_temperature) = (pressure, to);
+                    control.step();
+                }
+            }
         }
     }
+}
+
+/// A reference out of the plant's reach in thin and hot air, from one that is just within it, is no fault.
+#[test]
+fn the_end_of_the_reach_is_no_fault() {
+    let mut control = on_a_day(70e3, 313.0, 119.9e3, 1500.0, ALL);
+    control.run(SETTLING, |_| {});
+    control.demand.boost_reference = 140e3;
+    control.run(2.0 * SETTLING, |_| {});
 }
 
 /// How far boost is from the reference where the loop starts, with the feedforward alone (kPa).
@@ -114,9 +204,9 @@ fn first_error(pressure: f64, temperature: f64, engine_speed: f64, measured: Mea
 #[test]
 fn the_feedforward_holds_on_other_days() {
     for (pressure, temperature, with, without) in [
-        (90e3, 298.0, 3.2, 80.0),
-        (80e3, 298.0, 4.8, 50.0),
-        (70e3, 298.0, 6.4, 35.0),
+        (90e3, 298.0, 1.5, 80.0),
+        (80e3, 298.0, 2.0, 50.0),
+        (70e3, 298.0, 2.3, 35.0),
         (101_325.0, 253.0, 17.5, 75.0),
         (101_325.0, 313.0, 4.2, 9.0),
     ] {
@@ -154,22 +244,6 @@ fn the_shaft_keeps_its_limit_while_boost_rises() {
             "{engine_speed} rpm, {from} to {to} Pa: {fastest:.1?} krpm without and with the measurement"
         );
         assert!(fastest[1] <= 214.0 && fastest[1] < fastest[0], "{fastest:?}");
-    }
-}
-
-/// The shaft at rest on any day: at most 210 krpm, where less boost would slow it down. In the cold at 5500 rpm it would
-/// not: the engine alone swallows so much that the shaft runs at 219 krpm at any boost pressure.
-#[test]
-fn the_shaft_keeps_its_limit_at_rest_on_other_days() {
-    for (pressure, temperature) in
-        [(90e3, 298.0), (80e3, 298.0), (70e3, 298.0), (101_325.0, 313.0), (80e3, 253.0)]
-    {
-        for engine_speed in [3500.0, 4500.0, 5500.0] {
-            let found = steps(pressure, temperature, engine_speed, ALL);
-            let bound = if temperature < 273.0 && engine_speed > 5000.0 { 220.0 } else { 210.0 };
-            assert!(found.fastest_at_rest <= bound, "{found:?}");
-            assert!(found.fastest <= bound + 10.0, "{found:?}");
-        }
     }
 }
 

@@ -91,15 +91,20 @@ def ssp_of_fmpy(plant: Instance, controller: Instance) -> Master:
     step at once, and inputs of the system are a step late."""
     for instance in (controller, plant):
         instance.start()
-        inputs = set(instance.fmu.named("input")) - {"ambient_pressure", "ambient_temperature"}
-        instance.set(dict.fromkeys(inputs, 0.0))
+        instance.set(dict.fromkeys(instance.fmu.named("input"), 0.0))
         instance.slave.doStep(0.0, SAMPLE_TIME)
     reference = staircase(*BOOST_STEPS)
     inputs = {"boost_reference": lambda time: reference(time - SAMPLE_TIME), **constants(OPERATING_POINT)}
     return Master([controller, plant], SAMPLE_TIME, start_time=SAMPLE_TIME, inputs=inputs, at_once=True)
 
 
-OPERATING_POINT = {"engine_speed": 1500.0, "supply_voltage": 12.0, "throttle": 1.0}
+OPERATING_POINT = {
+    "engine_speed": 1500.0,
+    "supply_voltage": 12.0,
+    "throttle": 1.0,
+    "ambient_pressure": 101325.0,
+    "ambient_temperature": 298.0,
+}
 """The inputs of a system whose master passes zeros instead of start values."""
 
 

@@ -105,7 +105,7 @@ fn build(plant: &Compatibility<'_>, controller: &Compatibility<'_>, names: [Stri
 
     let (plant_inputs, plant_outputs) = (of_plant(Kind::Input), of_plant(Kind::Output));
     let (controller_inputs, controller_outputs) = (of_controller(Kind::Input), of_controller(Kind::Output));
-    let is_external = |wire: &&Wire<'_>| !wire.port.couples() && may_be_zero(wire.port);
+    let is_external = |wire: &&Wire<'_>| !wire.port.couples();
     let is_shared = |wire: &&Wire<'_>| {
         is_taken(&plant_inputs, wire.port.name()) && is_taken(&controller_inputs, wire.port.name())
     };
@@ -262,12 +262,6 @@ fn wires<'a>(compatibility: &'a Compatibility<'a>, kind: Kind) -> Vec<Wire<'a>> 
             _ => None,
         })
         .collect()
-}
-
-/// Whether 0 is within the range. Some masters set connected inputs to zero first, so an input without 0 in its range
-/// is not connected and keeps its start value.
-fn may_be_zero(port: &Port) -> bool {
-    port.variable.range().is_ok_and(|(min, max)| min <= 0.0 && max >= 0.0)
 }
 
 fn transformation(function: Linear) -> Option<Linear> {
