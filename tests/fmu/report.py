@@ -31,7 +31,9 @@ class Report(HTMLParser):
         self.maps += tag == "table" and named.get("class") == "map"
         self.cells += tag == "td" and "title" in named
         self.names += [value for name, value in attributes if name == "id"]
-        self.loads += [value for name, value in attributes if name in ("src", "href")]
+        # Links within the page load nothing.
+        targets = [value for name, value in attributes if name in ("src", "href")]
+        self.loads += [target for target in targets if not target.startswith("#")]
         self._script = named.get("type") if tag == "script" else None
 
     def handle_data(self, data: str) -> None:

@@ -110,7 +110,9 @@ def test_page_describes_every_variable(fmus: dict[str, Fmu], name: str, tree: et
 
         def said(cell: etree._Element, is_derivative: bool = is_derivative) -> str:
             """The text in a cell for the variable, or for its derivative."""
-            return cell.findtext("span") if is_derivative else "".join(cell.xpath("text() | a/text()"))
+            if is_derivative:
+                return text_of(cell.find("span"))
+            return "".join(cell.xpath(".//text()[not(ancestor::span or ancestor::small)]"))
 
         cells = {cell.get("class"): cell for cell in row.findall("td")}
         first, *last = map(int, said(cells["reference"]).split("…"))
@@ -204,10 +206,10 @@ def test_icon(exported: Path, name: str) -> None:
         file.seek(0)
         pixels = imread(file, format="png")
     assert content == (ROOT / "modelDescription" / "icons" / ICONS[name]).read_bytes()
-    assert pixels.shape == (160, 160, 4)
+    assert pixels.shape == (512, 512, 4)
     assert pixels[0, 0, 3] == 0
     opaque = pixels[pixels[..., 3] == 1]
-    assert len(opaque) > 0.9 * 160 * 160
+    assert len(opaque) > 0.9 * 512 * 512
     # Not blank: several colors, light and dark.
     brightness = opaque[:, :3].mean(axis=1)
     assert 0.05 < (brightness > 0.5).mean() < 0.5

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from statistics import NormalDist
@@ -17,10 +18,8 @@ from report import Report
 BENCH = ROOT / "examples" / "actuator_bench.toml"
 
 NOISE = {
-    "tank_pressure": 100.0,
-    "actuator_pressure": 100.0,
-    "actuator.position": 1e-5,
-    "supply_voltage": 5e-3,
+    name: noise["standard_deviation"]
+    for name, noise in tomllib.loads(BENCH.read_text())["measurement_noise"].items()
 }
 """Standard deviations of the sensors (Pa, m, V): 0.1 % of 100 kPa and of the stroke."""
 
@@ -132,7 +131,8 @@ def bench(lab: Run, exported: Path, folder: Path, *, values: dict[str, float], p
     listed = ", ".join(f'"{name}" = {value!r}' for name, value in values.items())
     lines = f'file = "BoostPlant.fmu"\nvalues = {{ {listed} }}\n{parameters}'
     scenario = folder / "bench.toml"
-    scenario.write_text(BENCH.read_text().replace('file = "BoostPlant.fmu"\n', lines))
+    without_noise = BENCH.read_text().partition("[measurement_noise]")[0]
+    scenario.write_text(without_noise.replace('file = "BoostPlant.fmu"\n', lines))
     done = lab("simulate", scenario, "--fmus", exported, "--out", folder / "bench.csv")
     assert done.returncode == 0, done.stderr
     return Table.read(folder / "bench.csv")

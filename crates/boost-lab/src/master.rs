@@ -17,7 +17,7 @@ use rand_pcg::Pcg64;
 use crate::importer::{Fmu, Instance, Message, Selection};
 use crate::mapping;
 use crate::record::Record;
-use crate::scenario::{Assignment, Input, Member, Scenario, Signal, Stepping};
+use crate::scenario::{Assignment, Input, Member, Noise, Scenario, Signal, Stepping};
 
 /// Exchanges of outputs and inputs in initialization: a plant that settles at the controller's outputs returns
 /// its measured supply, which changes these.
@@ -82,8 +82,24 @@ struct NoiseOn {
     target: usize,
     wires: usize,
     position: usize,
+    source: NoiseSource,
+}
+
+/// Draws the noise of one value.
+struct NoiseSource {
     distribution: Normal<f64>,
     generator: Pcg64,
+}
+
+impl NoiseSource {
+    fn new(noise: &Noise) -> Result<Self> {
+        let distribution = Normal::new(0.0, noise.standard_deviation).context("no distribution")?;
+        Ok(Self { distribution, generator: Pcg64::seed_from_u64(noise.seed) })
+    }
+
+    fn draw(&mut self) -> f64 {
+        self.distribution.sample(&mut self.generator)
+    }
 }
 
 /// Records rows.
@@ -92,6 +108,8 @@ struct Recorder {
     sources: Vec<Source>,
     selections: Vec<(Selection, Vec<f64>)>,
     row: Vec<f64>,
+    /// By the index of the column.
+    noise: Vec<(usize, NoiseSource)>,
     record: Record,
 }
 
@@ -261,7 +279,7 @@ impl<'a> Master<'a> {
                 for noise in
                     self.noise.iter_mut().filter(|noise| noise.target == target && noise.wires == index)
                 {
-                    wires.values[noise.position] += noise.distribution.sample(&mut noise.generator);
+                    wires.values[noise.position] += noise.source.draw();
                 }
             }
             for (position, conversion) in &wires.conversions {
@@ -403,10 +421,7 @@ fn noise(scenario: &Scenario, members: &[Coupled<'_>]) -> Result<Vec<NoiseOn>> {
         for (target, coupled) in members.iter().enumerate() {
             for (wires, known) in coupled.wires.iter().enumerate() {
                 if let Some(position) = known.inputs.names().iter().position(|name| *name == noise.name) {
-                    let distribution =
-                        Normal::new(0.0, noise.standard_deviation).context("no distribution")?;
-                    let generator = Pcg64::seed_from_u64(noise.seed);
-                    all.push(NoiseOn { target, wires, position, distribution, generator });
+                    all.push(NoiseOn { target, wires, position, source: NoiseSource::new(noise)? });
                 }
             }
         }
@@ -459,12 +474,21 @@ impl Recorder {
                 return Err(panel.location.error(message));
             }
         }
+        let mut noise = vec![];
+        for measured in &scenario.measurement_noise {
+            let Some(column) = columns.iter().position(|(name, _)| *name == measured.name) else {
+                let known = columns.iter().map(|(name, _)| name.as_str());
+                let message = format!("{} is not recorded{}", measured.name, like(&measured.name, known));
+                return Err(measured.location.error(message));
+            };
+            noise.push((column, NoiseSource::new(measured)?));
+        }
         let selections = names.iter().zip(fmus).map(|(names, fmu)| {
             let selection = fmu.select(names.iter().map(String::as_str))?;
             Ok((selection, vec![0.0; names.len()]))
         });
         let selections = selections.collect::<Result<_>>()?;
-        Ok(Self { selections, row: vec![0.0; sources.len()], record: Record::new(columns), sources })
+        Ok(Self { selections, row: vec![0.0; sources.len()], noise, record: Record::new(columns), sources })
     }
 
     fn take(&mut self, time: f64, members: &mut [Coupled<'_>]) -> Result<()> {
@@ -476,6 +500,9 @@ impl Recorder {
                 Source::Signal(signal) => signal.at(time),
                 Source::Instance { member, position } => self.selections[*member].1[*position],
             };
+        }
+        for (column, source) in &mut self.noise {
+            self.row[*column] += source.draw();
         }
         self.record.push(time, &self.row);
         Ok(())

@@ -1,42 +1,48 @@
-//! HTML pages of the reports, which need no other file, and their numbers.
+//! The reports: HTML pages in the look of the FMUs' own, which need no other file, and their numbers.
 
-use crate::plot::{self, escaped};
+use fmu_export_build::document::{self, Document};
+
+use crate::plot;
 
 /// Significant digits.
 const DIGITS: usize = 3;
 
-/// The style sheet of all reports, with the figures' colours.
+/// What the reports have in addition to the FMUs' pages: figures by plotly.
 const STYLE: &str = "
-* { box-sizing: border-box; }
-body { font: 16px/1.55 system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif; color: var(--ink); background: var(--paper); max-width: 58rem; margin: 2.5em auto; padding: 0 1em; overflow-wrap: break-word; }
-h1 { font-size: 1.6em; line-height: 1.25; } h2 { font-size: 1.2em; margin: 2.4em 0 0.6em; border-top: 1px solid var(--rule); padding-top: 1em; }
-figure { margin: 1em 0; } figure svg { max-width: 100%; height: auto; } figcaption, .caption { font-size: 0.9em; color: var(--faint); }
-.row { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 20rem), 1fr)); gap: 0 1em; }
-.panel { min-width: 0; } .plot { width: 100%; } .title { margin: 0.8em 0 0 64px; font-weight: 600; font-size: 0.9em; }
+.row { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 20rem), 1fr)); gap: 0 1rem; }
+.panel { min-width: 0; } .plot { width: 100%; } .panel .title { margin: .8rem 0 0 64px; font-weight: 600; font-size: .9rem; }
 .modebar:focus-within { opacity: 1 !important; }
-.legend { display: flex; flex-wrap: wrap; gap: 0 1.2em; margin: 0 0 -0.6em 64px; font-size: 0.85em; } .legend label { display: flex; align-items: center; gap: 0.4em; } .legend span { width: 1.6em; }
-table { border-collapse: collapse; width: 100%; font-size: 0.88em; } th { text-align: left; font-weight: 600; white-space: nowrap; }
-th, td { padding: 0.35em 0.6em 0.35em 0; vertical-align: top; border-bottom: 1px solid var(--rule); }
-td.number { white-space: nowrap; } summary { cursor: pointer; color: var(--faint); font-size: 0.9em; }
+.panel .legend { display: flex; flex-wrap: wrap; gap: 0 1.2rem; margin: 0 0 -.6rem 64px; font-size: .85rem; } .legend label { display: flex; align-items: center; gap: .4rem; } .legend span { width: 1.6rem; }
+td.number { white-space: nowrap; } .caption { color: var(--faint); font-size: .9rem; }
 ";
 
-/// A page with a title, additional style sheet rules and a body of HTML.
+/// A page with a title, additional style sheet rules and a body of HTML, which begins with an `<h1>`; the page's contents
+/// are its `<h2>`.
 pub fn page(title: &str, style: &str, body: &str) -> String {
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" \
-         content=\"width=device-width\">\n<title>{}</title>\n<style>{}{STYLE}{style}</style>\n\
-         </head>\n<body>\n<noscript><p>The figures are drawn by the script in this page.</p></noscript>\n{body}{}\
-         </body>\n</html>\n",
-        escaped(title),
-        plot::palette(),
-        plot::script(),
-    )
+    let (heading, sections) = body.split_once("</h1>").unwrap_or(("", body));
+    let mut contents = String::new();
+    let mut parts = sections.split("<h2");
+    let mut main =
+        String::from("<noscript><p>The figures are drawn by the script in this page.</p></noscript>\n")
+            + parts.next().unwrap_or_default();
+    for (part, number) in parts.zip(1..) {
+        let (attributes, rest) = part.split_once('>').unwrap_or_default();
+        let (text, _) = rest.split_once("</h2>").unwrap_or_default();
+        let id = attributes.split('"').nth(1).map_or_else(|| format!("section-{number}"), str::to_owned);
+        contents += &format!("<li><a href=\"#{id}\">{text}</a></li>\n");
+        main += &format!("<h2 id=\"{id}\">{rest}");
+    }
+    let style = STYLE.to_owned() + style;
+    let header = format!("{heading}</h1>");
+    let scripts = plot::script();
+    Document { title, style: &style, header: &header, contents: &contents, main: &main, scripts: &scripts }
+        .html()
 }
 
 /// A number with its unit.
 pub fn quantity(value: f64, unit: &str) -> String {
     let space = if unit.is_empty() { "" } else { "\u{202f}" };
-    format!("{}{space}{}", number(value), escaped(unit))
+    format!("{}{space}{}", number(value), document::unit(unit))
 }
 
 /// A number with a few significant digits; up to a million with all digits before the point.
@@ -83,6 +89,23 @@ pub fn estimate(value: f64, error: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn contents_are_the_headings() {
+        let body =
+            "<h1>A &amp; B</h1><p>before</p><h2>One</h2><p>first</p><h2 id=\"two\">Two</h2><p>second</p>";
+        let html = page("A & B", ".own { color: red; }", body);
+        for part in [
+            "<title>A &amp; B</title>",
+            ".own { color: red; }",
+            "<header>\n<h1>A &amp; B</h1>\n</header>",
+            "<li><a href=\"#section-1\">One</a></li>\n<li><a href=\"#two\">Two</a></li>",
+            "<p>before</p><h2 id=\"section-1\">One</h2><p>first</p><h2 id=\"two\">Two</h2><p>second</p>",
+        ] {
+            assert!(html.contains(part), "{part}");
+        }
+        assert!(!page("A", "", "<h1>A</h1><p>alone</p>").contains("<nav"));
+    }
 
     #[test]
     fn numbers_have_few_digits() {

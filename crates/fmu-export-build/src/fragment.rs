@@ -13,15 +13,26 @@ use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion, escape};
 
 use crate::error::{Error, nearest};
+use crate::page::breakable;
 
 /// A fragment that is ready for the page.
 #[derive(Default)]
 pub(crate) struct Fragment {
-    pub(crate) markup: String,
+    markup: String,
+    /// Where in the markup the first section begins: what stands before it opens the page.
+    first_section: Option<usize>,
     /// Id and text of each heading, for the page's contents.
     pub(crate) headings: Vec<(String, String)>,
     /// The file and the pictures in it.
     pub(crate) files: Vec<PathBuf>,
+}
+
+impl Fragment {
+    /// The opening, up to the element with the first heading, and the sections.
+    pub(crate) fn parts(&self) -> (&str, &str) {
+        let (opening, sections) = self.markup.split_at(self.first_section.unwrap_or(self.markup.len()));
+        (opening.trim(), sections.trim())
+    }
 }
 
 /// The ids of the page's own sections begin so.
@@ -38,8 +49,13 @@ const VOID: [&str; 5] = ["br", "col", "hr", "img", "wbr"];
 
 /// Reads a fragment; `anchors` has the id on the page of each name that a variable goes by.
 pub(crate) fn read(file: &Path, anchors: &BTreeMap<String, String>) -> Result<Fragment, Error> {
-    let mut reading =
-        Reading { anchors, fragment: Fragment::default(), ids: BTreeSet::new(), links: Vec::new() };
+    let mut reading = Reading {
+        anchors,
+        fragment: Fragment::default(),
+        ids: BTreeSet::new(),
+        element: 0,
+        links: Vec::new(),
+    };
     reading.include(file, None)?;
     let known: BTreeSet<&str> = reading.ids.iter().chain(anchors.values()).map(String::as_str).collect();
     match reading.links.iter().find(|(_, target)| !known.contains(target.as_str())) {
@@ -68,6 +84,8 @@ struct Reading<'a> {
     anchors: &'a BTreeMap<String, String>,
     fragment: Fragment,
     ids: BTreeSet<String>,
+    /// Where in the markup the outermost open element begins.
+    element: usize,
     /// The links within the page.
     links: Vec<(Place, String)>,
 }
@@ -88,6 +106,9 @@ impl Reading<'_> {
             match event.map_err(|error| place.refuse(&error.to_string()))? {
                 Event::Start(element) => {
                     let name = element.name().as_ref().to_owned();
+                    if picture.is_none() && open.is_empty() {
+                        self.element = self.fragment.markup.len();
+                    }
                     match picture {
                         Some(called) if open.is_empty() => self.begin_picture(&element, called, &place)?,
                         _ if name == "var" => self.begin_variable(reader.read_event(), &open, &place)?,
@@ -124,6 +145,11 @@ impl Reading<'_> {
     }
 
     fn text(&mut self, escaped: &str, open: &[String]) {
+        // Identifiers of one letter are italic, words are not; the style sheet cannot count letters.
+        if escaped.chars().count() > 1 && self.fragment.markup.ends_with("<mi>") {
+            self.fragment.markup.truncate(self.fragment.markup.len() - ">".len());
+            self.fragment.markup += " class=\"word\">";
+        }
         self.fragment.markup += escaped;
         if open.iter().any(|name| name == "h3")
             && let Some((_, heading)) = self.fragment.headings.last_mut()
@@ -147,7 +173,7 @@ impl Reading<'_> {
             place.refuse(&format!("the model has no variable '{}'{nearest}", &*name))
         })?;
         self.fragment.markup += &format!("<a href=\"#{anchor}\"><var>");
-        self.text(&name.replace('.', ".<wbr/>"), open);
+        self.text(&breakable(&name), open);
         Ok(())
     }
 
@@ -171,6 +197,7 @@ impl Reading<'_> {
         if name == "h3" {
             let id = value("id").ok_or_else(|| place.refuse("<h3> needs an id, for the page's contents"))?;
             self.fragment.headings.push((id.clone(), String::new()));
+            self.fragment.first_section.get_or_insert(self.element);
         }
         let end = if VOID.contains(&name) { "/" } else { "" };
         self.fragment.markup += &format!("<{}{end}>", element.trim_end());

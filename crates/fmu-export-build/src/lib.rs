@@ -3,6 +3,7 @@
 mod check;
 mod declaration;
 mod dependencies;
+pub mod document;
 mod error;
 mod fragment;
 mod interfaces;

@@ -6,11 +6,13 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::slice;
 
 use quick_xml::escape::escape;
 
 use crate::declaration::{Causality, UnitNames, VariableDeclaration};
 use crate::dependencies::Structure;
+use crate::document::{self, Document};
 use crate::fragment::Fragment;
 use crate::model::{DataType, Field, Model, Part, Place, Start};
 use crate::xml;
@@ -79,16 +81,11 @@ pub(crate) fn write(
     let page = Page { model, structure, anchors: anchors(model) };
     let description = model.description.iter().map(|description| format!(": {description}"));
     let title = model.identifier.clone() + &description.collect::<String>();
-    format!(
+    let (opening, sections) = fragment.map(Fragment::parts).unwrap_or_default();
+    let main = format!(
         include_str!("page/page.html"),
-        interfaces = model.interfaces.names(),
-        name = escape(&model.identifier),
-        title = escape(&title),
-        description = escape(model.description.as_deref().unwrap_or_default()),
+        opening = section("page-opening", "", opening),
         time = model.scalars[0].value_reference,
-        style = include_str!("page/style.css"),
-        script = include_str!("page/filter.js"),
-        contents = page.contents(fragment),
         facts = page.facts(guid),
         capabilities = page.capabilities(),
         commands = page.commands(),
@@ -97,19 +94,39 @@ pub(crate) fn write(
         } else {
             ""
         },
-        model = fragment.map(model_section).unwrap_or_default(),
+        model = section("page-model", "<h2>Model</h2>\n", sections),
         tables = TABLES.map(|table| page.table(&table)).concat(),
         enumerations = page.enumerations(),
         log_categories = lines(model.log_categories.iter().map(|category| {
             let (name, meaning) = (escape(&category.name), escape(&category.description));
             format!("<tr><th scope=\"row\"><code>{name}</code></th><td>{meaning}</td></tr>")
         })),
-    )
+    );
+    let header = format!(
+        "<p>FMU for {}</p>\n<h1>{}</h1>\n<p class=\"lead\">{}</p>",
+        model.interfaces.names(),
+        escape(&model.identifier),
+        escape(model.description.as_deref().unwrap_or_default()),
+    );
+    let scripts = format!("<script>\n{}</script>\n", include_str!("page/filter.js"));
+    let contents = page.contents(fragment);
+    Document {
+        title: &title,
+        style: "",
+        header: &header,
+        contents: &contents,
+        main: &main,
+        scripts: &scripts,
+    }
+    .html()
 }
 
-/// The section that holds the fragment.
-fn model_section(fragment: &Fragment) -> String {
-    format!("<section id=\"page-model\">\n<h2>Model</h2>\n{}\n</section>\n", fragment.markup.trim())
+/// A section that holds a part of the fragment, if there is any.
+fn section(id: &str, heading: &str, markup: &str) -> String {
+    if markup.is_empty() {
+        return String::new();
+    }
+    format!("<section id=\"{id}\">\n{heading}{markup}\n</section>\n")
 }
 
 /// Every declared variable, with the part that it belongs to.
@@ -144,7 +161,7 @@ impl<'m, 'a> Page<'m, 'a> {
             |id: &str, title: &str, below: &str| format!("<li><a href=\"#{id}\">{title}</a>{below}</li>");
         let below = |entries: Vec<String>| format!("<ul>\n{}\n</ul>", entries.join("\n"));
         let mut entries = vec![entry("page-overview", "Overview", ""), entry("page-use", "Use", "")];
-        if let Some(fragment) = fragment {
+        if let Some(fragment) = fragment.filter(|fragment| !fragment.headings.is_empty()) {
             let headings = fragment.headings.iter().map(|(id, title)| entry(id, title, "")).collect();
             entries.push(entry("page-model", "Model", &below(headings)));
         }
@@ -358,7 +375,7 @@ impl<'m, 'a> Page<'m, 'a> {
             let name = derivative(&name);
             let _ = write!(text, "<span id=\"{name}\">{}</span>", code(&format!("{name}{dimensions}")));
             let _ = write!(reference, "<span>{}</span>", self.references(field, 1));
-            let _ = write!(unit, "<span>{}</span>", escape(rate.unit.as_deref().unwrap_or_default()));
+            let _ = write!(unit, "<span>{}</span>", document::unit(rate.unit.as_deref().unwrap_or_default()));
             let derived = declared.description.as_deref().unwrap_or("time derivative");
             let _ = write!(description, "<span>{}</span>", escape(derived));
         }
@@ -395,16 +412,16 @@ impl<'m, 'a> Page<'m, 'a> {
     fn unit_or_type(&self, field: &Field<'_>) -> String {
         match field.data_type {
             DataType::Real => {
-                let unit = match &field.declaration.unit {
-                    Some(UnitNames::All(unit)) => unit.clone(),
-                    Some(UnitNames::Each(units)) => units.join(", "),
-                    None => String::new(),
+                let units = match &field.declaration.unit {
+                    Some(UnitNames::All(unit)) => slice::from_ref(unit),
+                    Some(UnitNames::Each(units)) => units,
+                    None => &[],
                 };
-                escape(&unit).into_owned()
+                units.iter().map(|unit| document::unit(unit)).collect::<Vec<_>>().join(", ")
             }
             DataType::Enumeration(enumeration) => {
                 let name = &self.model.declaration.enumerations[enumeration].name;
-                format!("<a href=\"#{name}\">{name}</a>")
+                format!("<a href=\"#{name}\">{}</a>", breakable(name))
             }
             _ => field.declaration.data_type.clone(),
         }
@@ -424,7 +441,7 @@ impl<'m, 'a> Page<'m, 'a> {
         let starts: Vec<_> = self.starts(field).collect();
         let mut text = starts.join(", ");
         if let Some(display) = self.displayed(field) {
-            let _ = write!(text, " <small>{}</small>", escape(&display));
+            let _ = write!(text, " <small>{display}</small>");
         }
         text
     }
@@ -456,7 +473,7 @@ impl<'m, 'a> Page<'m, 'a> {
         let display = unit.display_units.iter().find(|display| display.name == *wanted)?;
         // Conversion leaves some parts in 1e16 that nobody wants to read.
         let value = format!("{:.11e}", start * display.factor + display.offset).parse().ok()?;
-        Some(format!("{} {wanted}", number(value)))
+        Some(format!("{} {}", number(value), document::unit(wanted)))
     }
 
     /// A matrix's start values, row by row.
@@ -522,9 +539,23 @@ struct Columns {
     initial: bool,
 }
 
-/// A name that may break after its dots.
 fn code(name: &str) -> String {
-    format!("<code>{}</code>", name.replace('.', ".<wbr/>"))
+    format!("<code>{}</code>", breakable(name))
+}
+
+/// A name that may break between its words: after dots and underscores, and before capitals.
+pub(crate) fn breakable(name: &str) -> String {
+    let mut text = String::new();
+    let mut before = '.';
+    for letter in name.chars() {
+        let begins_word = matches!(before, '.' | '_') || before.is_lowercase() && letter.is_uppercase();
+        if begins_word && !text.is_empty() {
+            text += "<wbr/>";
+        }
+        text.push(letter);
+        before = letter;
+    }
+    text
 }
 
 fn range(variable: &VariableDeclaration) -> String {

@@ -2,12 +2,17 @@
 //! programs.
 
 use anyhow::Result;
+use fmu_export_build::document::unit;
 use serde::Serialize;
 
 use super::phases::MeasurementNoise;
 use super::{Fit, Identification, Known, ParameterEstimate, Unidentified};
 use crate::page::{estimate, number, page, quantity};
 use crate::plot::escaped;
+
+const STYLE: &str = "
+.wide { max-width: 58rem; margin: 1.8rem 0; } .wide table { margin: 0; min-width: 30rem; }
+";
 
 #[derive(Serialize)]
 struct IdentificationReport<'a> {
@@ -61,7 +66,7 @@ pub fn html(identification: &Identification) -> String {
         body += &format!("<p>{}</p>\n", escaped(note));
     }
     if !unidentified.is_empty() {
-        body += "<h2>Parameters that the data do not determine</h2>\n<table>\n<tr><th>Parameter</th><th>Why</th></tr>\n";
+        body += "<h2>Parameters that the data do not determine</h2>\n<table>\n<thead><tr><th>Parameter</th><th>Why</th></tr></thead>\n";
         for Unidentified { name, reason } in unidentified {
             body += &format!("<tr><td>{}</td><td>{}</td></tr>\n", escaped(name), escaped(reason));
         }
@@ -70,7 +75,7 @@ pub fn html(identification: &Identification) -> String {
     for fit in fits {
         body += &section(fit);
     }
-    page("The wastegate's actuator, identified", "", &body)
+    page("The wastegate's actuator, identified", STYLE, &body)
 }
 
 fn section(fit: &Fit) -> String {
@@ -80,17 +85,19 @@ fn section(fit: &Fit) -> String {
         fit.drawing.html(),
         escaped(&fit.method)
     );
-    text += "<table>\n<tr><th>Parameter</th><th>Value and standard error</th><th>Unit</th><th>Plant before</th></tr>\n";
+    text += "<div class=\"wide\">\n<table>\n<caption>Parameters</caption>\n<thead><tr><th>Parameter</th><th>Value and standard error</th>\
+             <th>Unit</th><th>Plant before</th></tr></thead>\n";
     for parameter in &fit.parameters {
         text += &format!(
             "<tr><td>{}</td><td class=\"number\">{}</td><td>{}</td><td class=\"number\">{}</td></tr>\n",
             escaped(&parameter.name),
             estimate(parameter.value, parameter.standard_error),
-            escaped(if parameter.unit == "1" { "" } else { &parameter.unit }),
+            unit(if parameter.unit == "1" { "" } else { &parameter.unit }),
             number(parameter.plant_value)
         );
     }
-    text += "</table>\n<table>\n<tr><th>Residuals, root of the mean square</th><th>Tuning</th><th>Validation</th><th>Noise at rest</th></tr>\n";
+    text += "</table>\n</div>\n<div class=\"wide\">\n<table>\n<caption>Residuals, root of the mean square</caption>\n<thead><tr>\
+             <th>Quantity</th><th>Tuning</th><th>Validation</th><th>Noise at rest</th></tr></thead>\n";
     for residuals in &fit.residuals {
         let shown =
             |value: Option<f64>| value.map_or_else(String::new, |value| quantity(value, &residuals.unit));
@@ -102,5 +109,5 @@ fn section(fit: &Fit) -> String {
             shown(residuals.noise)
         );
     }
-    text + "</table>\n"
+    text + "</table>\n</div>\n"
 }

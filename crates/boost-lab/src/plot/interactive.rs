@@ -98,10 +98,10 @@ impl Axis {
             .ticks(TicksDirection::Inside)
             .zero_line(false)
             .spike_thickness(1)
-            .spike_color(color::FAINT.name)
-            .line_color(color::FAINT.name)
-            .tick_color(color::FAINT.name)
-            .grid_color(color::RULE.name);
+            .spike_color(color::FAINT.name())
+            .line_color(color::FAINT.name())
+            .tick_color(color::FAINT.name())
+            .grid_color(color::RULE.name());
         let scale = if has_label { scale.title(Title::with_text(escaped(&self.label))) } else { scale };
         match self.range {
             Some((from, to)) => scale.range(vec![from, to]),
@@ -114,7 +114,7 @@ impl Line {
     fn trace(&self, points: &[(f64, f64)], [x, y]: [f64; 2]) -> Box<Scatter<f64, f64>> {
         let rounded = |value: f64, factor: f64| (value * factor).round() / factor;
         let (x, y) = points.iter().map(|point| (rounded(point.0, x), rounded(point.1, y))).unzip();
-        let mut stroke = Stroke::new().color(self.color.name).width(self.width);
+        let mut stroke = Stroke::new().color(self.color.name()).width(self.width);
         if self.is_dashed {
             stroke = stroke.dash(DashType::Dash);
         }
@@ -127,7 +127,7 @@ impl Line {
             Marks::Dots => Mode::Markers,
         };
         let trace = Scatter::new(x, y).mode(mode).line(stroke);
-        let trace = trace.marker(Marker::new().size(5).color(self.color.name));
+        let trace = trace.marker(Marker::new().size(5).color(self.color.name()));
         match &self.label {
             Some(label) => trace.name(escaped(label)),
             None => trace.name(""),
@@ -145,7 +145,7 @@ impl Line {
         Some(format!(
             "<label><input type=\"checkbox\" checked value=\"{index}\"><span style=\"border-top:3px {look} \
              var({})\"></span>{label}</label>\n",
-            self.color.name
+            self.color.name()
         ))
     }
 }
@@ -155,7 +155,7 @@ impl Band {
         let shape = Shape::new()
             .shape_type(ShapeType::Rect)
             .layer(ShapeLayer::Below)
-            .fill_color(color::SHADE.name)
+            .fill_color(color::SHADE.name())
             .line(ShapeLine::new().width(0.0));
         if self.is_of_x {
             shape.y_ref("paper").x0(self.from).x1(self.to).y0(0).y1(1)

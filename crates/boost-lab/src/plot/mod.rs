@@ -1,8 +1,7 @@
 //! Figures: what is drawn, as rows of [`Panel`]s that hold [`Line`]s over their axes. [`interactive`] draws them with
 //! plotly in HTML, [`picture`] with plotters as SVG and PNG.
 //!
-//! The colours are those of Okabe and Ito, which the colour-blind tell apart, and lighter ones of the same hues by
-//! night.
+//! The colours are those of the pages' style sheet, which the colour-blind tell apart.
 
 mod interactive;
 mod picture;
@@ -10,82 +9,65 @@ mod picture;
 use std::collections::HashSet;
 
 pub use self::interactive::script;
+use fmu_export_build::document::STYLE;
 use fmu_package::terminal::printable;
 
-/// A colour by day and by night, as RGB; its name is that of the property in the reports' style sheet.
+/// A colour, which the style sheet has by day and by night under this name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Color {
-    name: &'static str,
-    day: [u8; 3],
-    night: [u8; 3],
-}
+pub struct Color(&'static str);
 
 pub mod color {
     use super::Color;
 
-    const fn color(name: &'static str, day: u32, night: u32) -> Color {
-        let [_, day @ ..] = day.to_be_bytes();
-        let [_, night @ ..] = night.to_be_bytes();
-        Color { name, day, night }
-    }
-
     /// Behind the figures.
-    pub const PAPER: Color = color("--paper", 0xff_ff_ff, 0x12_16_1b);
+    pub const PAPER: Color = Color("--paper");
     /// For shaded ranges.
-    pub const SHADE: Color = color("--shade", 0xf0_f3_f7, 0x1d_24_2c);
+    pub const SHADE: Color = Color("--shade");
     /// For grids and thin borders.
-    pub const RULE: Color = color("--rule", 0xd9_df_e6, 0x2d_36_41);
+    pub const RULE: Color = Color("--rule");
     /// For secondary texts.
-    pub const FAINT: Color = color("--faint", 0x5b_67_76, 0x98_a4_b3);
+    pub const FAINT: Color = Color("--faint");
     /// The least and the greatest value of a map, behind texts.
-    pub const LOW: Color = color("--low", 0xed_f4_fa, 0x1a_24_2e);
-    pub const HIGH: Color = color("--high", 0x6a_b4_e4, 0x1d_5c_91);
+    pub const LOW: Color = Color("--low");
+    pub const HIGH: Color = Color("--high");
     /// For references and texts.
-    pub const INK: Color = color("--ink", 0x1b_23_2d, 0xdf_e5_ec);
+    pub const INK: Color = Color("--ink");
     /// For secondary curves.
-    pub const GRAY: Color = color("--gray", 0x80_80_80, 0x93_a0_af);
+    pub const GRAY: Color = Color("--third");
     /// For the main curve.
-    pub const BLUE: Color = color("--blue", 0x00_72_b2, 0x56_a9_ee);
+    pub const BLUE: Color = Color("--first");
     /// For comparison.
-    pub const VERMILION: Color = color("--vermilion", 0xd5_5e_00, 0xf0_85_3c);
-    pub const GREEN: Color = color("--green", 0x00_9e_73, 0x2f_c4_98);
-    pub const PURPLE: Color = color("--purple", 0xaa_44_99, 0xd7_86_c9);
-    pub const SKY: Color = color("--sky", 0x2f_a3_e0, 0x8c_d0_f5);
-    pub const ORANGE: Color = color("--orange", 0xd5_8f_00, 0xe6_b0_3c);
+    pub const VERMILION: Color = Color("--second");
+    pub const GREEN: Color = Color("--green");
+    pub const PURPLE: Color = Color("--purple");
+    pub const SKY: Color = Color("--sky");
+    pub const ORANGE: Color = Color("--orange");
     pub const CYCLE: [Color; 6] = [BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE];
-    pub const ALL: [Color; 14] =
-        [PAPER, SHADE, RULE, FAINT, LOW, HIGH, INK, GRAY, BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE];
 }
 
 impl Color {
     /// In the style sheet.
     pub fn name(self) -> &'static str {
-        self.name
+        self.0
     }
 
     pub fn day(self) -> [u8; 3] {
-        self.day
+        self.defined(0)
     }
 
+    #[cfg(test)]
     pub fn night(self) -> [u8; 3] {
-        self.night
+        self.defined(1)
     }
-}
 
-/// The colours as properties of a style sheet, by day and by night.
-pub fn palette() -> String {
-    let properties = |of: fn(Color) -> [u8; 3]| {
-        let property = |color: &Color| {
-            let [red, green, blue] = of(*color);
-            format!("{}: #{red:02x}{green:02x}{blue:02x}; ", color.name)
-        };
-        color::ALL.iter().map(property).collect::<String>()
-    };
-    format!(
-        ":root {{ {}color-scheme: light dark; }}\n@media (prefers-color-scheme: dark) {{ :root {{ {}}} }}\n",
-        properties(Color::day),
-        properties(Color::night)
-    )
+    /// By the style sheet's definition of this index.
+    fn defined(self, index: usize) -> [u8; 3] {
+        let definition = STYLE.split(&format!("{}: #", self.0)).nth(index + 1);
+        let digits = definition.and_then(|text| u32::from_str_radix(text.get(..6)?, 16).ok());
+        let [_, color @ ..] =
+            digits.expect("the style sheet defines each colour by day and by night").to_be_bytes();
+        color
+    }
 }
 
 /// Panels in rows.
@@ -435,10 +417,10 @@ mod tests {
     /// Every colour by its name in the style sheet, since it differs by night.
     #[test]
     fn html_names_colours_that_the_style_sheet_has() {
-        let (html, palette) = (figure().html(), palette());
+        let html = figure().html();
         for part in html.split("\"--").skip(1) {
             let name = part.split('"').next().unwrap();
-            assert_eq!(palette.matches(&format!("--{name}: #")).count(), 2, "{name}");
+            assert_eq!(STYLE.matches(&format!("--{name}: #")).count(), 2, "{name}");
         }
         assert!(html.contains("\"--ink\"") && !html.contains("\"#"));
     }
@@ -461,7 +443,8 @@ mod tests {
         }
         // Two parts of the line around its gap at least, and a thin rectangle across the frame.
         assert!(svg.matches("<polyline").count() >= 3, "{svg}");
-        assert!(svg.contains("#F0F3F7"));
+        let [red, green, blue] = color::SHADE.day();
+        assert!(svg.contains(&format!("#{red:02X}{green:02X}{blue:02X}")));
     }
 
     #[test]
@@ -472,7 +455,7 @@ mod tests {
         let info = reader.next_frame(&mut pixels).unwrap();
         assert_eq!((info.width, info.height), (1800, 2 * (10 + 24 + 10 + 170 + 24 + 20 + 10 + 170 + 38)));
         for color in [color::INK, color::BLUE, color::SHADE, color::PAPER, color::RULE] {
-            assert!(pixels.chunks(3).any(|pixel| pixel == color.day), "{}", color.name);
+            assert!(pixels.chunks(3).any(|pixel| pixel == color.day()), "{}", color.name());
         }
         // Left of the frames stand the tick labels and the upright label, so the font draws.
         let is_dark = |pixel: &[u8]| pixel.iter().all(|&value| value < 128);

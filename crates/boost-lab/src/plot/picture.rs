@@ -227,6 +227,6 @@ fn text(size: u32, density: u32) -> TextStyle<'static> {
 }
 
 fn rgb(color: super::Color) -> RGBColor {
-    let [red, green, blue] = color.day;
+    let [red, green, blue] = color.day();
     RGBColor(red, green, blue)
 }

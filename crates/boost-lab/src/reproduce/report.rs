@@ -8,9 +8,12 @@ use crate::page::{number, page, quantity};
 use crate::plot::escaped;
 
 const STYLE: &str = "
-.how { color: var(--faint); font-size: 0.93em; } svg .third { color: var(--faint); } svg .added { opacity: 0.45; } svg .block { fill: var(--shade); }
-.holds, .fails { font-weight: 600; } .fails { color: var(--paper); background: var(--ink); padding: 0 0.3em; }
-pre { font-size: 0.8em; background: var(--shade); padding: 0.8em; overflow-x: auto; }
+.how { color: var(--faint); font-size: .93em; } svg :is(.third, .added) { color: var(--faint); }
+.claims { max-width: 58rem; } .holds, .fails { font-weight: 600; } .fails { color: var(--paper); background: var(--ink); padding: 0 .3em; }
+@media (max-width: 48rem) {
+  .claims thead { display: none; } .claims tr { display: flex; flex-wrap: wrap; gap: 0 1rem; padding: .5rem 0; border-bottom: 1px solid var(--rule); }
+  .claims td { padding: 0; border: 0; } .claims td:first-child { flex: 1 0 100%; } .claims .asked::before { content: \"asked: \"; color: var(--faint); }
+}
 ";
 
 #[derive(Serialize)]
@@ -86,12 +89,12 @@ fn section(Reproduced { figure, evidence, scenarios }: &Reproduced) -> String {
         };
         text += &format!("<figure>\n{html}<figcaption>{}</figcaption>\n</figure>\n", escaped(caption));
     }
-    text += "<table>\n<tr><th>The paper</th><th>The FMUs</th><th>Asked for</th><th></th></tr>\n";
+    text += "<table class=\"claims\">\n<thead><tr><th>The paper</th><th>The FMUs</th><th>Asked for</th><th></th></tr></thead>\n<tbody>\n";
     for claim in &evidence.claims {
         let (class, word) = if claim.holds() { ("holds", "holds") } else { ("fails", "fails") };
         text += &format!(
-            "<tr><td>{}<div class=\"how\">{}: {}</div></td><td class=\"number\">{}</td><td class=\"number\">{}</td>\
-             <td class=\"{class}\">{word}</td></tr>\n",
+            "<tr><td>{}<div class=\"how\">{}: {}</div></td><td class=\"number\">{}</td>\
+             <td class=\"number asked\">{}</td><td><span class=\"{class}\">{word}</span></td></tr>\n",
             escaped(claim.paper),
             capitalized(claim.basis.name()),
             escaped(claim.how),
@@ -99,7 +102,7 @@ fn section(Reproduced { figure, evidence, scenarios }: &Reproduced) -> String {
             asked(claim),
         );
     }
-    text += "</table>\n";
+    text += "</tbody>\n</table>\n";
     for note in &evidence.notes {
         text += &format!("<p>{}</p>\n", escaped(note));
     }

@@ -38,6 +38,8 @@ pub struct Scenario {
     pub inputs: Vec<Input>,
     /// Noise on connections.
     pub noise: Vec<Noise>,
+    /// Noise on recorded values.
+    pub measurement_noise: Vec<Noise>,
     /// The recorded variables; by default all driven inputs and all outputs.
     pub record: Option<Vec<Recorded>>,
     /// The recorded variables in each panel of a plot.
@@ -101,7 +103,7 @@ pub struct Input {
     pub location: Location,
 }
 
-/// Normally distributed noise on a connection.
+/// Normally distributed noise on a connection or in the record.
 #[derive(Clone, Debug)]
 pub struct Noise {
     pub name: String,
@@ -161,6 +163,9 @@ impl Scenario {
             fmus: read_members(&root, step, folder, fmus)?,
             inputs: root.optional("inputs").map_or(Ok(vec![]), |node| read_inputs(&node, folder))?,
             noise: root.optional("noise").map_or(Ok(vec![]), |node| read_noise(&node))?,
+            measurement_noise: root
+                .optional("measurement_noise")
+                .map_or(Ok(vec![]), |node| read_noise(&node))?,
             record: root.optional("record").map(|node| read_record(&node)).transpose()?,
             panels: root.optional("panels").map(|node| read_panels(&node)).transpose()?,
             files: vec![],

@@ -230,9 +230,12 @@ impl Loaded {
         for input in &scenario.inputs {
             set(format!("scenario's inputs.{}", input.name), format!("{:?}", input.signal));
         }
-        for noise in &scenario.noise {
-            let value = format!("{:?}, seed {}", noise.standard_deviation, noise.seed);
-            set(format!("scenario's noise.{}", noise.name), value);
+        let noises = [("noise", &scenario.noise), ("measurement_noise", &scenario.measurement_noise)];
+        for (key, noises) in noises {
+            for noise in noises {
+                let value = format!("{:?}, seed {}", noise.standard_deviation, noise.seed);
+                set(format!("scenario's {key}.{}", noise.name), value);
+            }
         }
         if *keeps_records {
             let names = scenario.record.as_ref().map(|record| {

@@ -10,14 +10,14 @@ use crate::plot::{Figure, Line, Panel, color, escaped};
 
 const STYLE: &str = "
 sub { line-height: 0; }
-table { width: auto; font: 11.5px/1.35 system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif; font-variant-numeric: tabular-nums; }
-.maps { display: grid; grid-template-columns: repeat(auto-fit, minmax(390px, 1fr)); gap: 1.6em 2em; }
-.map { width: 100%; table-layout: fixed; } .map caption { font-weight: 600; font-size: 1.2em; text-align: left; }
-.map td { text-align: center; padding: 0.16em 0; border: 1px solid var(--paper); } .map th { font-weight: 400; color: var(--faint); padding: 0.16em 0.3em; text-align: right; border: none; }
+.map, .points { font-size: .75rem; line-height: 1.35; font-variant-numeric: tabular-nums; }
+.maps { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(24rem, 100%), 1fr)); gap: 1.6rem 2rem; } .maps > div { min-width: 0; }
+.map { min-width: 24rem; margin: 0; table-layout: fixed; } .map caption { font-size: .85rem; }
+.map td { text-align: center; padding: .16em 0; border: 1px solid var(--paper); } .map th { color: var(--faint); padding: .16em .3em; text-align: right; border: none; }
 .map thead th { text-align: center; } .map .corner { text-align: right; }
 .filled { color: var(--faint); font-style: italic; background: repeating-linear-gradient(135deg, var(--shade) 0 4px, var(--paper) 4px 8px); } .raised { text-decoration: underline; text-underline-offset: 2px; }
-.legend { margin-top: 1.2em; } .legend td { padding: 0.1em 0.7em; border: none; } .settings td { padding: 0.15em 1.2em 0.15em 0; border: none; }
-.points { width: 100%; } .points th, .points td { padding: 0.2em 0.5em 0.2em 0; white-space: nowrap; }
+.key { max-width: 46rem; } .key td { padding: .1em .7em; border: none; } .settings { max-width: 58rem; }
+.points th, .points td { padding: .2em .5em .2em 0; white-space: nowrap; }
 ";
 
 const DRAWN_POINTS: usize = 6;
@@ -182,7 +182,7 @@ fn identified_maps(tuning: &Tuning<'_>) -> String {
     });
     let procedure = &tuning.task.procedure;
     format!(
-        "<h2>The maps</h2>\n<div class=\"maps\">\n{}</div>\n<table class=\"legend\"><tr><td class=\"filled\">1.23</td>\
+        "<h2>The maps</h2>\n<div class=\"maps\">\n{}</div>\n<table class=\"key\"><tr><td class=\"filled\">1.23</td>\
          <td>filled: not identified at this point; gain, time constant and delay are those of the nearest \
          identified row of the same speed, the feedforward is {} % above and {} % below what can be reached</td>\
          </tr><tr><td class=\"filled raised\">1.23</td><td>raised to the least magnitude: {} kPa/% for the gain, {} ms \
@@ -254,7 +254,7 @@ fn heat_map(tuning: &Tuning<'_>, title: &str, decimals: usize, shown: impl Fn(&C
     });
     let speeds = schedule.engine_speeds.iter().map(|speed| format!("<th>{speed}</th>"));
     let mut text = format!(
-        "<table class=\"map\"><caption>{title}</caption>\n<thead><tr><th class=\"corner\">kPa\u{2009}\\\u{2009}rpm</th>{}\
+        "<div class=\"wide\"><table class=\"map\"><caption>{title}</caption>\n<thead><tr><th class=\"corner\">kPa\u{2009}\\\u{2009}rpm</th>{}\
          </tr></thead>\n",
         speeds.collect::<String>()
     );
@@ -278,7 +278,7 @@ fn heat_map(tuning: &Tuning<'_>, title: &str, decimals: usize, shown: impl Fn(&C
         }
         text += "</tr>\n";
     }
-    text + "</table>\n"
+    text + "</table></div>\n"
 }
 
 /// Between the map's colours of the least and the greatest value, on which texts are legible by day and by night.
@@ -355,10 +355,10 @@ fn responses(tuning: &Tuning<'_>) -> String {
 fn points(tuning: &Tuning<'_>) -> String {
     let schedule = &tuning.task.schedule;
     let mut text = "<h2>All identified points</h2>\n<details><summary>Each with the standard errors of its model, by the \
-        scatter of the residuals as if they were independent</summary>\n<table class=\"points\">\n<tr><th>rpm</th>\
+        scatter of the residuals as if they were independent</summary>\n<div class=\"wide\"><table class=\"points\">\n<thead><tr><th>rpm</th>\
         <th>reference (kPa)</th><th>duty (%)</th><th>boost there (kPa)</th><th><i>K<sub>p</sub></i> (kPa/%)</th>\
         <th><i>T</i> (s)</th><th><i>L</i> (ms)</th><th><i>R</i>\u{b2} (%)</th><th>residual (Pa/%)</th>\
-        <th>up over down</th></tr>\n"
+        <th>up over down</th></tr></thead>\n"
         .to_owned();
     for point in &tuning.points {
         let Some(model) = &point.model else { continue };
@@ -386,7 +386,7 @@ fn points(tuning: &Tuning<'_>) -> String {
             point.asymmetry,
         );
     }
-    text + "</table></details>\n"
+    text + "</table></div></details>\n"
 }
 
 #[cfg(test)]

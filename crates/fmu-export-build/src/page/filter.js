@@ -13,6 +13,8 @@ field.addEventListener("input", () => {
   }
   for (const group of document.querySelectorAll("table.variables > tbody, #page-variables section"))
     group.hidden = !group.querySelector("tr[id]:not([hidden])");
-  filter.querySelector("output").value = `${rows.filter((row) => !row.hidden).length} of ${rows.length}`;
+  const count = rows.filter((row) => !row.hidden).length;
+  filter.querySelector("output").value =
+    count ? `${count} of ${rows.length}` : `None of the ${rows.length} variables has “${field.value}”.`;
 });
 filter.hidden = false;

@@ -83,7 +83,7 @@ fn the_page_says_what_the_json_says() {
     text("<td class=\"start\">0.5 <small>500 g/s</small></td><td class=\"range\">0 … 10</td>");
     text("<td class=\"start\">“a &lt;b&gt;”</td>");
     text("<td class=\"start\">half_full (2)</td>");
-    text("<a href=\"#FillMode\">FillMode</a>");
+    text("<a href=\"#FillMode\">Fill<wbr/>Mode</a>");
     text("Half &quot;full&quot;");
     text("<tr><th scope=\"row\">2</th><td>3</td><td>4</td></tr>");
     text("depends at once on <a href=\"#enabled\"><code>enabled</code></a>, <a href=\"#second.mass\">");
@@ -140,7 +140,8 @@ fn every_text_is_a_text_on_the_page() {
     // Title and head, three facts, a log category, an enumeration and its item, the component in three
     // tables, and a parameter with its start value.
     assert_eq!(page.matches(&*escape(TEXT)).count(), 2 + 3 + 1 + 2 + 3 + 2);
-    assert_eq!(page.matches("</script>").count(), 1);
+    // Those of the contents and of the search.
+    assert_eq!(page.matches("</script>").count(), 2);
     values(&page, "id");
 }
 
@@ -184,6 +185,38 @@ fn refusal(fragment: &str) -> String {
         Ok(_) => "nothing was refused".to_owned(),
         Err(refusal) => refusal,
     }
+}
+
+/// What stands before the first heading, with the element that holds this one left to the sections.
+#[test]
+fn the_page_opens_with_what_stands_before_the_first_section() {
+    let opened = |name: &str, fragment: &str| {
+        let page = generated(name, |_| {}, &[("vessels.html", fragment)]).expect("nothing is wrong");
+        let page = read(&page.documentation);
+        values(&page, "id");
+        let place = |part: &str| page.find(part).unwrap_or(usize::MAX);
+        [
+            place("<p>opening</p>"),
+            place("id=\"page-overview\""),
+            place("<h2>Model</h2>"),
+            place("id=\"first\""),
+        ]
+    };
+    let nested =
+        "<p>opening</p><div><p>before</p><h3 id=\"first\">First</h3></div><h3 id=\"second\">Second</h3>";
+    assert!(opened("with sections", nested).is_sorted());
+    let [opening, overview, model, _] = opened("without sections", "<p>opening</p>");
+    assert!(opening < overview && model == usize::MAX);
+    let [_, overview, model, first] = opened("without an opening", "<h3 id=\"first\">First</h3>");
+    assert!(overview < model && model < first);
+}
+
+#[test]
+fn identifiers_of_one_letter_are_italic_and_words_are_not() {
+    let fragment = "<math><mi>x</mi><mi>clip</mi><mi mathvariant=\"normal\">sgn</mi></math>";
+    let page = generated("letters", |_| {}, &[("vessels.html", fragment)]).expect("nothing is wrong");
+    let markup = "<math><mi>x</mi><mi class=\"word\">clip</mi><mi mathvariant=\"normal\">sgn</mi></math>";
+    assert!(read(&page.documentation).contains(markup));
 }
 
 #[test]

@@ -1,0 +1,92 @@
+//! The look of the pages for people, for other documents of a project to share: their style sheet, and the frame with
+//! the contents, which fold on telephones and mark the section that is read.
+
+use quick_xml::escape::escape;
+
+/// The style sheet of the pages, by day and by night. Its colours are properties of `:root`, each defined for the day
+/// first.
+pub const STYLE: &str = include_str!("document/style.css");
+
+/// A page that needs no other file.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Document<'a> {
+    /// The title, a text.
+    pub title: &'a str,
+    /// Rules in addition to those of [`STYLE`].
+    pub style: &'a str,
+    /// The markup of the `<h1>` and what belongs to it.
+    pub header: &'a str,
+    /// The contents, as markup of `<li>` with links to the sections; a page without has no navigation.
+    pub contents: &'a str,
+    /// The markup of the sections.
+    pub main: &'a str,
+    /// The markup of the scripts that run when everything is read.
+    pub scripts: &'a str,
+}
+
+impl Document<'_> {
+    /// The page in HTML; it is XML as well if its parts are.
+    #[must_use]
+    pub fn html(&self) -> String {
+        let navigation = format!(
+            include_str!("document/navigation.html"),
+            contents = self.contents,
+            script = include_str!("document/navigation.js"),
+        );
+        format!(
+            include_str!("document/document.html"),
+            title = escape(self.title),
+            style = STYLE.to_owned() + self.style,
+            header = self.header,
+            navigation = if self.contents.is_empty() { "" } else { &navigation },
+            main = self.main,
+            scripts = self.scripts,
+        )
+    }
+}
+
+/// The markup of a unit, with raised exponents: `mm2` becomes mm², `Pa/%3` Pa/%³.
+#[must_use]
+pub fn unit(name: &str) -> String {
+    let mut markup = String::new();
+    let mut rest = name;
+    while let Some(begin) = rest.find(|letter: char| letter.is_ascii_digit()) {
+        let (before, from) = rest.split_at(begin);
+        let end = from.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(from.len());
+        let (digits, after) = from.split_at(end);
+        let (base, sign) = before.strip_suffix('-').map_or((before, ""), |base| (base, "\u{2212}"));
+        // Not the 2 of mmH2O, nor a factor.
+        let is_exponent = base.ends_with(|letter: char| letter.is_alphabetic() || "%)".contains(letter))
+            && !after.starts_with(char::is_alphanumeric);
+        markup += &if is_exponent {
+            format!("{}<sup>{sign}{digits}</sup>", escape(base))
+        } else {
+            format!("{}{digits}", escape(before))
+        };
+        rest = after;
+    }
+    markup + &escape(rest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exponents_of_units_are_raised() {
+        let cases = [
+            ("Pa", "Pa"),
+            ("mm2", "mm<sup>2</sup>"),
+            ("Pa/%3", "Pa/%<sup>3</sup>"),
+            ("kg.m2/s2", "kg.m<sup>2</sup>/s<sup>2</sup>"),
+            ("m3.s-1", "m<sup>3</sup>.s<sup>\u{2212}1</sup>"),
+            ("mmH2O", "mmH2O"),
+            ("1/s", "1/s"),
+            ("N/m7 & <", "N/m<sup>7</sup> &amp; &lt;"),
+            ("", ""),
+        ];
+        for (name, markup) in cases {
+            assert_eq!(unit(name), markup);
+        }
+    }
+}

@@ -1,0 +1,113 @@
+// What of a page breaks its rules, as texts by rule.
+() => {
+  const canvas = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
+  const known = new Map();
+  const rgba = (color) => {
+    if (!known.has(color)) {
+      canvas.clearRect(0, 0, 1, 1);
+      canvas.fillStyle = color;
+      canvas.fillRect(0, 0, 1, 1);
+      const [red, green, blue, alpha] = canvas.getImageData(0, 0, 1, 1).data;
+      known.set(color, [red, green, blue, alpha / 255]);
+    }
+    return known.get(color);
+  };
+  const over = ([r, g, b, alpha], below) =>
+    [...[r, g, b].map((value, index) => alpha * value + (1 - alpha) * below[index]), 1];
+  // Relative luminance and contrast of WCAG 2.1.
+  const luminance = (color) => {
+    const [red, green, blue] = color.slice(0, 3).map((value) => {
+      const share = value / 255;
+      return share <= 0.03928 ? share / 12.92 : ((share + 0.055) / 1.055) ** 2.4;
+    });
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue;
+  };
+  const contrast = (one, other) => {
+    const [dark, light] = [luminance(one), luminance(other)].sort((a, b) => a - b);
+    return (light + 0.05) / (dark + 0.05);
+  };
+
+  const ancestors = (element) => element ? [element, ...ancestors(element.parentElement)] : [];
+  const isShown = (element) => element.checkVisibility({ visibilityProperty: true }) && element.getClientRects().length > 0;
+  const name = (element) => {
+    const label = element.getAttribute("aria-label") ?? element.textContent.trim().slice(0, 40);
+    return `<${element.localName} class="${element.getAttribute("class") ?? ""}"> ${label}`;
+  };
+
+  // Behind a text in a picture may be a rectangle, drawn earlier.
+  const rectangles = new Map();
+  const behind = (element) => {
+    const svg = element.ownerSVGElement;
+    if (!svg) return [];
+    if (!rectangles.has(svg)) {
+      const all = [...svg.querySelectorAll("rect")];
+      rectangles.set(svg, all.map((rect) => [rect, rect.getBoundingClientRect(), rgba(getComputedStyle(rect).fill)]));
+    }
+    const box = element.getBoundingClientRect();
+    const [x, y] = [(box.left + box.right) / 2, (box.top + box.bottom) / 2];
+    return rectangles.get(svg).filter(([rect, { left, right, top, bottom }]) =>
+      left <= x && x <= right && top <= y && y <= bottom
+      && rect.compareDocumentPosition(element) & Node.DOCUMENT_POSITION_FOLLOWING).map(([, , fill]) => fill).reverse();
+  };
+  const ground = (element) => {
+    const layers = [...behind(element), ...ancestors(element).map((each) => rgba(getComputedStyle(each).backgroundColor))];
+    return layers.reverse().reduce((below, layer) => over(layer, below), rgba(getComputedStyle(document.documentElement).getPropertyValue("--paper")));
+  };
+
+  const faint = new Set(), small = new Set(), broken = new Set();
+  const judge = (element, style, text) => {
+    const below = ground(element);
+    const [red, green, blue, alpha] = rgba(element.ownerSVGElement ? style.fill : style.color);
+    const opacity = ancestors(element).reduce((product, each) => product * getComputedStyle(each).opacity, alpha);
+    const ratio = contrast(over([red, green, blue, opacity], below), below);
+    if (ratio < 4.5) faint.add(`${ratio.toFixed(2)}: ${text}`);
+  };
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  const judged = new Set();
+  while (walker.nextNode()) {
+    const node = walker.currentNode, element = node.parentElement;
+    if (!node.data.trim() || element.closest("script, style, noscript, title, desc") || !isShown(element)) continue;
+    // Names of variables break between their words.
+    if (element.closest("var, .variables code, .unit a")) {
+      const range = document.createRange();
+      range.selectNodeContents(node);
+      const lines = new Set([...range.getClientRects()].map((box) => Math.round(box.top)));
+      if (lines.size > 1) broken.add(node.data);
+    }
+    if (judged.has(element)) continue;
+    judged.add(element);
+    const style = getComputedStyle(element);
+    judge(element, style, `${name(element)}`);
+    if (element.closest("math, sub, sup, tspan[baseline-shift], tspan[dy]")) continue;
+    const matrix = element.ownerSVGElement ? element.getScreenCTM() : { a: 1, b: 0 };
+    const size = parseFloat(style.fontSize) * Math.hypot(matrix.a, matrix.b);
+    if (size < 10) small.add(`${size.toFixed(1)} px: ${name(element)}`);
+  }
+  for (const input of document.querySelectorAll("[placeholder]"))
+    judge(input, getComputedStyle(input, "::placeholder"), `placeholder ${input.placeholder}`);
+
+  const unreachable = new Set(), unmarked = new Set();
+  const controls = "a[href], button, input, select, textarea, summary, [role=button], [tabindex], [onclick]";
+  for (const control of [...document.querySelectorAll(controls)].filter(isShown)) {
+    control.focus({ preventScroll: true });
+    if (document.activeElement !== control || control.tabIndex < 0) unreachable.add(name(control));
+    else if (getComputedStyle(control).outlineStyle === "none") unmarked.add(name(control));
+  }
+  const cut = new Set();
+  for (const element of [...document.querySelectorAll("main *")].filter(isShown)) {
+    const { overflowX, backgroundAttachment } = getComputedStyle(element);
+    if (!["auto", "scroll"].includes(overflowX) || element.scrollWidth <= element.clientWidth) continue;
+    if (!backgroundAttachment.includes("local")) cut.add(name(element));
+    element.focus({ preventScroll: true });
+    if (!element.contains(document.activeElement) && !element.querySelector("a[href]")) unreachable.add(name(element));
+  }
+  document.activeElement.blur();
+
+  const lists = { faint, small, broken, unreachable, unmarked, cut };
+  return {
+    ...Object.fromEntries(Object.entries(lists).map(([rule, found]) => [rule, [...found]])),
+    texts: judged.size,
+    controls: document.querySelectorAll(controls).length,
+    overflow: document.documentElement.scrollWidth - document.documentElement.clientWidth,
+  };
+}
