@@ -87,7 +87,7 @@ fn facts(run: &Run) -> String {
     facts.extend(
         run.warnings.iter().map(|(name, message)| format!("{}: {}", escaped(name), escaped(&message.text))),
     );
-    format!("<ul>{}</ul>\n", facts.iter().map(|fact| format!("<li>{fact}</li>")).collect::<String>())
+    format!("<ul><li>{}</li></ul>\n", facts.join("</li><li>"))
 }
 
 /// When the diagnosis finds something for the first time.

@@ -29,7 +29,7 @@ const ALLOWANCE: f64 = 1.5;
 const OVERSHOOT_WITHIN: f64 = 3.0;
 
 /// What is recorded of each case, where the FMUs have it.
-const RECORDED: [&str; 11] = [
+const RECORDED: [&str; 12] = [
     "boost_reference",
     "boost_pressure",
     "engine_speed",
@@ -40,6 +40,7 @@ const RECORDED: [&str; 11] = [
     FLOWS[0],
     FLOWS[1],
     ALARM,
+    MODEL,
     "supply_voltage_measured",
 ];
 const BOOST: &str = "boost_pressure";
@@ -47,6 +48,8 @@ pub const SHAFT: &str = "hp_turbo_speed";
 /// Backwards, and so negative, where a compressor surges.
 const FLOWS: [&str; 2] = ["hp_compressor.mass_flow", "lp_compressor.mass_flow"];
 const ALARM: &str = "fault_code";
+/// What the controller aims at.
+pub const MODEL: &str = "reference_model_pressure";
 
 /// The names that the FMUs have.
 pub struct Names {

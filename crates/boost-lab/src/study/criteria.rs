@@ -67,12 +67,12 @@ pub fn judge(cases: &[Option<&Measures>]) -> Vec<Criterion> {
 
 /// Whether a case is shown one by one: it breaks a bound, or is among those beyond [`NEAR`].
 pub fn is_outside(measures: &Measures) -> bool {
-    measures.deviation.is_nan() || measures.deviation > NEAR || is_failed(measures)
+    measures.deviation > NEAR || is_failed(measures)
 }
 
 /// Whether a case alone makes a study fail.
 pub fn is_failed(measures: &Measures) -> bool {
-    !(measures.deviation <= FAR)
+    measures.deviation > FAR
         || measures.shaft_at_rest.is_some_and(|speed| speed > FASTEST_AT_REST)
         || measures.least_flow.is_some_and(|flow| flow < 0.0)
         || measures.alarm.is_some_and(|code| code != 0.0)

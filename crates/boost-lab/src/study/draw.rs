@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 
 use anyhow::{Context, Result, bail};
-use fmu_package::{FmuDescription, ParameterSet, Value};
+use fmu_package::{FmuDescription, FmuVariable, ParameterSet, Value};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
@@ -56,9 +56,9 @@ const RANGES: [Range; 13] = [
     logarithmic("ramp_rate_1", 250.0, 2000.0),
     logarithmic("ramp_rate_2", 250.0, 2000.0),
     range("boost_reference_1", 115e3, 215e3),
-    // Twice the largest step of the paper's Fig. 13.
-    range("reference_step_1", -40e3, 40e3),
-    range("reference_step_2", -40e3, 40e3),
+    // The largest step of the paper's Fig. 13.
+    range("reference_step_1", -20e3, 20e3),
+    range("reference_step_2", -20e3, 20e3),
 ];
 
 /// The range of references: below and above it steps are cut off (Pa).
@@ -134,7 +134,7 @@ impl Cases {
         let mut directions = vec![];
         let mut notes = vec![];
         for set in sets {
-            let is_known = |name: &str| plant.variable(name).is_some_and(|variable| variable.is_settable());
+            let is_known = |name: &str| plant.variable(name).is_some_and(FmuVariable::is_settable);
             let known =
                 set.parameters.iter().filter(|parameter| is_known(&parameter.name)).cloned().collect();
             let known = ParameterSet { parameters: known, ..set.clone() };
@@ -313,16 +313,17 @@ mod tests {
     use super::*;
 
     fn plant() -> FmuDescription {
-        let variable = |name: &str, start: f64| {
+        let variable = |name: &str, start: f64, unit: &str| {
             format!(
                 "<ScalarVariable name=\"{name}\" valueReference=\"0\" causality=\"parameter\" variability=\"fixed\">\
-                 <Real start=\"{start:?}\"/></ScalarVariable>"
+                 <Real start=\"{start:?}\" unit=\"{unit}\"/></ScalarVariable>"
             )
         };
-        let variables =
-            variable("hp_turbine.peak_efficiency", 0.52) + &variable("hp_wastegate_port.area", 4e-4);
+        let variables = variable("hp_turbine.peak_efficiency", 0.52, "1")
+            + &variable("hp_wastegate_port.area", 4e-4, "m2");
         let xml = format!(
-            "<fmiModelDescription fmiVersion=\"2.0\" modelName=\"P\" guid=\"p\"><ModelVariables>{variables}\
+            "<fmiModelDescription fmiVersion=\"2.0\" modelName=\"P\" guid=\"p\"><UnitDefinitions>\
+             <Unit name=\"1\"><BaseUnit/></Unit><Unit name=\"m2\"><BaseUnit m=\"2\"/></Unit></UnitDefinitions><ModelVariables>{variables}\
              </ModelVariables><ModelStructure/></fmiModelDescription>"
         );
         FmuDescription::parse(&xml).unwrap()

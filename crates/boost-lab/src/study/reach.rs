@@ -49,9 +49,7 @@ impl Reach {
         let (mut highest, mut lowest) = (vec![], vec![]);
         for speed in speeds {
             highest.push((speed, bench.highest(speed)?));
-            let open = [OPEN, [OPEN[0], OPEN[1], 0.0]].map(|valves| bench.rest(speed, valves));
-            let [one, other] = open;
-            lowest.push((speed, one?.boost.min(other?.boost)));
+            lowest.push((speed, bench.lowest(speed)?));
         }
         Ok(Self { highest, lowest })
     }
@@ -102,6 +100,29 @@ impl Bench<'_> {
         }
         let shafts = [(slow.1.shaft, slow.1.boost), (fast.1.shaft, fast.1.boost)];
         Ok(interpolate(&shafts, SHAFT_LIMIT))
+    }
+
+    /// The lowest boost pressure at rest, with the high-pressure wastegate open and the shaft within its limit: opening the
+    /// bypass unloads it. Where it is beyond its limit in any way, what it has where it is slowest.
+    fn lowest(&self, engine_speed: f64) -> Result<f64> {
+        let mut slowest: Option<Measured> = None;
+        let mut lowest = f64::INFINITY;
+        // The two that lead to the least pressure, then the others.
+        for openings in [[[1.0, 1.0], [1.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]]] {
+            for [low_pressure, bypass] in openings {
+                let found = self.rest(engine_speed, [OPEN[0], low_pressure, bypass])?;
+                if found.shaft <= SHAFT_LIMIT {
+                    lowest = lowest.min(found.boost);
+                }
+                if slowest.is_none_or(|slowest| found.shaft < slowest.shaft) {
+                    slowest = Some(found);
+                }
+            }
+            if lowest.is_finite() {
+                return Ok(lowest);
+            }
+        }
+        Ok(slowest.map_or(f64::NAN, |slowest| slowest.boost))
     }
 
     /// The plant at rest at an engine speed and its valves.

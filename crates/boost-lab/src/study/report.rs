@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use serde::Serialize;
 
-use super::case::{Measures, SHAFT};
+use super::case::{MODEL, Measures, SHAFT};
 use super::criteria::{Criterion, FAR, NEAR, SHARE_NEAR, is_failed, is_outside, judge};
 use super::{Explained, Outcome, Study, outside};
 use crate::numbers::number;
@@ -172,8 +172,8 @@ impl Report<'_> {
     }
 
     fn introduction(&self, title: &str) -> String {
-        let notes: String =
-            self.study.cases.notes.iter().map(|note| format!("<p>{}</p>\n", escaped(note))).collect();
+        let notes = self.study.cases.notes.iter().map(|note| format!("<p>{}</p>\n", escaped(note)));
+        let notes = notes.collect::<Vec<_>>().concat();
         let passes = self.passes();
         let bound = if self.study.rig.saves_states() {
             "No control is asked to be faster than the plant with all valves at their stops, which is tried on the plant \
@@ -199,10 +199,9 @@ impl Report<'_> {
 
     fn judged(&self) -> String {
         let strategies = 0..self.study.strategies.len();
-        let heads: String = strategies
-            .clone()
-            .map(|strategy| format!("<th>{}</th>", escaped(&self.strategy_name(strategy))))
-            .collect();
+        let heads =
+            strategies.clone().map(|strategy| format!("<th>{}</th>", escaped(&self.strategy_name(strategy))));
+        let heads = heads.collect::<Vec<_>>().concat();
         let all: Vec<_> = strategies.clone().map(|strategy| self.criteria(strategy)).collect();
         let mut text = format!("<h2>Criteria</h2>\n<table>\n<tr><th></th><th>asked for</th>{heads}</tr>\n");
         for (index, criterion) in all[0].iter().enumerate() {
@@ -216,11 +215,11 @@ impl Report<'_> {
                 "<tr><td>{}</td><td>{}</td>{}</tr>\n",
                 escaped(criterion.name),
                 escaped(&criterion.asked),
-                found.collect::<String>()
+                found.collect::<Vec<_>>().concat()
             );
         }
         text += "</table>\n";
-        let shares: String = shares().iter().map(|share| format!("<th>{share}</th>")).collect();
+        let shares = shares().map(|share| format!("<th>{share}</th>")).concat();
         text += &format!("<h2>Quantiles</h2>\n<table>\n<tr><th></th><th></th>{shares}</tr>\n");
         for (measure, (name, unit, ..)) in DISTRIBUTIONS.iter().enumerate() {
             for strategy in strategies.clone() {
@@ -300,12 +299,13 @@ impl Report<'_> {
 
     fn one_by_one(&self) -> String {
         let all = outside(self.outcomes);
-        let errors: String = self
+        let errors = self
             .outcomes
             .iter()
             .filter_map(|outcome| Some((outcome.case, outcome.runs[0].error.as_ref()?)))
             .map(|(case, error)| format!("<p>Case {case} could not be run: {}</p>\n", escaped(error)))
-            .collect();
+            .collect::<Vec<_>>()
+            .concat();
         let mut text = format!(
             "<h2>Outside, one by one</h2>\n{errors}<p>{} of {} cases deviate by more than {} kPa or break another bound; \
              {:.0} % may deviate by so much, none by more than {} kPa.</p>\n",
@@ -371,6 +371,14 @@ fn cause(explained: &Explained) -> String {
         100.0 * low_pressure,
         100.0 * bypass,
     );
+    let aim = simulated.record.get(MODEL).ok().map(|pressures| pressures[row]);
+    if let Some(aim) = aim.filter(|aim| !measures.is_above && *aim < simulated.lower[row] - NEAR) {
+        text += &format!(
+            "The controller aims at {:.1} kPa only, of {:.1} kPa that can be reached. ",
+            1e-3 * aim,
+            1e-3 * simulated.lower[row]
+        );
+    }
     if let Some(optimum) = optimum {
         let (best, own) = (1e-3 * optimum.deviation, 1e-3 * optimum.closed_loop);
         text += &if optimum.deviation > NEAR {
@@ -379,7 +387,7 @@ fn cause(explained: &Explained) -> String {
             )
         } else if optimum.deviation > 0.5 * optimum.closed_loop {
             format!(
-                "Mostly the plant's limit: the best movement of all valves that was found, knowing everything before, deviates by {best:.2} kPa, the loop by {own:.2} kPa."
+                "Mostly the plant's limit: the best movement of all valves that was found, with all knowledge from then on, deviates by {best:.2} kPa, the loop by {own:.2} kPa."
             )
         } else {
             format!(

@@ -1,0 +1,89 @@
+"""The study of a controller on random plants and days: `boost-lab study`."""
+
+from __future__ import annotations
+
+import csv
+import json
+import subprocess
+from pathlib import Path
+
+import pytest
+from conftest import Run
+
+SEED = "2"
+"""One whose few cases are all within the criteria."""
+
+
+def study(
+    lab: Run, exported: Path, out: Path, *arguments: str, cases: int = 6
+) -> subprocess.CompletedProcess[str]:
+    fmus = ["--plant", exported / "BoostPlant.fmu", "--controller", exported / "BoostController.fmu"]
+    return lab("study", *fmus, "--cases", str(cases), "--seed", SEED, "--out", out, *arguments)
+
+
+def rows(out: Path) -> list[dict[str, str]]:
+    with (out / "results.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_controller_passes_and_its_old_strategy_fails(lab: Run, exported: Path, tmp_path: Path) -> None:
+    done = study(lab, exported, tmp_path, "--beside", "by_speed")
+    assert done.returncode == 0, done.stdout + done.stderr
+    deviations = {
+        strategy: [float(row["deviation"]) for row in rows(tmp_path) if row["strategy"] == strategy]
+        for strategy in ["", "by_speed"]
+    }
+    assert [len(values) for values in deviations.values()] == [6, 6]
+    # The criteria, and what was measured where stages are switched: 20 kPa and more.
+    assert max(deviations[""]) <= 2e3 < 10e3 < max(deviations["by_speed"])
+    report = json.loads((tmp_path / "report.json").read_text())
+    judged = [[criterion["holds"] for criterion in found["criteria"]] for found in report["strategies"]]
+    assert all(judged[0])
+    assert not all(judged[1])
+    assert "src=" not in (tmp_path / "report.html").read_text()
+
+
+def test_a_controller_that_fails_sets_the_exit_status_and_is_explained(
+    lab: Run, exported: Path, tmp_path: Path
+) -> None:
+    done = study(lab, exported, tmp_path, "--strategy", "by_speed")
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "FAILS" in done.stdout
+    outside = json.loads((tmp_path / "report.json").read_text())["outside"]
+    assert {case["case"] for case in outside} == {
+        int(row["case"]) for row in rows(tmp_path) if row["verdict"] != "pass"
+    }
+    for case in outside:
+        # The best control that was found is no worse than the one that it began with.
+        assert case["optimum"] <= case["measures"]["deviation"]
+        assert f"{case['measures']['deviation'] / 1e3:.2f} kPa" in case["cause"]
+
+
+def test_an_interrupted_study_continues_with_the_same_results(lab: Run, exported: Path, tmp_path: Path) -> None:
+    whole, rest = tmp_path / "whole", tmp_path / "rest"
+    assert study(lab, exported, whole).returncode == 0
+    rest.mkdir()
+    # The settings and two cases.
+    lines = (whole / "journal.jsonl").read_text().splitlines(keepends=True)
+    (rest / "journal.jsonl").write_text("".join(lines[:3]))
+    done = study(lab, exported, rest)
+    assert done.returncode == 0
+    assert done.stdout.startswith("2 of 6 cases are in the journal")
+    assert (rest / "results.csv").read_bytes() == (whole / "results.csv").read_bytes()
+    refused = study(lab, exported, rest, cases=7)
+    assert refused.returncode == 2
+    assert "cases was 6, is 7" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("swapped", "message"),
+    [("--plant", "has no input hp_wastegate_pwm"), ("--controller", "boost_reference")],
+)
+def test_fmus_that_do_not_fit_are_refused(
+    lab: Run, exported: Path, tmp_path: Path, swapped: str, message: str
+) -> None:
+    files = {"--plant": exported / "BoostPlant.fmu", "--controller": exported / "BoostController.fmu"}
+    files[swapped] = files["--controller" if swapped == "--plant" else "--plant"]
+    done = lab("study", *[part for pair in files.items() for part in pair], "--cases", "1", "--out", tmp_path)
+    assert done.returncode == 2
+    assert message in done.stderr
