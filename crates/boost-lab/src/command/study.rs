@@ -107,7 +107,7 @@ pub fn run(arguments: &Arguments) -> Result<bool> {
         .chain(arguments.beside.clone().map(|name| Some(Some(name))));
     let study = Study { rig, cases, strategies: strategies.flatten().collect() };
     super::make_folder(out)?;
-    let (journal, finished) = study.open_journal(&out.join(JOURNAL), &settings)?;
+    let (journal, finished) = Study::open_journal(&out.join(JOURNAL), &settings)?;
     if !finished.is_empty() {
         print(&format!("{} of {} cases are in the journal\n", finished.len(), study.cases.len()))?;
     }

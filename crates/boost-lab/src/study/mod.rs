@@ -70,11 +70,7 @@ pub struct Explained {
 
 impl Study {
     /// Opens the journal, and takes the finished cases from it.
-    pub fn open_journal(
-        &self,
-        path: &Path,
-        settings: &Settings,
-    ) -> Result<(Journal, BTreeMap<usize, Outcome>)> {
+    pub fn open_journal(path: &Path, settings: &Settings) -> Result<(Journal, BTreeMap<usize, Outcome>)> {
         let (journal, finished) = Journal::open::<Outcome>(path, settings)?;
         Ok((journal, finished.into_iter().map(|outcome| (outcome.case, outcome)).collect()))
     }

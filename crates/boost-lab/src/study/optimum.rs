@@ -1,5 +1,5 @@
-//! What a control could have done that knew everything: the plant of a case, taken out of its loop shortly before its worst
-//! moment, with the movements of all valves searched for that keep boost nearest to the reachable reference.
+//! What a control could have done that knew everything: the plant of a case, taken out of its loop before boost leaves the
+//! reachable reference, with the movements of all valves searched for that keep boost nearest to the reachable reference.
 //!
 //! The search is direct: corrections of what the controller commanded, with lines between a few nodes, by an evolution
 //! strategy with one parent whose step widens with success and narrows without (Rechenberg's (1+1)-ES). What it finds can
@@ -11,14 +11,14 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
 use super::case::{Measures, Rig, SHAFT, Simulated, point};
-use super::criteria::FASTEST_AT_REST;
-use super::draw::{Case, STEP};
+use super::criteria::{FASTEST_AT_REST, NEAR};
+use super::draw::{Case, SETTLING, STEP};
 use super::reach::{OpenLoop, VALVES, Valves};
 use crate::measure::greatest;
 
-/// The window around the worst moment (s): from the event before, but at least and at most so long before, to after it.
-const AT_LEAST_BEFORE: f64 = 1.0;
-const AT_MOST_BEFORE: f64 = 2.5;
+/// The window: from so long (s) before boost leaves the reachable reference, and before the event that precedes its worst
+/// moment, to after that moment.
+const BEFORE: f64 = 1.0;
 const AFTER: f64 = 0.5;
 /// Nodes of the corrections.
 const NODES: usize = 6;
@@ -53,16 +53,18 @@ pub fn search(
 ) -> Result<Optimum> {
     let worst = point(measures.deviation_time);
     let event = simulated.events.iter().rfind(|&&event| event <= worst).copied().unwrap_or(0);
-    let earliest = worst.saturating_sub(point(AT_MOST_BEFORE));
-    let first = event.min(worst.saturating_sub(point(AT_LEAST_BEFORE))).max(earliest);
+    let boost = simulated.boost()?;
+    let is_within = |row: &usize| simulated.distance(*row, boost[*row]).0 < 0.5 * NEAR;
+    let left = (0..worst).rfind(is_within).unwrap_or(0);
+    let first = event.min(left).min(worst).saturating_sub(point(BEFORE));
     let last = (worst + point(AFTER)).min(simulated.lower.len() - 1);
     let scenario = rig.scenario(case, strategy)?;
     let mut master = rig.run_to(&scenario, first)?;
     let mut plant = OpenLoop::new(master.instance("plant")?, &rig.plant, case, &rig.names)?;
     let saved = plant.instance().save()?;
 
-    let boost = simulated.boost()?;
-    let closed_loop = greatest((first + 1..=last).map(|row| simulated.distance(row, boost[row]).0));
+    let judged = point(SETTLING).max(first + 1);
+    let closed_loop = greatest((judged..=last).map(|row| simulated.distance(row, boost[row]).0));
     let own_shaft =
         simulated.record.get(SHAFT).map_or(0.0, |speeds| greatest(speeds[first..=last].iter().copied()));
     let shaft_limit = own_shaft.max(FASTEST_AT_REST);
@@ -84,7 +86,8 @@ pub fn search(
                 simulated.valves(index),
             );
             let measured = plant.step(index, valves)?;
-            let distance = simulated.distance(index + 1, measured.boost).0;
+            let is_judged = index + 1 >= judged;
+            let distance = if is_judged { simulated.distance(index + 1, measured.boost).0 } else { 0.0 };
             found.deviation = found.deviation.max(distance);
             sum += distance;
             excess = excess.max(measured.shaft - shaft_limit);

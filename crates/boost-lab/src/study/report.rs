@@ -330,7 +330,7 @@ impl Report<'_> {
             case.drawn.iter().map(|(name, value)| format!("{name} {}", number(*value))).collect();
         format!(
             "<h2 id=\"case-{0}\">Case {0}: {1:.2} kPa</h2>\n<p>{2}</p>\n<figure>\n{3}<figcaption>The closed loop, and \
-             the best control that was found from a moment before the worst on. Shaded: from a second before the worst \
+             the best control that was found from a second before boost left what can be reached on. Shaded: from a second before the worst \
              moment to half a second after it. The plant: {4}.</figcaption>\n</figure>\n<details><summary>The scenario, for \
              <code>boost-lab simulate</code></summary><pre>{5}</pre></details>\n",
             case.number,
