@@ -27,8 +27,11 @@ const TRIALS: usize = 300;
 const WIDER: f64 = 1.3;
 const NARROWER: f64 = 0.96;
 const WIDTHS: (f64, f64, f64) = (0.01, 0.2, 0.6);
-/// The share of the corrections that a trial changes.
+/// The share of the corrections that a trial changes, and of the trials that move a whole valve instead.
 const CHANGED: f64 = 0.3;
+const WHOLE: f64 = 0.3;
+/// The norm of the distances that is made small: the peaks count most, but lowering one of several counts as well.
+const NORM: i32 = 6;
 
 /// The best that was found.
 pub struct Optimum {
@@ -89,15 +92,16 @@ pub fn search(
             let is_judged = index + 1 >= judged;
             let distance = if is_judged { simulated.distance(index + 1, measured.boost).0 } else { 0.0 };
             found.deviation = found.deviation.max(distance);
-            sum += distance;
+            sum += (1e-3 * distance).powi(NORM);
             excess = excess.max(measured.shaft - shaft_limit);
             found.times.push((index + 1) as f64 * STEP);
             found.boost.push(measured.boost);
             found.shaft.push(measured.shaft);
             found.valves.push(valves);
         }
-        // 1 Pa for each rpm beyond the limit keeps the shaft below it; the mean decides between equal peaks.
-        Ok((found.deviation + excess + 0.01 * sum / (last - first) as f64, found))
+        // 1 Pa for each rpm beyond the limit keeps the shaft below it.
+        let norm = 1e3 * (sum / (last - first) as f64).powf(1.0 / f64::from(NORM));
+        Ok((norm + excess, found))
     };
 
     let mut best: Option<(f64, Optimum, Corrections)> = None;
@@ -114,10 +118,16 @@ pub fn search(
     let (narrowest, mut width, widest) = WIDTHS;
     for _ in 0..TRIALS {
         let mut trial = corrections;
-        for value in trial.iter_mut().flatten() {
-            if generator.random::<f64>() < CHANGED {
-                let normal: f64 = StandardNormal.sample(&mut generator);
-                *value = (*value + width * normal).clamp(-1.0, 1.0);
+        let moved = |value: &mut f64, by: f64| *value = (*value + width * by).clamp(-1.0, 1.0);
+        if generator.random::<f64>() < WHOLE {
+            let by: f64 = StandardNormal.sample(&mut generator);
+            let valve = generator.random_range(0..trial.len());
+            trial[valve].iter_mut().for_each(|value| moved(value, by));
+        } else {
+            for value in trial.iter_mut().flatten() {
+                if generator.random::<f64>() < CHANGED {
+                    moved(value, StandardNormal.sample(&mut generator));
+                }
             }
         }
         let (cost, found) = attempt(&trial)?;
