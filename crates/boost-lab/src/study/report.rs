@@ -382,7 +382,7 @@ fn cause(explained: &Explained) -> String {
         let (best, own) = (1e-3 * optimum.deviation, 1e-3 * optimum.closed_loop);
         text += &if optimum.deviation > NEAR {
             format!(
-                "Beyond the plant, as far as the search tells: the best movement of all valves that was found, with all knowledge from then on, deviates by {best:.2} kPa."
+                "Not explained by the search: the best movement of all valves that was found, with all knowledge from then on, deviates by {best:.2} kPa."
             )
         } else if optimum.deviation > 0.5 * optimum.closed_loop {
             format!(
