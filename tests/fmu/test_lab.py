@@ -548,7 +548,7 @@ def test_every_line_of_the_document_is_run() -> None:
     # test_readme.py runs the first; tests/run runs the second, with the lock file.
     assert others == ["cargo run --release -- export", "cargo build --release --package boost-lab"]
     assert "cargo build --release --locked --package boost-lab" in (ROOT / "tests" / "run").read_text()
-    assert len(LAB_LINES) - len(FOREIGN_LINES) == 12
+    assert len(LAB_LINES) - len(FOREIGN_LINES) == 13
 
 
 def outputs(line: str) -> list[str]:

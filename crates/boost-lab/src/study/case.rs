@@ -158,6 +158,10 @@ impl Rig {
             "{} has no output {BOOST}",
             plant.file.display()
         );
+        for name in ["boost_reference", BOOST] {
+            let is_input = controller_fmu.names("input").any(|known| known == name);
+            anyhow::ensure!(is_input, "{} has no input {name}", controller.file.display());
+        }
         Ok(Self {
             names: Names::new(&plant_fmu, &controller_fmu),
             saves_states: plant_fmu.description().has_capability("canGetAndSetFMUstate"),

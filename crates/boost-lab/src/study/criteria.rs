@@ -81,3 +81,71 @@ pub fn is_failed(measures: &Measures) -> bool {
 pub fn greatest(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     values.flatten().max_by(f64::total_cmp)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn measures() -> Measures {
+        Measures {
+            deviation: 1e3,
+            deviation_time: 7.0,
+            is_above: true,
+            overshoot: 500.0,
+            shaft_at_rest: Some(200e3),
+            shaft_in_transients: Some(230e3),
+            least_flow: Some(0.02),
+            alarm: Some(0.0),
+        }
+    }
+
+    /// The positions of the criteria that do not hold.
+    fn broken(cases: &[Option<&Measures>]) -> Vec<usize> {
+        judge(cases)
+            .iter()
+            .enumerate()
+            .filter(|(_, criterion)| !criterion.holds)
+            .map(|(index, _)| index)
+            .collect()
+    }
+
+    #[test]
+    fn each_bound_is_judged() {
+        let good = measures();
+        let mut cases = vec![Some(&good); 20];
+        assert!(broken(&cases).is_empty() && !is_outside(&good));
+        // One of 20 may be beyond 2 kPa, none beyond 5.
+        let near = Measures { deviation: 2.1e3, ..measures() };
+        cases[0] = Some(&near);
+        assert!(broken(&cases).is_empty() && is_outside(&near) && !is_failed(&near));
+        cases[1] = Some(&near);
+        assert_eq!(broken(&cases), [1]);
+        cases[1] = Some(&good);
+        for (bad, criterion) in [
+            (Measures { deviation: 5.1e3, ..measures() }, 2),
+            (Measures { shaft_at_rest: Some(211e3), ..measures() }, 3),
+            (Measures { least_flow: Some(-1e-4), ..measures() }, 4),
+            (Measures { alarm: Some(2.0), ..measures() }, 5),
+        ] {
+            assert!(is_failed(&bad));
+            let with_bad: Vec<_> = [Some(&bad)].into_iter().chain(cases[1..].iter().copied()).collect();
+            assert_eq!(broken(&with_bad), [criterion]);
+        }
+        // A case that could not be run deviates by no one knows how much.
+        cases[0] = None;
+        assert_eq!(broken(&cases), [0, 2]);
+    }
+
+    #[test]
+    fn what_the_fmus_do_not_tell_is_not_judged() {
+        let silent = Measures {
+            shaft_at_rest: None,
+            shaft_in_transients: None,
+            least_flow: None,
+            alarm: None,
+            ..measures()
+        };
+        assert!(broken(&[Some(&silent)]).is_empty());
+        assert!(judge(&[Some(&silent)])[3..].iter().all(|criterion| criterion.found.is_none()));
+    }
+}

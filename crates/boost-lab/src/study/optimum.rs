@@ -1,5 +1,5 @@
-//! What a control could have done that knew everything: the plant of a case, taken out of its loop shortly before its worst
-//! moment, with the movements of all valves searched for that keep boost nearest to the reachable reference.
+//! What a control could have done that knew everything: the plant of a case, taken out of its loop before boost leaves the
+//! reachable reference, with the movements of all valves searched for that keep boost nearest to the reachable reference.
 //!
 //! The search is direct: corrections of what the controller commanded, with lines between a few nodes, by an evolution
 //! strategy with one parent whose step widens with success and narrows without (Rechenberg's (1+1)-ES). What it finds can
@@ -11,14 +11,14 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
 use super::case::{Measures, Rig, SHAFT, Simulated, point};
-use super::criteria::FASTEST_AT_REST;
-use super::draw::{Case, STEP};
+use super::criteria::{FASTEST_AT_REST, NEAR};
+use super::draw::{Case, SETTLING, STEP};
 use super::reach::{OpenLoop, VALVES, Valves};
 use crate::measure::greatest;
 
-/// The window around the worst moment (s): from the event before, but at least and at most so long before, to after it.
-const AT_LEAST_BEFORE: f64 = 1.0;
-const AT_MOST_BEFORE: f64 = 2.5;
+/// The window: from so long (s) before boost leaves the reachable reference, and before the event that precedes its worst
+/// moment, to after that moment.
+const BEFORE: f64 = 1.0;
 const AFTER: f64 = 0.5;
 /// Nodes of the corrections.
 const NODES: usize = 6;
@@ -27,8 +27,11 @@ const TRIALS: usize = 300;
 const WIDER: f64 = 1.3;
 const NARROWER: f64 = 0.96;
 const WIDTHS: (f64, f64, f64) = (0.01, 0.2, 0.6);
-/// The share of the corrections that a trial changes.
+/// The share of the corrections that a trial changes, and of the trials that move a whole valve instead.
 const CHANGED: f64 = 0.3;
+const WHOLE: f64 = 0.3;
+/// The norm of the distances that is made small: the peaks count most, but lowering one of several counts as well.
+const NORM: i32 = 6;
 
 /// The best that was found.
 pub struct Optimum {
@@ -53,16 +56,18 @@ pub fn search(
 ) -> Result<Optimum> {
     let worst = point(measures.deviation_time);
     let event = simulated.events.iter().rfind(|&&event| event <= worst).copied().unwrap_or(0);
-    let earliest = worst.saturating_sub(point(AT_MOST_BEFORE));
-    let first = event.min(worst.saturating_sub(point(AT_LEAST_BEFORE))).max(earliest);
+    let boost = simulated.boost()?;
+    let is_within = |row: &usize| simulated.distance(*row, boost[*row]).0 < 0.5 * NEAR;
+    let left = (0..worst).rfind(is_within).unwrap_or(0);
+    let first = event.min(left).min(worst).saturating_sub(point(BEFORE));
     let last = (worst + point(AFTER)).min(simulated.lower.len() - 1);
     let scenario = rig.scenario(case, strategy)?;
     let mut master = rig.run_to(&scenario, first)?;
     let mut plant = OpenLoop::new(master.instance("plant")?, &rig.plant, case, &rig.names)?;
     let saved = plant.instance().save()?;
 
-    let boost = simulated.boost()?;
-    let closed_loop = greatest((first + 1..=last).map(|row| simulated.distance(row, boost[row]).0));
+    let judged = point(SETTLING).max(first + 1);
+    let closed_loop = greatest((judged..=last).map(|row| simulated.distance(row, boost[row]).0));
     let own_shaft =
         simulated.record.get(SHAFT).map_or(0.0, |speeds| greatest(speeds[first..=last].iter().copied()));
     let shaft_limit = own_shaft.max(FASTEST_AT_REST);
@@ -84,17 +89,19 @@ pub fn search(
                 simulated.valves(index),
             );
             let measured = plant.step(index, valves)?;
-            let distance = simulated.distance(index + 1, measured.boost).0;
+            let is_judged = index + 1 >= judged;
+            let distance = if is_judged { simulated.distance(index + 1, measured.boost).0 } else { 0.0 };
             found.deviation = found.deviation.max(distance);
-            sum += distance;
+            sum += (1e-3 * distance).powi(NORM);
             excess = excess.max(measured.shaft - shaft_limit);
             found.times.push((index + 1) as f64 * STEP);
             found.boost.push(measured.boost);
             found.shaft.push(measured.shaft);
             found.valves.push(valves);
         }
-        // 1 Pa for each rpm beyond the limit keeps the shaft below it; the mean decides between equal peaks.
-        Ok((found.deviation + excess + 0.01 * sum / (last - first) as f64, found))
+        // 1 Pa for each rpm beyond the limit keeps the shaft below it.
+        let norm = 1e3 * (sum / (last - first) as f64).powf(1.0 / f64::from(NORM));
+        Ok((norm + excess, found))
     };
 
     let mut best: Option<(f64, Optimum, Corrections)> = None;
@@ -111,10 +118,16 @@ pub fn search(
     let (narrowest, mut width, widest) = WIDTHS;
     for _ in 0..TRIALS {
         let mut trial = corrections;
-        for value in trial.iter_mut().flatten() {
-            if generator.random::<f64>() < CHANGED {
-                let normal: f64 = StandardNormal.sample(&mut generator);
-                *value = (*value + width * normal).clamp(-1.0, 1.0);
+        let moved = |value: &mut f64, by: f64| *value = (*value + width * by).clamp(-1.0, 1.0);
+        if generator.random::<f64>() < WHOLE {
+            let by: f64 = StandardNormal.sample(&mut generator);
+            let valve = generator.random_range(0..trial.len());
+            trial[valve].iter_mut().for_each(|value| moved(value, by));
+        } else {
+            for value in trial.iter_mut().flatten() {
+                if generator.random::<f64>() < CHANGED {
+                    moved(value, StandardNormal.sample(&mut generator));
+                }
             }
         }
         let (cost, found) = attempt(&trial)?;

@@ -331,7 +331,7 @@ impl Report<'_> {
             case.drawn.iter().map(|(name, value)| format!("{name} {}", number(*value))).collect();
         format!(
             "<h2 id=\"case-{0}\">Case {0}: {1:.2} kPa</h2>\n<p>{2}</p>\n<figure>\n{3}<figcaption>The closed loop, and \
-             the best control that was found from a moment before the worst on. Shaded: from a second before the worst \
+             the best control that was found from a second before boost left what can be reached on. Shaded: from a second before the worst \
              moment to half a second after it. The plant: {4}.</figcaption>\n</figure>\n<details><summary>The scenario, for \
              <code>boost-lab simulate</code></summary><pre>{5}</pre></details>\n",
             case.number,
@@ -383,7 +383,7 @@ fn cause(explained: &Explained) -> String {
         let (best, own) = (1e-3 * optimum.deviation, 1e-3 * optimum.closed_loop);
         text += &if optimum.deviation > NEAR {
             format!(
-                "Beyond the plant: the best movement of all valves that was found, knowing everything before, deviates by {best:.2} kPa."
+                "Not explained by the search: the best movement of all valves that was found, with all knowledge from then on, deviates by {best:.2} kPa."
             )
         } else if optimum.deviation > 0.5 * optimum.closed_loop {
             format!(
@@ -391,7 +391,7 @@ fn cause(explained: &Explained) -> String {
             )
         } else {
             format!(
-                "Within the plant's reach: a control that knew everything before would have kept within {best:.2} kPa, the loop by feedback {own:.2} kPa."
+                "Within the plant's reach: a control with all knowledge would have kept within {best:.2} kPa, the loop by feedback {own:.2} kPa."
             )
         };
     }
