@@ -98,7 +98,7 @@ def test_modes_of_loading(couple: list[str]) -> None:
         how: run_coupled(couple, how, 40)
         for how in ["lazy local", "lazy global", "now local", "now global", "now local traps"]
     }
-    assert len(results["now local"]) == 7
+    assert len(results["now local"]) == 9
     assert set(map(tuple, results.values())) == {tuple(results["now local"])}
 
 
@@ -128,7 +128,7 @@ VALGRIND = (
 def test_valgrind_finds_nothing(couple: list[str]) -> None:
     """Both FMUs, coupled, with saved and restored states, errors, and a reset: no invalid access, no
     uninitialized value, no leak."""
-    assert len(run_coupled(couple, "now", 10, VALGRIND)) == 7
+    assert len(run_coupled(couple, "now", 10, VALGRIND)) == 9
 
 
 def test_valgrind_would_find_a_leak(host: Path, fmus: dict[str, Fmu]) -> None:
