@@ -252,7 +252,7 @@ impl ControlLaw {
         match parameters.strategy {
             Strategy::SplitRange => {
                 let schedule = Schedule::from(&parameters.range_schedule);
-                let (inputs, reference, day) = split_range::on_scheduled_day(parameters, inputs);
+                let (inputs, reference, day) = self.split_range.on_scheduled_day(parameters, inputs);
                 let duty = virtual_duty;
                 self.diagnosis.check_answer(parameters, &inputs, Some(schedule), reference, duty, day);
             }

@@ -30,6 +30,10 @@ pub struct SplitRange {
     bypass: Bypass,
     shaft_speed: ShaftSpeedLimit,
     surge_valve: SurgeValve,
+    /// At the last sample (%).
+    virtual_duty: f64,
+    /// The limit of the reference for the shaft at the last sample (Pa, as on the day of the schedule).
+    limit: f64,
     /// The day of the law's pressures.
     day: Day,
 }
@@ -53,11 +57,29 @@ impl SplitRange {
         let factor = day.speed_factor(pressure);
         let engine_speed = factor * inputs.engine_speed;
         // The sensitivity grows with the time constants.
-        let rate = day.time_scale() * (factor * self.engine_speed.sample(parameters, inputs.engine_speed));
-        let (reference, limit) = references(parameters, inputs, &day, engine_speed);
+        let acceleration = self.engine_speed.sample(parameters, inputs.engine_speed);
+        let rate = day.time_scale() * (factor * acceleration);
+        let measurement = day.scheduled_pressure(inputs.boost_pressure);
+        let limit = match shaft_speed_limit::measured(inputs.hp_turbo_speed) {
+            None => scheduled_limit(parameters, engine_speed),
+            Some(speed) => {
+                let limit_at = |speed| {
+                    day.limit_of_shaft(speed, |speed| shaft_speed_limit::uncapped_limit(parameters, speed))
+                };
+                let here = limit_at(inputs.engine_speed);
+                // Boost follows its reference by λ, and the rate by the filter: a limit that rises counts ahead.
+                let ahead = lambda + parameters.speed_feedforward.filter_time;
+                let to_come = limit_at(larger(inputs.engine_speed + ahead * acceleration, 0.0));
+                let above = measurement - here;
+                larger(here, to_come)
+                    + self.shaft_speed.correction(parameters, speed, above, self.virtual_duty)
+            }
+        };
+        self.limit = limit;
+        let reference = limited_reference(parameters, inputs, &day, limit);
         let mut limits = allocation.limits(parameters, engine_speed, compensator);
         let at = |pressure| day.operating_point(parameters, pressure, engine_speed);
-        let holding = at(limit).feedforward();
+        let holding = at(limit).extrapolated_feedforward(limit);
         let mut waits = day.is_other;
         let excess = self.shaft_speed.excess(parameters, inputs.hp_turbo_speed);
         let least = excess.map(|excess| shaft_speed_limit::least_duty(parameters, excess, holding));
@@ -72,7 +94,7 @@ impl SplitRange {
             parameters,
             Task {
                 reference,
-                measurement: day.scheduled_pressure(inputs.boost_pressure),
+                measurement,
                 operating_point: at(reference).slower(day.time_scale()),
                 holding: speed_feedforward::holding_duty(
                     parameters,
@@ -90,10 +112,22 @@ impl SplitRange {
             },
         );
         let virtual_duty = limits.clip(terms.duty());
+        self.virtual_duty = virtual_duty;
         let mut asked = allocation.openings(virtual_duty, engine_speed);
         asked.hp_bypass *= excess.map_or(1.0, shaft_speed_limit::bypass_share);
         let hp_bypass = self.bypass.sample(parameters, asked.hp_bypass, virtual_duty);
         command(parameters, &day, terms, limits, Openings { hp_bypass, surge_valve, ..asked })
+    }
+
+    /// The inputs and the reference of the boost pressure (Pa) at the last sample as on the day of the schedule, and the
+    /// pressure there (Pa) of the largest reference.
+    pub fn on_scheduled_day(&self, parameters: &Parameters, inputs: &Inputs) -> (Inputs, f64, f64) {
+        let day = Day::measured(parameters, inputs);
+        let boost_pressure = day.scheduled_pressure(inputs.boost_pressure);
+        let engine_speed = day.speed_factor(boost_pressure) * inputs.engine_speed;
+        let reference = limited_reference(parameters, inputs, &day, self.limit);
+        let largest = day.scheduled_pressure(parameters.boost_limit);
+        (Inputs { boost_pressure, engine_speed, ..*inputs }, reference, largest)
     }
 }
 
@@ -102,7 +136,7 @@ pub fn at_rest(parameters: &Parameters, inputs: &Inputs, compensator: Compensato
     let day = Day::measured(parameters, inputs);
     let asked = day.scheduled_pressure(feedforward::bounded_reference(parameters, inputs));
     let engine_speed = day.speed_factor(asked) * inputs.engine_speed;
-    let (reference, _) = references(parameters, inputs, &day, engine_speed);
+    let reference = limited_reference(parameters, inputs, &day, scheduled_limit(parameters, engine_speed));
     let holding = day.operating_point(parameters, reference, engine_speed).feedforward();
     let limits = parameters.allocation.limits(parameters, engine_speed, compensator);
     let openings = parameters.allocation.openings(limits.clip(holding), engine_speed);
@@ -127,23 +161,17 @@ fn command(
     Command { terms, limits, hp_duty, openings }
 }
 
-/// The reference of the boost pressure, within the limits that protect the engine and its high-pressure shaft, and the
-/// limit for the shaft (Pa, as on the day of the schedule).
-fn references(parameters: &Parameters, inputs: &Inputs, day: &Day, engine_speed: f64) -> (f64, f64) {
+/// The limit of the reference that keeps the high-pressure shaft within its speed at rest (Pa, as on the day of the
+/// schedule).
+fn scheduled_limit(parameters: &Parameters, engine_speed: f64) -> f64 {
     let schedule = &parameters.range_schedule;
-    let limit = schedule::interpolate(&schedule.engine_speed, &schedule.boost_limit, engine_speed);
-    (smaller(day.scheduled_pressure(feedforward::bounded_reference(parameters, inputs)), limit), limit)
+    schedule::interpolate(&schedule.engine_speed, &schedule.boost_limit, engine_speed)
 }
 
-/// The inputs and the reference of the boost pressure (Pa) as on the day of the schedule, and the pressure there (Pa) of
-/// the largest reference.
-pub fn on_scheduled_day(parameters: &Parameters, inputs: &Inputs) -> (Inputs, f64, f64) {
-    let day = Day::measured(parameters, inputs);
-    let boost_pressure = day.scheduled_pressure(inputs.boost_pressure);
-    let engine_speed = day.speed_factor(boost_pressure) * inputs.engine_speed;
-    let (reference, _) = references(parameters, inputs, &day, engine_speed);
-    let largest = day.scheduled_pressure(parameters.boost_limit);
-    (Inputs { boost_pressure, engine_speed, ..*inputs }, reference, largest)
+/// The reference of the boost pressure, within the limits that protect the engine and its high-pressure shaft (Pa, as on
+/// the day of the schedule).
+fn limited_reference(parameters: &Parameters, inputs: &Inputs, day: &Day, limit: f64) -> f64 {
+    smaller(day.scheduled_pressure(feedforward::bounded_reference(parameters, inputs)), limit)
 }
 
 /// Rejects parameters of the strategy that contradict each other.
