@@ -31,8 +31,8 @@ const CORRECTIONS: (f64, f64) = (-40e3, 60e3);
 /// How far below the speed at rest the pressure limit begins to be lowered (rpm).
 const LOWERING_BAND: f64 = 4e3;
 
-/// How far below the virtual duty at which the low-pressure wastegate begins to open the pressure limit is lowered in
-/// full (%): beyond that duty the shaft hardly slows down with less boost.
+/// How far above the virtual duty at which the low-pressure wastegate begins to open the pressure limit is not lowered any
+/// more (%): there the shaft hardly slows down with less boost.
 const DUTY_BAND: f64 = 4.0;
 
 /// The least limit of boost pressure (Pa) beyond the columns of the schedule.
@@ -82,7 +82,7 @@ impl ShaftSpeedLimit {
         let start = parameters.allocation.low_pressure_start;
         let share = if asked < 0.0 {
             ramp(speed, speed_at_rest - LOWERING_BAND, speed_at_rest)
-                * ramp(start - virtual_duty, 0.0, DUTY_BAND)
+                * (1.0 - ramp(virtual_duty, start, start + DUTY_BAND))
         } else {
             1.0
         };

@@ -248,43 +248,35 @@ fn the_shaft_keeps_its_limit_while_boost_rises() {
 }
 
 /// The shaft's speed at rest at a reference out of reach (krpm).
-fn speed_at_limit(
-    pressure: f64,
-    temperature: f64,
-    engine_speed: f64,
-    measured: Measured,
-    change: fn(&mut plant::Parameters),
-) -> f64 {
+fn speed_at_limit(pressure: f64, temperature: f64, engine_speed: f64, measured: Measured) -> f64 {
     let mut control = on_a_day(pressure, temperature, 150e3, engine_speed, measured);
-    change(&mut control.plant.variables.parameters);
     control.run(SETTLING, |_| {});
     control.demand.boost_reference = 220e3;
     control.run(4.0 * SETTLING, |_| {});
     1e-3 * control.plant.variables.outputs.hp_turbo_speed
 }
 
-/// The limit of the reference is that of the shaft on every day and plant: it reaches 205 krpm, and not more. The
-/// 0.5 krpm are 0.8 kPa where the correction is in the dead band of the actuator's friction.
+/// The limit of the reference is that of the shaft on every day: it reaches 205 krpm, and not more. The 0.5 krpm are less
+/// than 1 kPa.
 #[test]
 fn the_limit_is_that_of_the_shaft() {
-    let cases: [(f64, f64, f64, fn(&mut plant::Parameters)); 5] = [
-        (101_325.0, 298.0, 4500.0, |_| {}),
-        (95.6e3, 257.0, 4551.0, |_| {}),
-        (70.2e3, 275.0, 3600.0, |_| {}),
-        (101_325.0, 298.0, 4500.0, |plant| plant.hp_turbine.peak_efficiency *= 0.95),
-        (80e3, 310.0, 5000.0, |plant| plant.hp_turbine.peak_efficiency *= 1.05),
-    ];
     let mut farthest: f64 = 0.0;
-    for (pressure, temperature, engine_speed, change) in cases {
-        let [without, with] = [AMBIENT, ALL]
-            .map(|measured| speed_at_limit(pressure, temperature, engine_speed, measured, change));
+    for (pressure, temperature, engine_speed) in [
+        (101_325.0, 298.0, 4500.0),
+        (95.6e3, 257.0, 4551.0),
+        (90e3, 313.0, 5500.0),
+        (80e3, 310.0, 5000.0),
+        (70.2e3, 275.0, 3600.0),
+    ] {
+        let [without, with] =
+            [AMBIENT, ALL].map(|measured| speed_at_limit(pressure, temperature, engine_speed, measured));
         println!(
             "{pressure} Pa, {temperature} K, {engine_speed} rpm: {without:.1} krpm without the speed, {with:.1} with it"
         );
         farthest = farthest.max((without - 205.0).abs());
         assert!((with - 205.0).abs() <= 0.5, "{with} krpm at {engine_speed} rpm and {pressure} Pa");
     }
-    assert!(farthest > 5.0, "{farthest} krpm: the measurement buys nothing here");
+    assert!(farthest > 10.0, "{farthest} krpm: the measurement changes nothing here");
 }
 
 /// The throttle shuts to 2 % in one step: the compressors' least flow (kg/s) within 10 s.
