@@ -2,8 +2,8 @@
 //!
 //! At rest the limit of the reference keeps the shaft within its speed. The schedule has it for the nominal plant. Where
 //! the speed is measured, it is corrected for this plant and day: to the measured pressure, extrapolated over what is left
-//! of the speed, which is exact where nothing is left. The limit is raised wherever that pressure is higher. It is lowered
-//! only near the speed at rest, since far from it the extrapolation falls short, and only while less boost slows the shaft.
+//! of the speed, which is exact where nothing is left. The limit is raised wherever that pressure is higher, and never
+//! lowered: far from the speed at rest the extrapolation falls short, and near it the least duty below is the limit.
 //!
 //! While boost pressure rises the slow low-pressure stage lags behind, and the high-pressure stage makes up for it with
 //! more speed. Where the speed is measured, the virtual duty is at least the one that holds the limit at rest, more above
@@ -25,15 +25,8 @@ const LEAST_MEASUREMENT: f64 = 1e3;
 /// and 203 krpm. Nearer to the largest speed it would stay partly open on a shaft that turns too fast.
 const BYPASS_SHUTS: (f64, f64) = (-8e3, -4e3);
 
-/// The largest corrections of the pressure limit (Pa), down and up: a stuck sensor must not take it away.
-const CORRECTIONS: (f64, f64) = (-40e3, 60e3);
-
-/// How far below the speed at rest the pressure limit begins to be lowered (rpm).
-const LOWERING_BAND: f64 = 4e3;
-
-/// How far above the virtual duty at which the low-pressure wastegate begins to open the pressure limit is not lowered any
-/// more (%): there the shaft hardly slows down with less boost.
-const DUTY_BAND: f64 = 4.0;
+/// The largest correction of the pressure limit (Pa): a stuck sensor must not take it away.
+const LARGEST_CORRECTION: f64 = 60e3;
 
 /// The least limit of boost pressure (Pa) beyond the columns of the schedule.
 const LEAST_LIMIT: f64 = 50e3;
@@ -73,21 +66,13 @@ pub struct ShaftSpeedLimit {
 }
 
 impl ShaftSpeedLimit {
-    /// By how much the pressure limit differs from that of the schedule (Pa), by the measured speed (rpm), how far the
-    /// measured pressure is above the schedule's limit (Pa), and the virtual duty (%).
-    pub fn correction(&mut self, parameters: &Parameters, speed: f64, above: f64, virtual_duty: f64) -> f64 {
+    /// By how much the pressure limit differs from that of the schedule (Pa), by the measured speed (rpm) and how far the
+    /// measured pressure is above the schedule's limit (Pa).
+    pub fn correction(&mut self, parameters: &Parameters, speed: f64, above: f64) -> f64 {
         let &ShaftSpeedLimitParameters { speed_at_rest, boost_per_speed, correction_time, .. } =
             &parameters.shaft_speed_limit;
         let asked = above + boost_per_speed * (speed_at_rest - speed);
-        let start = parameters.allocation.low_pressure_start;
-        let share = if asked < 0.0 {
-            ramp(speed, speed_at_rest - LOWERING_BAND, speed_at_rest)
-                * (1.0 - ramp(virtual_duty, start, start + DUTY_BAND))
-        } else {
-            1.0
-        };
-        let (least, most) = CORRECTIONS;
-        let asked = smaller(larger(share * asked, least), most);
+        let asked = smaller(larger(asked, 0.0), LARGEST_CORRECTION);
         let sample_time = parameters.sample_time;
         self.correction += sample_time / larger(correction_time, sample_time) * (asked - self.correction);
         self.correction

@@ -30,8 +30,6 @@ pub struct SplitRange {
     bypass: Bypass,
     shaft_speed: ShaftSpeedLimit,
     surge_valve: SurgeValve,
-    /// At the last sample (%).
-    virtual_duty: f64,
     /// The limit of the reference for the shaft at the last sample (Pa, as on the day of the schedule).
     limit: f64,
     /// The day of the law's pressures.
@@ -71,8 +69,7 @@ impl SplitRange {
                 let ahead = lambda + parameters.speed_feedforward.filter_time;
                 let to_come = limit_at(larger(inputs.engine_speed + ahead * acceleration, 0.0));
                 let above = measurement - here;
-                larger(here, to_come)
-                    + self.shaft_speed.correction(parameters, speed, above, self.virtual_duty)
+                larger(here, to_come) + self.shaft_speed.correction(parameters, speed, above)
             }
         };
         self.limit = limit;
@@ -112,7 +109,6 @@ impl SplitRange {
             },
         );
         let virtual_duty = limits.clip(terms.duty());
-        self.virtual_duty = virtual_duty;
         let mut asked = allocation.openings(virtual_duty, engine_speed);
         asked.hp_bypass *= excess.map_or(1.0, shaft_speed_limit::bypass_share);
         let hp_bypass = self.bypass.sample(parameters, asked.hp_bypass, virtual_duty);
