@@ -71,6 +71,22 @@ fn write_units(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
     })
 }
 
+/// The attributes of the root: what model it is, by a name and value that the version has for its hash.
+fn identity(model: &Model<'_>, version: &str, (hash, value): (&'static str, &str)) -> Attributes {
+    given([
+        ("fmiVersion", Some(version.to_owned())),
+        ("modelName", Some(model.identifier.clone())),
+        (hash, Some(value.to_owned())),
+        ("description", model.description.clone()),
+        ("author", model.author.clone()),
+        ("version", Some(model.version.to_owned())),
+        ("copyright", model.declaration.copyright.clone()),
+        ("license", model.license.clone()),
+        ("generationTool", Some(GENERATION_TOOL.to_owned())),
+        ("variableNamingConvention", Some("structured".to_owned())),
+    ])
+}
+
 fn write_items(writer: &mut XmlWriter, enumeration: &EnumerationDeclaration) -> io::Result<()> {
     enumeration.items.iter().zip(1..).try_for_each(|(item, value): (_, i32)| {
         let attributes = vec![

@@ -5,8 +5,7 @@ use std::io;
 use quick_xml::events::{BytesText, Event};
 
 use super::{
-    GENERATION_TOOL, causality, given, initial, start, variability, write_experiment, write_log_categories,
-    write_units,
+    causality, given, initial, start, variability, write_experiment, write_log_categories, write_units,
 };
 use crate::declaration::Declaration;
 use crate::dependencies::{Structure, Unknown};
@@ -15,23 +14,10 @@ use fmu_xml::{Attributes, XmlWriter, document, element, empty, float};
 
 pub(super) fn write(model: &Model<'_>, structure: &Structure, guid: &str) -> String {
     let declaration = model.declaration;
-    let attributes = [
-        ("fmiVersion", Some("2.0".to_owned())),
-        ("modelName", Some(model.identifier.clone())),
-        ("guid", Some(guid.to_owned())),
-        ("description", model.description.clone()),
-        ("author", model.author.clone()),
-        ("version", Some(model.version.to_owned())),
-        ("copyright", declaration.copyright.clone()),
-        ("license", model.license.clone()),
-        ("generationTool", Some(GENERATION_TOOL.to_owned())),
-        ("variableNamingConvention", Some("structured".to_owned())),
-        (
-            "numberOfEventIndicators",
-            model.fmi.interfaces.model_exchange().then(|| declaration.event_indicators.len().to_string()),
-        ),
-    ];
-    let attributes = given(attributes);
+    let mut attributes = super::identity(model, "2.0", ("guid", guid));
+    if model.fmi.interfaces.model_exchange() {
+        attributes.push(("numberOfEventIndicators", declaration.event_indicators.len().to_string()));
+    }
     document(|writer| {
         element(writer, "fmiModelDescription", attributes, |writer| {
             if model.fmi.interfaces.model_exchange() {

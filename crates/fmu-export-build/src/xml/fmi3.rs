@@ -4,8 +4,7 @@ use std::collections::BTreeMap;
 use std::io;
 
 use super::{
-    GENERATION_TOOL, causality, given, initial, start, variability, write_experiment, write_log_categories,
-    write_units,
+    causality, given, initial, start, variability, write_experiment, write_log_categories, write_units,
 };
 use crate::declaration::Declaration;
 use crate::dependencies::{Structure, Unknown};
@@ -14,18 +13,7 @@ use fmu_xml::{Attributes, XmlWriter, document, element, empty, float};
 
 pub(super) fn write(model: &Model<'_>, structure: &Structure, token: &str) -> String {
     let declaration = model.declaration;
-    let attributes = given([
-        ("fmiVersion", Some("3.0".to_owned())),
-        ("modelName", Some(model.identifier.clone())),
-        ("instantiationToken", Some(token.to_owned())),
-        ("description", model.description.clone()),
-        ("author", model.author.clone()),
-        ("version", Some(model.version.to_owned())),
-        ("copyright", declaration.copyright.clone()),
-        ("license", model.license.clone()),
-        ("generationTool", Some(GENERATION_TOOL.to_owned())),
-        ("variableNamingConvention", Some("structured".to_owned())),
-    ]);
+    let attributes = super::identity(model, "3.0", ("instantiationToken", token));
     let variables = Variables::new(model);
     document(|writer| {
         element(writer, "fmiModelDescription", attributes, |writer| {
