@@ -252,9 +252,9 @@ impl ControlLaw {
         match parameters.strategy {
             Strategy::SplitRange => {
                 let schedule = Schedule::from(&parameters.range_schedule);
-                let (inputs, reference, day) = split_range::on_scheduled_day(parameters, inputs);
+                let (inputs, reference, largest) = self.split_range.on_scheduled_day(parameters, inputs);
                 let duty = virtual_duty;
-                self.diagnosis.check_answer(parameters, &inputs, Some(schedule), reference, duty, day);
+                self.diagnosis.check_answer(parameters, &inputs, Some(schedule), reference, duty, largest);
             }
             // Above, the low-pressure wastegate is open, with which its schedule was not identified.
             Strategy::BySpeed => self.diagnosis.check_answer(

@@ -95,6 +95,17 @@ impl SplitRange {
         let hp_bypass = self.bypass.sample(parameters, asked.hp_bypass, virtual_duty);
         command(parameters, &day, terms, limits, Openings { hp_bypass, surge_valve, ..asked })
     }
+
+    /// The inputs and the reference of the boost pressure (Pa) of the last sample as on the day of the schedule, and the
+    /// pressure there (Pa) of the largest reference.
+    pub fn on_scheduled_day(&self, parameters: &Parameters, inputs: &Inputs) -> (Inputs, f64, f64) {
+        let day = &self.day;
+        let boost_pressure = day.scheduled_pressure(inputs.boost_pressure);
+        let engine_speed = day.speed_factor(boost_pressure) * inputs.engine_speed;
+        let (reference, _) = references(parameters, inputs, day, engine_speed);
+        let largest = day.scheduled_pressure(parameters.boost_limit);
+        (Inputs { boost_pressure, engine_speed, ..*inputs }, reference, largest)
+    }
 }
 
 /// The command without memory: the virtual duty that holds the reference at rest.
@@ -133,17 +144,6 @@ fn references(parameters: &Parameters, inputs: &Inputs, day: &Day, engine_speed:
     let schedule = &parameters.range_schedule;
     let limit = schedule::interpolate(&schedule.engine_speed, &schedule.boost_limit, engine_speed);
     (smaller(day.scheduled_pressure(feedforward::bounded_reference(parameters, inputs)), limit), limit)
-}
-
-/// The inputs and the reference of the boost pressure (Pa) as on the day of the schedule, and the pressure there (Pa) of
-/// the largest reference.
-pub fn on_scheduled_day(parameters: &Parameters, inputs: &Inputs) -> (Inputs, f64, f64) {
-    let day = Day::measured(parameters, inputs);
-    let boost_pressure = day.scheduled_pressure(inputs.boost_pressure);
-    let engine_speed = day.speed_factor(boost_pressure) * inputs.engine_speed;
-    let (reference, _) = references(parameters, inputs, &day, engine_speed);
-    let largest = day.scheduled_pressure(parameters.boost_limit);
-    (Inputs { boost_pressure, engine_speed, ..*inputs }, reference, largest)
 }
 
 /// Rejects parameters of the strategy that contradict each other.
