@@ -10,6 +10,7 @@
 use std::env;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use fmu_export::description::{Causality, DataType, Initial, Variability};
 use fmu_export::{Inputs as _, Variables as _};
@@ -34,15 +35,17 @@ fn sources() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/generator")
 }
 
-/// An empty folder for one test.
+/// An empty folder, another one at each call: tests run in parallel.
 fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("build").join(name);
+    static FOLDERS: AtomicUsize = AtomicUsize::new(0);
+    let number = FOLDERS.fetch_add(1, Ordering::Relaxed);
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("build").join(format!("{number} {name}"));
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder).expect("the folder for tests is writable");
     folder
 }
 
-/// An empty folder for one test, but for the small model.
+/// A folder with nothing but the small model.
 fn folder_with_model(name: &str) -> PathBuf {
     let folder = folder(name);
     for file in ["vessels.json", "units.json", "vessels.html", "vessels.svg", "vessels.png"] {
