@@ -17,10 +17,11 @@ use core::slice;
 use std::borrow::Cow;
 use std::sync::PoisonError;
 
-use crate::calling_sequence::Function;
+use crate::calling_sequence::{Function, Interface};
 use crate::description::ValueReference;
 use crate::error::Error;
 use crate::instance::{Answer, Instance, Memory};
+use crate::logger::Logger;
 use crate::model::{Model, Variables};
 use crate::model_exchange::ModelExchange;
 use crate::panics::contain;
@@ -47,15 +48,10 @@ impl<M: Model> Exported<M> {
     /// The first word of this FMU's instances.
     const FMU: u64 = checksum(M::Variables::DESCRIPTION.guid.as_bytes());
 
-    /// The handle of an instance.
-    pub(crate) fn handle(instance: Instance<M>) -> *mut c_void {
-        Box::into_raw(Box::new(Self { fmu: Self::FMU, instance })).cast()
-    }
-
     /// What a handle points to, unless that is null or another FMU's.
     ///
     /// # Safety
-    /// `handle` is null or came from [`Exported::handle`] of this or another FMU made by this crate, is not freed, and
+    /// `handle` is null or came from [`instantiate`] of this or another FMU made by this crate, is not freed, and
     /// is used by no other thread during the call.
     pub(crate) unsafe fn of<'a>(handle: *mut c_void) -> Option<&'a mut Self> {
         let target = handle.cast::<Self>();
@@ -66,6 +62,34 @@ impl<M: Model> Exported<M> {
         let fmu = unsafe { target.cast::<u64>().read() };
         // SAFETY: a target that begins with this FMU's word is one of `M`, alive and not shared.
         (fmu == Self::FMU).then(|| unsafe { &mut *target })
+    }
+}
+
+/// Makes an instance for an interface and sets it up: its handle, or null, and a message, where an argument is wrong or
+/// the model panics.
+pub(crate) fn instantiate<M: Model>(
+    function: &str,
+    logger: Logger,
+    interface: Result<Interface, Error>,
+    set_up: impl FnOnce(&mut Instance<M>),
+) -> *mut c_void {
+    // Instances are large: this one is made where it stays, as each move would copy it.
+    let made = interface.and_then(|interface| {
+        contain(|| Box::new(Exported { fmu: Exported::<M>::FMU, instance: Instance::new(interface) }))
+    });
+    match made {
+        Ok(mut exported) => {
+            exported.instance.logger = logger;
+            set_up(&mut exported.instance);
+            Box::into_raw(exported).cast()
+        }
+        Err(error) => {
+            logger.error(format_args!("{error}"));
+            if let Some(messages) = logger.take() {
+                messages.deliver(function);
+            }
+            ptr::null_mut()
+        }
     }
 }
 
@@ -83,7 +107,7 @@ pub(crate) unsafe fn call<M: Model>(
     let status = target.instance.call(function, body);
     // From here on the target is not accessed: the importer's logger may call or free it.
     if let Some(messages) = target.instance.take_messages() {
-        messages.deliver();
+        messages.deliver(function.name());
     }
     status
 }
@@ -97,7 +121,7 @@ pub(crate) unsafe fn free<M: Model>(handle: *mut c_void) {
     let Some(target) = (unsafe { Exported::<M>::of(handle) }) else { return };
     // A call after this one is recognized as invalid as long as the memory is not reused.
     target.fmu = 0;
-    // SAFETY: the pointer came from `Exported::handle`, and the standard forbids its use after this call.
+    // SAFETY: the pointer came from `instantiate`, and the standard forbids its use after this call.
     let target = unsafe { Box::from_raw(ptr::from_mut(target)) };
     saved_states::free_all_of(handle.addr());
     // A panic here cannot be reported: the logger belongs to the instance that is freed.

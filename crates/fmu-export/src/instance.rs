@@ -138,25 +138,25 @@ impl<M: Model> Persistent for Memory<M> {
 
 /// An instance of a model.
 pub(crate) struct Instance<M: Model> {
-    logger: Logger,
+    pub(crate) logger: Logger,
     memory: Memory<M>,
-    resources: Resources,
+    pub(crate) resources: Resources,
     /// The strings that were got last, valid until the next time.
     pub(crate) strings: Vec<CString>,
     /// Whether a step may end before the time that was asked for.
     pub(crate) early_return_allowed: bool,
-    /// The name of the function that is called, for messages.
-    function: &'static str,
 }
 
 impl<M: Model> Instance<M> {
-    pub(crate) fn new(logger: Logger, memory: Memory<M>, resources: Resources) -> Self {
-        Self { logger, memory, resources, strings: Vec::new(), early_return_allowed: false, function: "" }
-    }
-
-    /// The memory of a new instance; an error where the model panics.
-    pub(crate) fn new_memory(interface: Interface) -> Result<Memory<M>, Error> {
-        contain(|| Memory::new(interface))
+    /// An instance that logs nothing and has no resources.
+    pub(crate) fn new(interface: Interface) -> Self {
+        Self {
+            logger: Logger::default(),
+            memory: Memory::new(interface),
+            resources: Resources::none(),
+            strings: Vec::new(),
+            early_return_allowed: false,
+        }
     }
 
     const DESCRIPTION: &'static ModelDescription = M::Variables::DESCRIPTION;
@@ -167,7 +167,6 @@ impl<M: Model> Instance<M> {
         function: F,
         body: impl FnOnce(&mut Self) -> Answer,
     ) -> Status {
-        self.function = function.name();
         let (phase, interface) = (self.memory.phase, self.memory.interface);
         let is_of_interface = || function.interface().is_none_or(|only| only == interface);
         let error =
@@ -185,7 +184,7 @@ impl<M: Model> Instance<M> {
             } else {
                 Error::new(format!("this instance is for {interface}, which does not have this function"))
             };
-        self.logger.error(format_args!("{}: {error}", self.function));
+        self.logger.error(format_args!("{error}"));
         if let Some(phase) = F::AFTER_ERROR {
             self.memory.phase = phase;
         }
@@ -237,11 +236,7 @@ impl<M: Model> Instance<M> {
         self.memory.is_set_up = true;
         self.memory.time = start_time;
         Ok(not_positive.map_or(Status::Ok, |tolerance| {
-            self.warn(format_args!(
-                "{}: tolerance is {}, which is not above 0; it is ignored",
-                self.function,
-                Shown(tolerance)
-            ))
+            self.warn(format_args!("tolerance is {}, which is not above 0; it is ignored", Shown(tolerance)))
         }))
     }
 
@@ -433,13 +428,13 @@ impl<M: Model> Instance<M> {
 
     /// Logs a warning, and returns its status.
     fn warn(&self, message: core::fmt::Arguments<'_>) -> Status {
-        self.logger.message(WARNING, message);
+        self.logger.warning(message);
         Status::Warning
     }
 
     /// Logs why a call is discarded.
     pub(crate) fn log_discarded(&self, message: core::fmt::Arguments<'_>) {
-        self.logger.discarded(format_args!("{}: {message}", self.function));
+        self.logger.event(Status::Discard, message);
     }
 
     /// The end of the last completed step (s).

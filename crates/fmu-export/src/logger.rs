@@ -26,7 +26,7 @@ pub const WARNING: &str = "logStatusWarning";
 pub const EVENT: &str = "logEvents";
 
 /// The messages of one instance.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Logger {
     recipient: Option<Arc<dyn Recipient>>,
     categories: &'static [&'static str],
@@ -44,11 +44,19 @@ pub(crate) trait Recipient: fmt::Debug {
     fn receive(&self, status: Status, category: &CStr, text: &CStr);
 }
 
+/// Who says something. What the exporter says is about the function that was called, which the message then names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Source {
+    Exporter,
+    Model,
+}
+
 #[derive(Debug)]
 struct Message {
+    source: Source,
     status: Status,
     category: CString,
-    text: CString,
+    text: String,
 }
 
 /// Messages to log; they no longer need the instance.
@@ -94,34 +102,44 @@ impl Logger {
 
     /// Logs the error of a failed call.
     pub(crate) fn error(&self, message: fmt::Arguments<'_>) {
-        self.send(Status::Error, ERROR, message);
+        self.send(Source::Exporter, Status::Error, ERROR, message);
+    }
+
+    /// Logs what is odd about a call.
+    pub(crate) fn warning(&self, message: fmt::Arguments<'_>) {
+        if self.warns() {
+            self.send(Source::Exporter, Status::Warning, WARNING, message);
+        }
+    }
+
+    /// Logs why a call is discarded or what it has brought about, when debug logging is on (section 2.1.3).
+    pub(crate) fn event(&self, status: Status, message: fmt::Arguments<'_>) {
+        if self.is_enabled(EVENT) {
+            self.send(Source::Exporter, status, EVENT, message);
+        }
     }
 
     /// Logs a message of the model in a category.
     pub(crate) fn message(&self, category: &'static str, message: fmt::Arguments<'_>) {
-        if category == WARNING && (self.always_warns || self.is_enabled(category)) {
-            self.send(Status::Warning, category, message);
+        if category == WARNING && self.warns() {
+            self.send(Source::Model, Status::Warning, category, message);
         } else if category != WARNING && self.is_enabled(category) {
-            self.send(Status::Ok, category, message);
+            self.send(Source::Model, Status::Ok, category, message);
         }
     }
 
-    /// Logs why a call is discarded, when debug logging is on (section 2.1.3).
-    pub(crate) fn discarded(&self, message: fmt::Arguments<'_>) {
-        if self.is_enabled(EVENT) {
-            self.send(Status::Discard, EVENT, message);
-        }
+    fn warns(&self) -> bool {
+        self.always_warns || self.is_enabled(WARNING)
     }
 
     fn is_enabled(&self, category: &str) -> bool {
         self.categories.iter().zip(&self.enabled).any(|(&name, &on)| on && name == category)
     }
 
-    fn send(&self, status: Status, category: &str, message: fmt::Arguments<'_>) {
+    fn send(&self, source: Source, status: Status, category: &str, message: fmt::Arguments<'_>) {
         if self.recipient.is_some() {
             let category = CString::new(category).unwrap_or_default();
-            let text = printable(&message.to_string());
-            self.pending.borrow_mut().push(Message { status, category, text });
+            self.pending.borrow_mut().push(Message { source, status, category, text: message.to_string() });
         }
     }
 
@@ -137,10 +155,14 @@ impl Logger {
 }
 
 impl Delivery {
-    /// Logs the messages.
-    pub(crate) fn deliver(self) {
-        for Message { status, category, text } in &self.messages {
-            self.recipient.receive(*status, category, text);
+    /// Logs the messages of a function.
+    pub(crate) fn deliver(self, function: &str) {
+        for Message { source, status, category, text } in &self.messages {
+            let text = match source {
+                Source::Exporter => printable(&format!("{function}: {text}")),
+                Source::Model => printable(text),
+            };
+            self.recipient.receive(*status, category, &text);
         }
     }
 }

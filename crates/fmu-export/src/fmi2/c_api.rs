@@ -16,9 +16,7 @@ use super::c_types::{
     Integer, MODEL_EXCHANGE, Status, ValueReference, status_kind,
 };
 use super::calling_sequence::Function;
-use crate::c_boundary::{
-    self, Exported, c_string, call, elements, get_values, not_null, set_values, write_elements,
-};
+use crate::c_boundary::{self, c_string, call, elements, get_values, not_null, set_values, write_elements};
 use crate::calling_sequence::Interface;
 use crate::description::DataType;
 use crate::error::Error;
@@ -107,23 +105,13 @@ pub unsafe fn instantiate<M: Model>(
             other => Err(Error::new(format!("the argument fmuType is {other}, which is not an fmi2Type"))),
         }
     };
-    let resources = if description.has_resources {
-        // SAFETY: the importer passes null or a string.
-        let location = unsafe { c_string("fmuResourceLocation", resource_location) };
-        Resources::at(location.ok().map(CStr::to_bytes))
-    } else {
-        Resources::none()
-    };
-    match check().and_then(Instance::<M>::new_memory) {
-        Ok(memory) => Exported::handle(Instance::new(logger, memory, resources)),
-        Err(error) => {
-            logger.error(format_args!("fmi2Instantiate: {error}"));
-            if let Some(messages) = logger.take() {
-                messages.deliver();
-            }
-            ptr::null_mut()
+    c_boundary::instantiate::<M>("fmi2Instantiate", logger, check(), |instance| {
+        if description.has_resources {
+            // SAFETY: the importer passes null or a string.
+            let location = unsafe { c_string("fmuResourceLocation", resource_location) };
+            instance.resources = Resources::at(location.ok().map(CStr::to_bytes));
         }
-    }
+    })
 }
 
 /// `fmi2FreeInstance`; the states that were not freed are freed too.

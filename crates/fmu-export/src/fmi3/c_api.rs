@@ -6,7 +6,6 @@
 #![allow(clippy::missing_safety_doc, clippy::too_many_arguments)]
 
 use core::ffi::{CStr, c_char};
-use core::ptr;
 
 use super::c_types::{
     Binary, Boolean, Byte, Clock, ClockUpdateCallback, Enumeration, FALSE, FmuState, Instance,
@@ -14,9 +13,7 @@ use super::c_types::{
     ValueReference,
 };
 use super::calling_sequence::Function;
-use crate::c_boundary::{
-    self, Exported, c_string, call, elements, get_values, not_null, set_values, write_elements,
-};
+use crate::c_boundary::{self, c_string, call, elements, get_values, not_null, set_values, write_elements};
 use crate::calling_sequence::{Function as _, Interface};
 use crate::description::DataType;
 use crate::error::Error;
@@ -86,27 +83,14 @@ unsafe fn instantiate<M: Model>(
             Err(Error::new(format!("this FMU does not offer {interface}")))
         }
     };
-    let resources = if description.has_resources {
-        // SAFETY: the caller's promise.
-        let path = unsafe { c_string("resourcePath", resource_path) };
-        Resources::at_path(path.ok().map(CStr::to_bytes))
-    } else {
-        Resources::none()
-    };
-    match check().and_then(instance::Instance::<M>::new_memory) {
-        Ok(memory) => {
-            let mut instance = instance::Instance::new(logger, memory, resources);
-            instance.early_return_allowed = early_return_allowed != FALSE;
-            Exported::handle(instance)
+    c_boundary::instantiate::<M>(function, logger, check(), |instance| {
+        instance.early_return_allowed = early_return_allowed != FALSE;
+        if description.has_resources {
+            // SAFETY: the caller's promise.
+            let path = unsafe { c_string("resourcePath", resource_path) };
+            instance.resources = Resources::at_path(path.ok().map(CStr::to_bytes));
         }
-        Err(error) => {
-            logger.error(format_args!("{function}: {error}"));
-            if let Some(messages) = logger.take() {
-                messages.deliver();
-            }
-            ptr::null_mut()
-        }
-    }
+    })
 }
 
 /// `fmi3InstantiateCoSimulation`: null, and a message, when an argument is wrong.

@@ -5,7 +5,7 @@ use crate::calling_sequence::{Interface, Phase};
 use crate::description::ValueReference;
 use crate::error::{Error, Shown};
 use crate::events::{Event, MOST_ITERATIONS};
-use crate::logger::{EVENT, WARNING};
+use crate::logger::WARNING;
 use crate::model::{Context, Variables, time_rounding};
 use crate::model_exchange::ModelExchange;
 use crate::status::Status;
@@ -144,13 +144,9 @@ impl<M: ModelExchange> Instance<M> {
         }
         if let Some(end) = self.memory.end {
             info.terminate = true;
-            self.logger.message(
-                EVENT,
-                format_args!(
-                    "{}: the model asks for the end of the simulation, at {} s",
-                    self.function,
-                    Shown(end)
-                ),
+            self.logger.event(
+                Status::Ok,
+                format_args!("the model asks for the end of the simulation, at {} s", Shown(end)),
             );
         }
         info.next = self.memory.events.next;

@@ -14,9 +14,8 @@ pub(super) const REALS: &[DataType] = &[DataType::Real];
 const BOOLEANS: &[DataType] = &[DataType::Boolean];
 const STRINGS: &[DataType] = &[DataType::String];
 
-/// How values of some data types are set.
+/// How values of a type are set.
 struct Setter<V, T> {
-    types: &'static [DataType],
     /// The number to compare with the range.
     as_number: fn(T) -> f64,
     /// Whether a value is the present one.
@@ -213,24 +212,25 @@ impl<M: Model> Instance<M> {
         &mut self,
         references: &[ValueReference],
         values: &[T],
+        types: &[DataType],
         setter: &Setter<M::Variables, T>,
     ) -> Answer {
         if self.memory.phase == Phase::ContinuousTimeMode {
-            return self.set_between_events(references, values, setter);
+            return self.set_between_events(references, values, types, setter);
         }
-        let &Setter { types, as_number, write, .. } = setter;
+        let &Setter { as_number, write, .. } = setter;
         for (&reference, &value) in references.iter().zip(values) {
             // Real inputs may be set to any finite value: they are limited to their bounds later.
             if !(Self::is_real_input(reference) && types == REALS && as_number(value).is_finite()) {
                 self.check(reference, types, as_number(value))?;
             }
         }
+        self.memory.stale = true;
         let mut status = Status::Ok;
         for (&reference, &value) in references.iter().zip(values) {
             let variable = Self::checked(reference);
             let memory = &mut self.memory;
             write(&mut memory.variables, reference, value);
-            memory.stale = true;
             if let Some(position) = variable.real_input {
                 if memory.inputs.set_value(position, as_number(value)) {
                     status = self.warn_of_bounds(variable, as_number(value));
@@ -251,7 +251,8 @@ impl<M: Model> Instance<M> {
         &mut self,
         references: &[ValueReference],
         values: &[T],
-        &Setter { types, as_number, is_set, write }: &Setter<M::Variables, T>,
+        types: &[DataType],
+        &Setter { as_number, is_set, write }: &Setter<M::Variables, T>,
     ) -> Answer {
         let is_kept = |this: &Self, variable: &VariableDescription, reference, value| {
             variable.causality == Causality::Input && is_set(&this.memory.variables, reference, value)
@@ -288,13 +289,12 @@ impl<M: Model> Instance<M> {
         #[expect(clippy::float_cmp, reason = "whether it is the very value")]
         let setter = const {
             &Setter {
-                types: REALS,
                 as_number: |value| value,
                 is_set: |variables: &M::Variables, reference, value| variables.real(reference) == value,
                 write: M::Variables::set_real,
             }
         };
-        self.set(references, values, setter)
+        self.set(references, values, REALS, setter)
     }
 
     /// Sets variables of some types that are integers here.
@@ -302,15 +302,16 @@ impl<M: Model> Instance<M> {
         &mut self,
         references: &[ValueReference],
         values: &[i32],
-        types: &'static [DataType],
+        types: &[DataType],
     ) -> Answer {
-        let setter = Setter {
-            types,
-            as_number: f64::from,
-            is_set: |variables: &M::Variables, reference, value| variables.integer(reference) == value,
-            write: M::Variables::set_integer,
+        let setter = const {
+            &Setter {
+                as_number: f64::from,
+                is_set: |variables: &M::Variables, reference, value| variables.integer(reference) == value,
+                write: M::Variables::set_integer,
+            }
         };
-        self.set(references, values, &setter)
+        self.set(references, values, types, setter)
     }
 
     /// Any value but 0 is true.
@@ -321,7 +322,6 @@ impl<M: Model> Instance<M> {
     ) -> Answer {
         let setter = const {
             &Setter {
-                types: BOOLEANS,
                 as_number: |_| 0.0,
                 is_set: |variables: &M::Variables, reference, value| {
                     variables.boolean(reference) == (value != T::default())
@@ -331,19 +331,18 @@ impl<M: Model> Instance<M> {
                 },
             }
         };
-        self.set(references, values, setter)
+        self.set(references, values, BOOLEANS, setter)
     }
 
     pub(crate) fn set_string(&mut self, references: &[ValueReference], values: &[&str]) -> Answer {
         let setter = const {
             &Setter {
-                types: STRINGS,
                 as_number: |_| 0.0,
                 is_set: |variables: &M::Variables, reference, value| variables.string(reference) == value,
                 write: M::Variables::set_string,
             }
         };
-        self.set(references, values, setter)
+        self.set(references, values, STRINGS, setter)
     }
 
     pub(crate) fn set_real_input_derivatives(
@@ -367,9 +366,8 @@ impl<M: Model> Instance<M> {
                 self.memory.inputs.set_derivative(position, order, value);
             } else if value != 0.0 && self.memory.inputs.ignore_derivative(position) {
                 status = self.warn(format_args!(
-                    "{}: the input {} is discrete and constant; its derivatives \
-                     are ignored",
-                    self.function, variable.name
+                    "the input {} is discrete and constant; its derivatives are ignored",
+                    variable.name
                 ));
             }
         }
