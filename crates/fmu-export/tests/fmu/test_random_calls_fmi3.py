@@ -1,0 +1,282 @@
+"""Random importers of FMI 3.0: any function in any order with any arguments.
+
+- A function that the standard's table does not allow in a state is an error.
+- Values returned with success are finite, and nothing is written beyond the end of an array.
+- A restored state goes on identically, in the instance and in another.
+- After fmi3Reset an instance equals a new one, to the last byte of its state.
+
+The calls are the same each time. For more: `RANDOM_CALLS=1000000 python -m pytest -rP test_random_calls_fmi3.py`.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+from ctypes import Array, byref, c_bool, c_char_p, c_double, c_float, c_size_t, c_uint8, c_void_p
+from random import Random
+from typing import Any
+
+import pytest
+from fmi3 import CO_SIMULATION, DECLARED, TYPES, Instance, Status
+from fmpy.model_description import ModelDescription
+from test_fmi3 import ALLOWED, COUNTS, KINDS, OF_CO_SIMULATION, OF_MODEL_EXCHANGE, STATES, description, library, make
+
+__all__ = ["description", "library", "make"]
+
+CALLS = int(os.environ.get("RANDOM_CALLS", "20000"))
+CAPACITY = 16
+"""Of arrays."""
+CANARY = 0xA5
+NUMBERS = [0.0, -0.0, 1.0, -1.0, 0.5, 1e-300, 1e300, math.inf, -math.inf, math.nan]
+FUNCTIONS = sorted(
+    name for name in DECLARED if not name.startswith("fmi3Instantiate") and name not in ("fmi3GetVersion", "fmi3FreeInstance")
+)
+USEFUL = ["GetFloat64", "SetFloat64", "DoStep", "GetFMUState", "SetFMUState", "UpdateDiscreteStates"]
+USEFUL += ["EnterContinuousTimeMode", "SetTime", "SetContinuousStates", "GetContinuousStateDerivatives", "EnterEventMode"]
+USEFUL += ["EnterInitializationMode", "ExitInitializationMode"]
+AFTER = {
+    "EnterInitializationMode": "initialization",
+    "EnterEventMode": "event",
+    "EnterContinuousTimeMode": "continuous",
+    "EnterStepMode": "step",
+    "Terminate": "terminated",
+    "Reset": "instantiated",
+}
+"""The state that a successful function leads to."""
+
+
+class Guarded:
+    """An array for `size` values, with bytes behind it that must stay as they are."""
+
+    def __init__(self, type: Any, values: list[Any], size: int) -> None:
+        self.array: Array[Any] = (type * (size + CAPACITY))()
+        self.bytes = (c_uint8 * (len(self.array) * _size(type))).from_buffer(self.array)
+        for position in range(size * _size(type), len(self.bytes)):
+            self.bytes[position] = CANARY
+        for position, value in enumerate(values[:size]):
+            self.array[position] = value
+        self.end = size * _size(type)
+
+    def check(self) -> None:
+        """Whether the bytes behind it are as they were."""
+        assert all(byte == CANARY for byte in self.bytes[self.end :]), "written beyond the end of an array"
+
+
+def _size(type: Any) -> int:
+    return len(bytes((type * 1)()))
+
+
+class Importer:
+    """An instance and what an importer knows of it: the state, the time and the saved states."""
+
+    def __init__(self, make: Callable[..., Instance], interface: str, references: list[int]) -> None:
+        self.make, self.interface, self.references = make, interface, references
+        self.instance = make(interface, loggingOn=True)
+        self.state, self.time = "instantiated", 0.0
+        self.saved: list[tuple[c_void_p, str, float]] = []
+
+    def allows(self, function: str) -> bool:
+        """Whether the standard's table allows a function now."""
+        others = OF_CO_SIMULATION if self.interface != CO_SIMULATION else OF_MODEL_EXCHANGE
+        return self.state in ALLOWED[function] and function not in others
+
+    def call(self, function: str, random: Random) -> tuple[Any, ...]:
+        """Calls a function with random arguments: what it returned."""
+        short = function.removeprefix("fmi3")
+        if short in ("GetFMUState", "SetFMUState", "FreeFMUState") or "erialize" in short:
+            return self.call_with_state(short, random)
+        sizes = self.sizes(short, random)
+        arguments: list[Any] = []
+        guarded: list[Guarded] = []
+        for type, name, is_pointer in DECLARED[function][1][1:]:
+            if name in sizes:
+                arguments.append(sizes[name])
+            elif not is_pointer:
+                arguments.append(self.scalar(type, name, random))
+            elif random.random() < 0.01:
+                arguments.append(None)
+            else:
+                size = max(sizes.values(), default=1)
+                values = [self.element(type, name, random) for _ in range(size)]
+                guarded.append(Guarded(type, values, size))
+                arguments.append(guarded[-1].array)
+        status = self.instance.call(function, *arguments)
+        for array in guarded:
+            array.check()
+        results = [_plain(value) for array in guarded for value in array.array[: array.end // _size(array.array._type_)]]
+        if short in ("GetFloat64", "GetContinuousStateDerivatives", "GetEventIndicators") and status <= 1:
+            assert all(math.isfinite(value) for value in guarded[-1].array[: sizes.get("nValues", max(sizes.values()))])
+        self.follow(short, status)
+        if short == "DoStep" and status != Status.ERROR:
+            assert math.isfinite(arguments[-1][0])
+            self.time = arguments[-1][0]
+        return short, status, results if status <= Status.WARNING else []
+
+    def run(self, calls: list[tuple[str, float]]) -> list[tuple[Any, ...]]:
+        """Calls functions, each with arguments that follow from a seed: what they returned."""
+        return [self.call(name, Random(seed)) for name, seed in calls]
+
+    def sizes(self, function: str, random: Random) -> dict[str, int]:
+        """The numbers of elements; mostly those that fit."""
+        names = [name for type, name, pointer in DECLARED[f"fmi3{function}"][1] if type is c_size_t and not pointer]
+        sizes = {name: COUNTS.get(name, 1) for name in names}
+        if function[3:] in KINDS:
+            sizes = dict.fromkeys(names, random.randint(0, 3))
+        if random.random() < 0.05 and names:
+            sizes[random.choice(names)] = random.randint(0, CAPACITY)
+        return sizes
+
+    def scalar(self, type: Any, name: str, random: Random) -> Any:
+        """A random argument."""
+        if type is c_bool:
+            return random.random() < 0.5
+        if type is c_double:
+            if name == "currentCommunicationPoint" and random.random() < 0.95:
+                return self.time
+            if name == "communicationStepSize" and random.random() < 0.9:
+                return random.choice([0.125, 0.01, 1e-3])
+            if name == "time" and random.random() < 0.9:
+                self.time += random.choice([0.0, 0.01, 0.0625])
+                return self.time
+            if name in ("startTime", "stopTime", "tolerance") and random.random() < 0.9:
+                return {"startTime": 0.0, "stopTime": 1e3, "tolerance": 1e-6}[name]
+            return random.choice(NUMBERS)
+        if type is TYPES["fmi3ValueReference"]:
+            return random.choice(self.references)
+        return random.randint(-(2**31), 2**31 - 1) if type is not c_void_p else None
+
+    def element(self, type: Any, name: str, random: Random) -> Any:
+        """A random element of an array."""
+        if type is TYPES["fmi3ValueReference"] and "eference" in name:
+            return random.choice(self.references) if random.random() < 0.97 else random.randint(0, 2**32 - 1)
+        if type in (c_double, c_float):
+            return random.uniform(0.0, 2.0) if random.random() < 0.9 else random.choice(NUMBERS)
+        if type is c_bool:
+            return random.random() < 0.5
+        if type is c_char_p:
+            return random.choice([b"", b"a text", b"logEvents", b"\xff", "é#%s".encode(), None])
+        if type is c_void_p:
+            return None
+        return random.choice([0, 1, 1, 2, 2, 3, random.randint(0, 2**63)]) & (2 ** (8 * _size(type) - 1) - 1)
+
+    def call_with_state(self, function: str, random: Random) -> tuple[Any, ...]:
+        """The functions of saved states; of no state and of the importer's own."""
+        if function == "GetFMUState":
+            state = c_void_p()
+            status = self.instance.call("fmi3GetFMUState", byref(state))
+            assert status == Status.OK
+            self.saved.append((state, self.state, self.time))
+            return function, status
+        if not self.saved or random.random() < 0.02:
+            arguments = self.instance.arguments(f"fmi3{function}")
+            status = self.instance.call(f"fmi3{function}", *arguments)
+            self.follow(function, status)
+            return function, status
+        position = random.randrange(len(self.saved))
+        state, phase, time = self.saved[position]
+        if function == "FreeFMUState":
+            self.instance.ok("fmi3FreeFMUState", FMUState=byref(state))
+            assert not state.value
+            del self.saved[position]
+            return function, Status.OK
+        if function == "SetFMUState":
+            self.instance.ok("fmi3SetFMUState", FMUState=state)
+            self.state, self.time = phase, time
+            return function, Status.OK
+        content = bytearray(self.instance.serialized(state))
+        other = c_void_p()
+        if function == "DeserializeFMUState" and random.random() < 0.5:
+            content[random.randrange(len(content))] ^= 1 << random.randrange(8)
+            data = (c_uint8 * len(content)).from_buffer(content)
+            status = self.instance.call("fmi3DeserializeFMUState", data, len(content), byref(other))
+            assert status == Status.ERROR
+            assert not other.value
+            self.follow(function, status)
+            return function, status
+        data = (c_uint8 * len(content)).from_buffer(content)
+        assert self.instance.call("fmi3DeserializeFMUState", data, len(content), byref(other)) == Status.OK
+        assert self.instance.serialized(other) == bytes(content)
+        self.instance.ok("fmi3FreeFMUState", FMUState=byref(other))
+        return function, Status.OK
+
+    def follow(self, function: str, status: Status) -> None:
+        """Follows the state, and checks that the function was allowed."""
+        assert status < Status.FATAL
+        assert status == Status.ERROR or self.allows(function), (function, self.state)
+        if status == Status.ERROR:
+            self.state = "error"
+        elif function == "ExitInitializationMode":
+            self.state = "step" if self.interface == CO_SIMULATION else "event"
+        else:
+            self.state = AFTER.get(function, self.state)
+        if status <= Status.WARNING and function in ("EnterInitializationMode", "Reset"):
+            self.time = 0.0
+
+    def snapshot(self) -> bytes:
+        """The bytes of the present state."""
+        state = self.instance.state()
+        content = self.instance.serialized(state)
+        self.instance.ok("fmi3FreeFMUState", FMUState=byref(state))
+        return content
+
+    def restore(self, content: bytes, state: str, time: float) -> None:
+        """Goes on from a snapshot, without saved states."""
+        saved = c_void_p()
+        data = (c_uint8 * len(content)).from_buffer_copy(content)
+        assert self.instance.call("fmi3DeserializeFMUState", data, len(content), byref(saved)) == Status.OK
+        self.instance.ok("fmi3SetFMUState", FMUState=saved)
+        self.instance.ok("fmi3FreeFMUState", FMUState=byref(saved))
+        self.state, self.time, self.saved = state, time, []
+
+
+def _plain(value: Any) -> Any:
+    # NaN is not equal to itself.
+    return repr(value) if isinstance(value, float) else value
+
+
+def choose(random: Random) -> str:
+    return f"fmi3{random.choice(USEFUL)}" if random.random() < 0.7 else random.choice(FUNCTIONS)
+
+
+@pytest.mark.parametrize("interface", STATES)
+def test_calls_in_any_order(
+    make: Callable[..., Instance],
+    description: ModelDescription,
+    capfd: pytest.CaptureFixture[str],
+    interface: str,
+) -> None:
+    references = [0] + [variable.valueReference for variable in description.modelVariables]
+    made, seed, reached = 0, 0, set()
+    fresh = Importer(make, interface, references).snapshot()
+    while made < CALLS:
+        seed += 1
+        random = Random(seed)
+        importer = Importer(make, interface, references)
+        for opening in ("EnterInitializationMode", "ExitInitializationMode")[: random.randint(0, 3)]:
+            importer.instance.ok(f"fmi3{opening}")
+            importer.follow(opening, Status.OK)
+        for _ in range(random.randint(0, 40)):
+            importer.call(choose(random), random)
+            reached.add(importer.state)
+            made += 1
+        content, state, time = importer.snapshot(), importer.state, importer.time
+        # The memory of saved states is not part of a state.
+        tail = [(name, random.random()) for name in map(choose, [random] * 20) if "FMUState" not in name]
+        importer.saved = []
+        expected = importer.run(tail)
+        end = importer.snapshot()
+        for other in (importer, Importer(make, interface, references)):
+            other.restore(content, state, time)
+            assert other.snapshot() == content
+            assert other.run(tail) == expected
+            assert other.snapshot() == end
+            made += len(tail)
+        importer.instance.ok("fmi3Reset")
+        assert importer.snapshot() == fresh
+        for instance in (importer.instance, other.instance):
+            instance.free()
+    assert reached == set(STATES[interface])
+    assert capfd.readouterr() == ("", "")
+    with capfd.disabled():
+        print(f"{interface}: {seed} sequences, {made} calls")
