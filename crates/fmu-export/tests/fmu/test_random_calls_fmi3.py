@@ -5,7 +5,7 @@
 - A restored state goes on identically, in the instance and in another.
 - After fmi3Reset an instance equals a new one, to the last byte of its state.
 
-The calls are the same each time. For more: `RANDOM_CALLS=1000000 python -m pytest -rP test_random_calls_fmi3.py`.
+The calls are the same each time. `RANDOM_CALLS=1000000 python -m pytest test_random_calls_fmi3.py` makes more.
 """
 
 from __future__ import annotations
@@ -20,7 +20,17 @@ from typing import Any
 import pytest
 from fmi3 import CO_SIMULATION, DECLARED, TYPES, Instance, Status
 from fmpy.model_description import ModelDescription
-from test_fmi3 import ALLOWED, COUNTS, KINDS, OF_CO_SIMULATION, OF_MODEL_EXCHANGE, STATES, description, library, make
+from test_fmi3 import (
+    ALLOWED,
+    COUNTS,
+    KINDS,
+    OF_CO_SIMULATION,
+    OF_MODEL_EXCHANGE,
+    STATES,
+    description,
+    library,
+    make,
+)
 
 __all__ = ["description", "library", "make"]
 
@@ -30,10 +40,18 @@ CAPACITY = 16
 CANARY = 0xA5
 NUMBERS = [0.0, -0.0, 1.0, -1.0, 0.5, 1e-300, 1e300, math.inf, -math.inf, math.nan]
 FUNCTIONS = sorted(
-    name for name in DECLARED if not name.startswith("fmi3Instantiate") and name not in ("fmi3GetVersion", "fmi3FreeInstance")
+    name
+    for name in DECLARED
+    if not name.startswith("fmi3Instantiate") and name not in ("fmi3GetVersion", "fmi3FreeInstance")
 )
 USEFUL = ["GetFloat64", "SetFloat64", "DoStep", "GetFMUState", "SetFMUState", "UpdateDiscreteStates"]
-USEFUL += ["EnterContinuousTimeMode", "SetTime", "SetContinuousStates", "GetContinuousStateDerivatives", "EnterEventMode"]
+USEFUL += [
+    "EnterContinuousTimeMode",
+    "SetTime",
+    "SetContinuousStates",
+    "GetContinuousStateDerivatives",
+    "EnterEventMode",
+]
 USEFUL += ["EnterInitializationMode", "ExitInitializationMode"]
 AFTER = {
     "EnterInitializationMode": "initialization",
@@ -104,9 +122,16 @@ class Importer:
         status = self.instance.call(function, *arguments)
         for array in guarded:
             array.check()
-        results = [_plain(value) for array in guarded for value in array.array[: array.end // _size(array.array._type_)]]
+        results = [
+            _plain(value)
+            for array in guarded
+            for value in array.array[: array.end // _size(array.array._type_)]
+        ]
         if short in ("GetFloat64", "GetContinuousStateDerivatives", "GetEventIndicators") and status <= 1:
-            assert all(math.isfinite(value) for value in guarded[-1].array[: sizes.get("nValues", max(sizes.values()))])
+            assert all(
+                math.isfinite(value)
+                for value in guarded[-1].array[: sizes.get("nValues", max(sizes.values()))]
+            )
         self.follow(short, status)
         if short == "DoStep" and status != Status.ERROR:
             assert math.isfinite(arguments[-1][0])
@@ -119,7 +144,9 @@ class Importer:
 
     def sizes(self, function: str, random: Random) -> dict[str, int]:
         """The numbers of elements; mostly those that fit."""
-        names = [name for type, name, pointer in DECLARED[f"fmi3{function}"][1] if type is c_size_t and not pointer]
+        names = [
+            name for type, name, pointer in DECLARED[f"fmi3{function}"][1] if type is c_size_t and not pointer
+        ]
         sizes = {name: COUNTS.get(name, 1) for name in names}
         if function[3:] in KINDS:
             sizes = dict.fromkeys(names, random.randint(0, 3))
