@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from master import Fmu, Instance
+from master import Fmu, Instance, Instance3
 
 ROOT = Path(__file__).resolve().parents[2]
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
@@ -94,7 +94,7 @@ def make() -> Iterator[Callable[[Fmu], Instance]]:
     made: list[Instance] = []
 
     def make(fmu: Fmu) -> Instance:
-        made.append(Instance(fmu))
+        made.append((Instance3 if fmu.is_fmi3 else Instance)(fmu))
         return made[-1]
 
     yield make

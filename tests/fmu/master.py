@@ -6,12 +6,12 @@ Variables are accessed by name, through arrays that are allocated once, so that 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from ctypes import byref, c_double, c_int, c_uint32
+from ctypes import Array, byref, c_double, c_int, c_uint32
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from fmpy import calloc, extract, free, platform, read_model_description, sharedLibraryExtension
+from fmpy import calloc, extract, free, platform, platform_tuple, read_model_description, sharedLibraryExtension
 from fmpy.fmi2 import (
     FMU2Model,
     FMU2Slave,
@@ -20,6 +20,7 @@ from fmpy.fmi2 import (
     fmi2CallbackFunctions,
     fmi2CallbackLoggerTYPE,
 )
+from fmpy.fmi3 import FMU3Slave
 from fmpy.logging import addLoggerProxy
 from fmpy.model_description import ScalarVariable
 
@@ -58,7 +59,9 @@ class Fmu:
         self.description = read_model_description(path)
         self.folder = extract(path, folder)
         identifier = self.description.coSimulation.modelIdentifier
-        self.library = Path(self.folder) / "binaries" / platform / (identifier + sharedLibraryExtension)
+        self.is_fmi3 = self.description.fmiVersion.startswith("3.")
+        binaries = Path(self.folder) / "binaries" / (platform_tuple if self.is_fmi3 else platform)
+        self.library = binaries / (identifier + sharedLibraryExtension)
         self.variables: dict[str, ScalarVariable] = {
             variable.name: variable for variable in self.description.modelVariables
         }
@@ -107,26 +110,31 @@ class Instance:
         """Sets variables; an enumeration's value may be its item's name."""
         for name, value in values.items():
             variable = self.fmu.variables[name]
-            reference = [variable.valueReference]
             if variable.type == "Enumeration" and isinstance(value, str):
                 items = variable.declaredType.items
                 value = next(int(item.value) for item in items if item.name == value)
-            if variable.type == "Real":
-                self.slave.setReal(reference, [value])
-            elif variable.type == "Boolean":
-                self.slave.setBoolean(reference, [value])
-            else:
-                self.slave.setInteger(reference, [value])
+            getattr(self.slave, f"set{self.type_of(variable)}")([variable.valueReference], [value])
 
     def get(self, name: str) -> Value:
         """The value of one variable."""
         variable = self.fmu.variables[name]
-        kind = "Integer" if variable.type == "Enumeration" else variable.type
-        return getattr(self.slave, f"get{kind}")([variable.valueReference])[0]
+        return getattr(self.slave, f"get{self.type_of(variable)}")([variable.valueReference])[0]
+
+    def type_of(self, variable: ScalarVariable) -> str:
+        """The type in the names of the functions that get and set a variable."""
+        return "Integer" if variable.type == "Enumeration" else variable.type
 
     def reals(self, names: Iterable[str]) -> np.ndarray:
         """The values of Real variables."""
-        return np.array(self.slave.getReal(self.references(names)))
+        return Reals(self, list(names)).get().copy()
+
+    def get_reals(self, references: Array[c_uint32], values: Array[c_double]) -> None:
+        """Gets Real variables."""
+        self.slave.fmi2GetReal(self.slave.component, references, len(references), values)
+
+    def set_reals(self, references: Array[c_uint32], values: Array[c_double]) -> None:
+        """Sets Real variables."""
+        self.slave.fmi2SetReal(self.slave.component, references, len(references), values)
 
     def begin(
         self,
@@ -154,6 +162,45 @@ class Instance:
             self.slave.component = None
 
 
+class Instance3(Instance):
+    """An instance of an FMU of FMI 3.0, for co-simulation."""
+
+    def __init__(self, fmu: Fmu, name: str | None = None) -> None:
+        self.fmu = fmu
+        self.messages = messages = []
+        self.slave = FMU3Slave(
+            guid=fmu.description.guid,
+            modelIdentifier=fmu.description.coSimulation.modelIdentifier,
+            unzipDirectory=fmu.folder,
+            instanceName=name or fmu.description.modelName,
+        )
+
+        def log(_: int, status: int, category: bytes, message: bytes) -> None:
+            messages.append(Message(status, category.decode(), message.decode()))
+
+        self.slave.instantiate(loggingOn=True, logMessage=log)
+
+    def type_of(self, variable: ScalarVariable) -> str:
+        return "Int64" if variable.type == "Enumeration" else variable.type
+
+    def get_reals(self, references: Array[c_uint32], values: Array[c_double]) -> None:
+        self.slave.fmi3GetFloat64(self.slave.component, references, len(references), values, len(values))
+
+    def set_reals(self, references: Array[c_uint32], values: Array[c_double]) -> None:
+        self.slave.fmi3SetFloat64(self.slave.component, references, len(references), values, len(values))
+
+    def begin(
+        self,
+        values: Mapping[str, Value] | None = None,
+        start_time: float = 0.0,
+        stop_time: float | None = None,
+        tolerance: float | None = None,
+    ) -> Instance:
+        self.set(values or {})
+        self.slave.enterInitializationMode(startTime=start_time, stopTime=stop_time, tolerance=tolerance)
+        return self
+
+
 class Reals:
     """Real variables of an instance, in arrays that are allocated once."""
 
@@ -167,15 +214,13 @@ class Reals:
 
     def get(self) -> np.ndarray:
         """Gets the values, always in the same array."""
-        slave = self.instance.slave
-        slave.fmi2GetReal(slave.component, self.references, self.count, self.memory)
+        self.instance.get_reals(self.references, self.memory)
         return self.values
 
     def set(self, values: np.ndarray | Iterable[float]) -> None:
         """Sets the values."""
         self.values[:] = values
-        slave = self.instance.slave
-        slave.fmi2SetReal(slave.component, self.references, self.count, self.memory)
+        self.instance.set_reals(self.references, self.memory)
 
     def set_derivatives(self, values: np.ndarray | Iterable[float]) -> None:
         """Sets the first derivatives, of inputs."""

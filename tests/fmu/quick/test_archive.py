@@ -49,6 +49,23 @@ def test_description_follows_the_schema(exported: Path, name: str) -> None:
     schema.assertValid(document)
 
 
+def test_the_terminals_connect_plant_and_controller(fmus: dict[str, Fmu]) -> None:
+    """Both have a terminal of the same name, whose members are what one gives and the other takes."""
+    file = Path(fmpy_file).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
+    schema = etree.XMLSchema(etree.parse(file))
+    members = {}
+    for name, fmu in fmus.items():
+        document = etree.parse(Path(fmu.folder) / "terminalsAndIcons" / "terminalsAndIcons.xml")
+        schema.assertValid(document)
+        (terminal,) = document.iter("Terminal")
+        assert (terminal.get("name"), terminal.get("matchingRule")) == ("boost", "bus")
+        members[name] = {member.get("memberName"): member.get("variableName") for member in terminal}
+    plant, controller = (fmus[name] for name in NAMES)
+    exchanged = {*controller.named("output")} & {*plant.named("input")}
+    exchanged |= {*plant.named("output")} & {*controller.named("input")}
+    assert members["BoostPlant"] == members["BoostController"] == {name: name for name in exchanged}
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_library_defines_the_standards_functions_only(fmus: dict[str, Fmu], name: str) -> None:
     library = Path(fmus[name].folder) / "binaries" / "linux64" / f"{name}.so"
@@ -77,6 +94,7 @@ def test_archive_is_tidy(exported: Path, name: str) -> None:
         "documentation",
         "resources",
         "model.png",
+        "terminalsAndIcons",
     }
     assert f"binaries/linux64/{name}.so" in names
     assert len({entry.date_time for entry in entries}) == 1
