@@ -123,6 +123,8 @@ pub(crate) struct Capabilities {
     pub(crate) serialize_state: bool,
     /// The model implements `Model::differentiate`.
     pub(crate) directional_derivatives: bool,
+    /// In Co-Simulation of FMI 3.0, importers may handle the model's events.
+    pub(crate) event_mode: bool,
 }
 
 /// What the runtime does for every model.
@@ -134,6 +136,7 @@ impl Default for Capabilities {
             get_and_set_state: true,
             serialize_state: true,
             directional_derivatives: false,
+            event_mode: false,
         }
     }
 }

@@ -36,12 +36,15 @@ impl Fmi {
         })
     }
 
-    /// The macro of `fmu-export` that makes the functions.
-    pub(crate) fn macro_name(self) -> &'static str {
+    /// The macro of `fmu-export` that makes the functions of a model, which has Event Mode in co-simulation or not.
+    pub(crate) fn macro_name(self, has_event_mode: bool) -> &'static str {
         match (self.version, self.interfaces) {
             (Version::Two, Interfaces::CoSimulation) => "fmi2_co_simulation",
             (Version::Two, Interfaces::ModelExchange) => "fmi2_model_exchange",
             (Version::Two, Interfaces::Both) => "fmi2_both",
+            (Version::Three, Interfaces::CoSimulation | Interfaces::Both) if has_event_mode => {
+                "fmi3_event_mode"
+            }
             (Version::Three, Interfaces::CoSimulation) => "fmi3_co_simulation",
             // Every library has all functions.
             (Version::Three, Interfaces::ModelExchange | Interfaces::Both) => "fmi3_model_exchange",

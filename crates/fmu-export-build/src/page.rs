@@ -253,7 +253,14 @@ impl<'m, 'a> Page<'m, 'a> {
                 },
             ),
         ];
-        let of_steps = of_steps.into_iter().filter(|_| co_simulation);
+        let of_fmi3 = [(
+            "hasEventMode",
+            has.event_mode,
+            "the importer may handle the events, at which communication steps then end",
+        )];
+        let is_fmi3 = self.model.fmi.version == Version::Three;
+        let of_steps = of_steps.into_iter().chain(of_fmi3.into_iter().filter(|_| is_fmi3));
+        let of_steps = of_steps.filter(|_| co_simulation);
         lines(of_steps.chain(of_both).map(|(name, has, meaning)| {
             let has = if has { "yes" } else { "no" };
             format!("<tr><th scope=\"row\"><code>{name}</code></th><td>{has}</td><td>{meaning}</td></tr>")

@@ -133,7 +133,7 @@ mod generated {{
 use ::fmu_export::description as fmi;
 ",
         model.identifier,
-        model.fmi.macro_name(),
+        model.fmi.macro_name(model.declaration.capabilities.event_mode),
     );
     for enumeration in &model.declaration.enumerations {
         text += &enumeration_text(enumeration);

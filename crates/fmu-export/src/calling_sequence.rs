@@ -14,20 +14,31 @@ use crate::persistence::{Archive, Persistent};
 pub(crate) enum Interface {
     /// The model steps by itself.
     CoSimulation,
+    /// The model steps by itself from event to event, which the importer handles.
+    CoSimulationWithEvents,
     /// The importer integrates the model's states.
     ModelExchange,
+}
+
+impl Interface {
+    /// Whether its instances have the functions of another one.
+    #[inline]
+    pub(crate) fn has(self, functions_of: Self) -> bool {
+        self == functions_of || (self, functions_of) == (Self::CoSimulationWithEvents, Self::CoSimulation)
+    }
 }
 
 impl fmt::Display for Interface {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str(match self {
             Self::CoSimulation => "Co-Simulation",
+            Self::CoSimulationWithEvents => "Co-Simulation with Event Mode",
             Self::ModelExchange => "Model Exchange",
         })
     }
 }
 
-/// The states of an instance, first those in which values can be set: one comparison finds them.
+/// The states of an instance, first those of FMI 2.0, and of these first those in which values can be set: one comparison finds them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Phase {
     /// After instantiation or a reset.
@@ -46,6 +57,8 @@ pub(crate) enum Phase {
     Terminated,
     /// After a failed step or a panic, when the model's state is undefined.
     Error,
+    /// Co-Simulation with Event Mode: at an event.
+    StepEventMode,
 }
 
 impl fmt::Display for Phase {
@@ -55,7 +68,7 @@ impl fmt::Display for Phase {
             Self::InitializationMode => "Initialization Mode",
             Self::StepComplete => "stepComplete",
             Self::StepFailed => "stepFailed",
-            Self::EventMode => "Event Mode",
+            Self::EventMode | Self::StepEventMode => "Event Mode",
             Self::ContinuousTimeMode => "Continuous-Time Mode",
             Self::Terminated => "terminated",
             Self::Error => "error",
@@ -74,12 +87,13 @@ impl Phase {
         Self::StepFailed,
         Self::Terminated,
         Self::Error,
+        Self::StepEventMode,
     ];
 
     /// The interface whose instances alone have the state.
     pub(crate) const fn interface(self) -> Option<Interface> {
         match self {
-            Self::StepComplete | Self::StepFailed => Some(Interface::CoSimulation),
+            Self::StepComplete | Self::StepFailed | Self::StepEventMode => Some(Interface::CoSimulation),
             Self::EventMode | Self::ContinuousTimeMode => Some(Interface::ModelExchange),
             Self::Instantiated | Self::InitializationMode | Self::Terminated | Self::Error => None,
         }

@@ -46,6 +46,8 @@ pub struct Capabilities {
     pub serialize_state: bool,
     /// `providesDirectionalDerivative`, and a `maxOutputDerivativeOrder` of 1.
     pub directional_derivatives: bool,
+    /// `hasEventMode` of FMI 3.0.
+    pub event_mode: bool,
 }
 
 /// One variable's attributes (FMI 2.0.5, section 2.2.7).

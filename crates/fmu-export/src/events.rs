@@ -13,7 +13,7 @@ const HYSTERESIS: f64 = 1e-12;
 
 /// What a model knows of its events.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Events {
+pub struct Events {
     /// When the next time event is due, in s.
     pub(crate) next: Option<f64>,
     /// The time of the last event, in s.

@@ -5,6 +5,7 @@
 //! which a reset and a saved state leave. A failed initialization can be repeated.
 
 mod derivatives;
+mod event_mode;
 mod exchange;
 mod values;
 
@@ -51,7 +52,7 @@ pub(crate) struct Memory<M: Model> {
     recent_messages: RecentMessages,
     /// When the model asks for the end, in s.
     end: Option<f64>,
-    /// Of Model Exchange.
+    /// Those that the importer handles.
     events: Events,
     /// Of Event Mode.
     event: EventUnderWay,
@@ -72,7 +73,9 @@ impl<M: Model> Memory<M> {
         let variables = M::Variables::default();
         let indicators = match interface {
             Interface::CoSimulation => 0,
-            Interface::ModelExchange => M::Variables::EVENT_INDICATORS.len(),
+            Interface::CoSimulationWithEvents | Interface::ModelExchange => {
+                M::Variables::EVENT_INDICATORS.len()
+            }
         };
         Self {
             interface,
@@ -168,7 +171,7 @@ impl<M: Model> Instance<M> {
         body: impl FnOnce(&mut Self) -> Answer,
     ) -> Status {
         let (phase, interface) = (self.memory.phase, self.memory.interface);
-        let is_of_interface = || function.interface().is_none_or(|only| only == interface);
+        let is_of_interface = || function.interface().is_none_or(|only| interface.has(only));
         let error =
             if function.phases().contains(&phase) && (phase.interface().is_some() || is_of_interface()) {
                 match contain(|| body(self)) {
@@ -255,6 +258,7 @@ impl<M: Model> Instance<M> {
         self.memory.parameters_changed = false;
         self.memory.phase = match self.memory.interface {
             Interface::CoSimulation => Phase::StepComplete,
+            Interface::CoSimulationWithEvents => Phase::StepEventMode,
             Interface::ModelExchange => Phase::EventMode,
         };
         Ok(status)
@@ -297,7 +301,11 @@ impl<M: Model> Instance<M> {
                 memory.end = context.end()?;
                 check_finite(&memory.variables, memory.time)?;
             }
-            Phase::StepComplete | Phase::EventMode | Phase::ContinuousTimeMode | Phase::Terminated => {
+            Phase::StepComplete
+            | Phase::EventMode
+            | Phase::ContinuousTimeMode
+            | Phase::Terminated
+            | Phase::StepEventMode => {
                 memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.latest());
             }
             Phase::Instantiated | Phase::StepFailed | Phase::Error => {}
@@ -308,6 +316,24 @@ impl<M: Model> Instance<M> {
 
     /// Advances by one communication step.
     pub(crate) fn do_step(&mut self, start: f64, size: f64) -> Answer {
+        self.advance(start, size, |model, variables, step, _, context| {
+            model.step(variables, step, context).map(|()| None)
+        })
+    }
+
+    /// Advances by one communication step, as `step` does, or to an event in it, whose time (s) that returns.
+    fn advance(
+        &mut self,
+        start: f64,
+        size: f64,
+        step: impl FnOnce(
+            &mut M,
+            &mut M::Variables,
+            &Step<'_, InputsOf<M>>,
+            &mut Events,
+            &mut Context<'_>,
+        ) -> Result<Option<f64>, Error>,
+    ) -> Answer {
         let end = start + size;
         if !self.can_step(start, size, end) {
             return Err(self.step_error(start, size, end));
@@ -330,20 +356,21 @@ impl<M: Model> Instance<M> {
             }
             logger.message(category, message);
         };
-        let step = Step { start, size, inputs: &memory.inputs };
+        let of_inputs = Step { start, size, inputs: &memory.inputs };
         // If an error or a panic interrupts the step, the instance remains in this state.
         memory.phase = Phase::Error;
         let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
-        memory.model.step(&mut memory.variables, &step, &mut context)?;
+        let event =
+            step(&mut memory.model, &mut memory.variables, &of_inputs, &mut memory.events, &mut context)?;
         let asked = context.end()?;
-        check_finite(&memory.variables, end)?;
+        check_finite(&memory.variables, event.unwrap_or(end))?;
         memory.stale = false;
         if let Some(asked) = asked {
             return Ok(self.end_step_early(asked, end));
         }
         memory.phase = Phase::StepComplete;
-        memory.time = end;
-        memory.inputs.end_step(size);
+        memory.time = event.unwrap_or(end);
+        memory.inputs.end_step(event.map_or(size, |event| event - start));
         Ok(status)
     }
 

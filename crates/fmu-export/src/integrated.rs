@@ -5,6 +5,7 @@ use core::mem;
 
 use crate::equations::{Equations, VariablesOf};
 use crate::error::{Error, Shown};
+use crate::event_mode::{EventMode, EventsLeft, due_until};
 use crate::events::{Event, Events, MOST_ITERATIONS, Side};
 use crate::inputs::InputSignal;
 use crate::integrator::{Integrator, StepFailure, System, Tolerance};
@@ -99,10 +100,10 @@ impl<E: Equations> Model for Integrated<E> {
         let tolerance = context.experiment.tolerance.unwrap_or(DEFAULT_TOLERANCE);
         let mut states = mem::take(&mut self.states);
         let result = with_inputs(variables, step.inputs.initial(), |variables| {
-            self.advance(variables, step, tolerance, &mut states, context)
+            self.advance::<false>(variables, step, tolerance, &mut states, EventsLeft::AtEnd, context)
         });
         self.states = states;
-        result
+        result.map(|_| ())
     }
 
     fn refresh(&mut self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) {
@@ -162,6 +163,31 @@ impl<E: Equations> ModelExchange for Integrated<E> {
     }
 }
 
+impl<E: Equations> EventMode for Integrated<E> {
+    fn step_to_event(
+        &mut self,
+        variables: &mut Self::Variables,
+        step: &Step<'_, InputsOf<Self>>,
+        events: &mut Events,
+        left: EventsLeft,
+        context: &mut Context<'_>,
+    ) -> Result<Option<f64>, Error> {
+        let tolerance = context.experiment.tolerance.unwrap_or(DEFAULT_TOLERANCE);
+        mem::swap(&mut self.events, events);
+        let mut states = mem::take(&mut self.states);
+        let result = with_inputs(variables, step.inputs.initial(), |variables| {
+            self.advance::<true>(variables, step, tolerance, &mut states, left, context)
+        });
+        self.states = states;
+        mem::swap(&mut self.events, events);
+        result
+    }
+
+    fn enter_step_mode(&mut self) {
+        self.integrator.restart();
+    }
+}
+
 impl<E: Equations> Integrated<E> {
     /// The derivatives of what is calculated along a direction; the states are initialized before.
     fn derivatives(
@@ -181,15 +207,17 @@ impl<E: Equations> Integrated<E> {
         E::Variables::derivatives_of(&duals)
     }
 
-    /// Goes through a communication step.
-    fn advance(
+    /// Goes through a communication step; with Event Mode, to the first event that is left to the importer, and returns
+    /// its time in s.
+    fn advance<const EVENT_MODE: bool>(
         &mut self,
         variables: &mut E::Variables,
         step: &Step<'_, InputsOf<Self>>,
         tolerance: f64,
         states: &mut [f64],
+        left: EventsLeft,
         context: &mut Context<'_>,
-    ) -> Result<(), Error> {
+    ) -> Result<Option<f64>, Error> {
         self.time = step.start;
         let end = step.end();
         let last_event = end + TIME_TOLERANCE * step.size + time_rounding(end);
@@ -199,16 +227,23 @@ impl<E: Equations> Integrated<E> {
         self.equations.evaluate::<f64>(self.time, variables);
         let mut crossed = self.find_changes(variables)?;
         loop {
-            let due = self.events.next.filter(|&due| due <= last_event);
+            let due = if EVENT_MODE {
+                due_until(end, self.events.next)
+            } else {
+                self.events.next.filter(|&due| due <= last_event)
+            };
             let is_due = due.is_some_and(|due| due <= self.time || self.time >= end);
             if crossed || is_due {
+                if EVENT_MODE && left.has(self.time, end) {
+                    return Ok(Some(self.time));
+                }
                 trials += 1;
                 if let Some(due) = due.filter(|_| is_due) {
                     self.time = due;
                 }
                 self.happen(variables, false, is_due, context)?;
                 if context.end.is_some() {
-                    return Ok(());
+                    return Ok(None);
                 }
                 E::Variables::each_state(variables, |state, value| states[state] = value);
                 crossed = false;
@@ -239,7 +274,7 @@ impl<E: Equations> Integrated<E> {
             }
         }
         self.time = end;
-        Ok(())
+        Ok(None)
     }
 
     /// Goes to where the integrator's step ends, or to the first event in it, and computes the variables there. Whether

@@ -9,6 +9,7 @@
 //   instance, simulation, dependencies    an instance of an FMU; for a model's tests: the model without one, and its dependencies
 //   integrated, sampled                   models of equations, with an integrator, and sampled ones as models
 //   equations, integrator                 the trait of models of equations; Rodas5P
+//   event_mode                            the trait of models that step from event to event
 //   model_exchange                        the trait of models whose states the importer integrates
 //   model                                 the trait of models
 //   events, inputs, logger, calling_sequence, number, linear, resources
@@ -26,6 +27,7 @@ mod dependencies;
 pub mod description;
 mod equations;
 mod error;
+mod event_mode;
 mod events;
 pub mod fmi2;
 pub mod fmi3;
@@ -51,6 +53,9 @@ mod typed;
 pub use dependencies::check_dependencies;
 pub use equations::{Equations, VariablesOf};
 pub use error::Error;
+pub use event_mode::EventMode;
+#[doc(hidden)]
+pub use event_mode::EventsLeft;
 pub use events::Event;
 #[cfg(feature = "derive")]
 pub use fmu_export_derive::Persistent;

@@ -8,7 +8,8 @@
 //! such rounding can explain their difference.
 
 use crate::error::{Error, Shown};
-use crate::events::Event;
+use crate::event_mode::{EventMode, EventsLeft, due_until};
+use crate::events::{Event, Events};
 use crate::model::{Context, InputsOf, Model, Step, Variables};
 use crate::model_exchange::ModelExchange;
 use crate::persistence::Persistent;
@@ -190,5 +191,31 @@ impl<S: Sampled> ModelExchange for SampledModel<S> {
             self.sampled.sample(sample, variables, inputs, context)?;
         }
         Ok(())
+    }
+}
+
+impl<S: Sampled> EventMode for SampledModel<S> {
+    fn step_to_event(
+        &mut self,
+        variables: &mut Self::Variables,
+        step: &Step<'_, InputsOf<Self>>,
+        events: &mut Events,
+        left: EventsLeft,
+        context: &mut Context<'_>,
+    ) -> Result<Option<f64>, Error> {
+        let end = step.end();
+        while let Some(due) = due_until(end, events.next) {
+            if left.has(due, end) {
+                return Ok(Some(if due > step.start { due } else { step.start }));
+            }
+            let sample = self.next_sample(S::period(variables));
+            self.executed += 1;
+            self.sampled.sample(sample, variables, step.inputs.initial(), context)?;
+            if context.end.is_some() {
+                break;
+            }
+            events.set_next(Some(self.next_sample(S::period(variables)).time), sample.time, false)?;
+        }
+        Ok(None)
     }
 }

@@ -365,6 +365,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
         get_and_set_state: {},
         serialize_state: {},
         directional_derivatives: {},
+        event_mode: {},
     }},
 }};
 ",
@@ -376,6 +377,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
             capabilities.get_and_set_state,
             capabilities.serialize_state,
             capabilities.directional_derivatives,
+            capabilities.event_mode,
             categories = categories.join(", "),
         )
     }

@@ -56,6 +56,7 @@ fn write_interfaces(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()>
             ),
             ("maxOutputDerivativeOrder", u8::from(capabilities.directional_derivatives).to_string()),
             ("mightReturnEarlyFromDoStep", true.to_string()),
+            ("hasEventMode", capabilities.event_mode.to_string()),
         ];
         empty(writer, "CoSimulation", with(own))?;
     }

@@ -41,6 +41,33 @@ fn the_description_of_fmi_3_equals_the_golden_file() {
     );
 }
 
+/// FMI 3.0.2, section 4.2; in FMI 2.0 there is no such mode.
+#[test]
+fn event_mode_is_declared_where_the_model_has_it() {
+    let with_event_mode = read(&sources().join("vessels.json")).replacen(
+        "\"capabilities\": {",
+        "\"capabilities\": {\"event_mode\": true, ",
+        1,
+    );
+    for (version, interfaces, functions) in [
+        (Version::Three, Interfaces::CoSimulation, "fmi3_event_mode"),
+        (Version::Three, Interfaces::Both, "fmi3_event_mode"),
+        (Version::Three, Interfaces::ModelExchange, "fmi3_model_exchange"),
+        (Version::Two, Interfaces::CoSimulation, "fmi2_co_simulation"),
+    ] {
+        let folder = folder_with_model(&format!("event mode {version} {interfaces}"));
+        let file = folder.join("vessels.json");
+        fs::write(&file, &with_event_mode).expect("the folder for tests is writable");
+        let generated = generate_into(&file, &folder, &package(), Fmi { version, interfaces })
+            .unwrap_or_else(|error| panic!("{error}"));
+        let macro_name = format!("::fmu_export::{functions} as");
+        assert!(read(&generated.variables).contains(&macro_name), "{version} {interfaces}");
+        let declares = version == Version::Three && interfaces.co_simulation();
+        let xml = read(&generated.model_description);
+        assert_eq!(xml.contains("hasEventMode=\"true\""), declares, "{version} {interfaces}");
+    }
+}
+
 /// FMI 2.0.5, sections 2.2.1, 2.2.7, 3.3.1 and the schemas' order of elements and attributes.
 #[test]
 fn model_exchange_is_declared_with_what_belongs_to_it_and_nothing_else_changes() {

@@ -17,6 +17,7 @@ use crate::c_boundary::{self, c_string, call, elements, get_values, not_null, se
 use crate::calling_sequence::{Function as _, Interface};
 use crate::description::DataType;
 use crate::error::Error;
+use crate::event_mode::EventMode;
 use crate::instance::{self, Answer};
 use crate::logger::{Logger, Recipient};
 use crate::model::{Experiment, Model, Variables};
@@ -74,7 +75,9 @@ unsafe fn instantiate<M: Model>(
         }
         let interface = interface?;
         let is_offered = match interface {
-            Interface::CoSimulation => description.interfaces.co_simulation,
+            Interface::CoSimulation | Interface::CoSimulationWithEvents => {
+                description.interfaces.co_simulation
+            }
             Interface::ModelExchange => description.interfaces.model_exchange,
         };
         if is_offered {
@@ -109,7 +112,8 @@ pub unsafe fn instantiate_co_simulation<M: Model>(
     log_message: Option<LogMessageCallback>,
     _intermediate_update: Option<IntermediateUpdateCallback>,
 ) -> Instance {
-    let interface = if event_mode_used != FALSE {
+    let event_mode_used = event_mode_used != FALSE;
+    let interface = if event_mode_used && !M::Variables::DESCRIPTION.capabilities.event_mode {
         Err(Error::new("eventModeUsed is true, but this FMU has no Event Mode (hasEventMode is false)"))
     } else if required_intermediate_variable_count > 0 {
         // SAFETY: the array is the importer's (see the module).
@@ -128,6 +132,8 @@ pub unsafe fn instantiate_co_simulation<M: Model>(
                  available in Intermediate Update Mode (intermediateUpdate is false)"
             )))
         })
+    } else if event_mode_used {
+        Ok(Interface::CoSimulationWithEvents)
     } else {
         Ok(Interface::CoSimulation)
     };
@@ -259,15 +265,16 @@ transitions! {
     ModelExchange: enter_continuous_time_mode: EnterContinuousTimeMode;
     Model: terminate: Terminate;
     Model: reset: Reset;
+    EventMode: enter_step_mode: EnterStepMode;
 }
 
-/// `fmi3EnterEventMode`: in co-simulation an error, as `hasEventMode` is false.
+/// `fmi3EnterEventMode`: in co-simulation an error, unless Event Mode is used.
 pub unsafe fn enter_event_mode<M: ModelExchange>(instance: Instance) -> Status {
     // SAFETY: the instance is the importer's (see the module).
     unsafe {
         call::<M>(instance, Function::EnterEventMode, |instance| {
             if instance.interface() == Interface::CoSimulation {
-                return Err(without("hasEventMode"));
+                return Err(Error::new("Event Mode is not used (hasEventMode or eventModeUsed is false)"));
             }
             instance.enter_event_mode()
         })
@@ -610,26 +617,67 @@ pub unsafe fn do_step<M: Model>(
     early_return: *mut Boolean,
     last_successful_time: *mut f64,
 ) -> Status {
+    let step = (current_communication_point, communication_step_size);
+    let flags = [event_handling_needed, terminate_simulation, early_return];
     // SAFETY: the instance and the results are the importer's (see the module).
+    unsafe {
+        step_by::<M>(instance, step, flags, last_successful_time, |instance, start, size| {
+            instance.do_step(start, size).map(|status| (status, false))
+        })
+    }
+}
+
+/// `fmi3DoStep` of an FMU that has Event Mode: the step may also end at an event.
+pub unsafe fn do_step_to_event<M: EventMode>(
+    instance: Instance,
+    current_communication_point: f64,
+    communication_step_size: f64,
+    _no_set_fmu_state_prior_to_current_point: Boolean,
+    event_handling_needed: *mut Boolean,
+    terminate_simulation: *mut Boolean,
+    early_return: *mut Boolean,
+    last_successful_time: *mut f64,
+) -> Status {
+    let step = (current_communication_point, communication_step_size);
+    let flags = [event_handling_needed, terminate_simulation, early_return];
+    // SAFETY: the instance and the results are the importer's (see the module).
+    unsafe {
+        let do_step = instance::Instance::do_step_to_event;
+        step_by::<M>(instance, step, flags, last_successful_time, do_step)
+    }
+}
+
+/// A communication step by a function that also tells whether there is an event for the importer.
+///
+/// # Safety
+/// As for [`call`]; the results are null or may be written to.
+unsafe fn step_by<M: Model>(
+    instance: Instance,
+    (start, size): (f64, f64),
+    [event_handling_needed, terminate_simulation, early_return]: [*mut Boolean; 3],
+    last_successful_time: *mut f64,
+    do_step: impl FnOnce(&mut instance::Instance<M>, f64, f64) -> Result<(Status, bool), Error>,
+) -> Status {
+    // SAFETY: the caller's promise.
     unsafe {
         call::<M>(instance, Function::DoStep, |instance| {
             let event_handling_needed = not_null("eventHandlingNeeded", event_handling_needed)?;
             let terminate_simulation = not_null("terminateSimulation", terminate_simulation)?;
             let early_return = not_null("earlyReturn", early_return)?;
             let last_successful_time = not_null("lastSuccessfulTime", last_successful_time)?;
-            let write = |instance: &instance::Instance<M>, ends: bool| {
+            let write = |instance: &instance::Instance<M>, has_event: bool, ends: bool| {
                 let time = instance.last_successful_time();
-                let is_early = ends && time < current_communication_point + communication_step_size;
-                event_handling_needed.write_unaligned(FALSE);
+                let is_early = (has_event || ends) && time < start + size;
+                event_handling_needed.write_unaligned(Boolean::from(has_event));
                 terminate_simulation.write_unaligned(Boolean::from(ends));
                 early_return.write_unaligned(Boolean::from(is_early && instance.early_return_allowed));
                 last_successful_time.write_unaligned(time);
             };
             // After an error, too.
-            write(instance, false);
-            let status = instance.do_step(current_communication_point, communication_step_size)?;
+            write(instance, false, false);
+            let (status, has_event) = do_step(instance, start, size)?;
             let ends = instance.asks_for_end();
-            write(instance, ends);
+            write(instance, has_event, ends);
             Ok(if ends { Status::Ok } else { status })
         })
     }
@@ -772,7 +820,7 @@ not_supported! {
         *const ValueReference, usize, *const ValueReference, usize, *const f64, usize, *mut f64, usize):
         GetAdjointDerivative, "providesAdjointDerivatives";
     evaluate_discrete_states(): EvaluateDiscreteStates, "providesEvaluateDiscreteStates";
-    enter_step_mode(): EnterStepMode, "hasEventMode";
+    refuse_step_mode(): EnterStepMode, "hasEventMode";
     enter_event_mode_of_co_simulation(): EnterEventMode, "hasEventMode";
 }
 
@@ -821,7 +869,8 @@ pub mod without_model_exchange {
 macro_rules! fmi3_co_simulation {
     ($model:ty) => {
         $crate::fmi3_functions! {
-            $model; exit_initialization_mode; get_float64; enter_event_mode_of_co_simulation; without_model_exchange::
+            $model; exit_initialization_mode; get_float64; enter_event_mode_of_co_simulation; refuse_step_mode; do_step;
+            without_model_exchange::
         }
     };
 }
@@ -834,6 +883,21 @@ macro_rules! fmi3_model_exchange {
     ($model:ty) => {
         $crate::fmi3_functions! {
             $model; exit_initialization_mode_with_events; get_float64_with_indicators; enter_event_mode;
+            refuse_step_mode; do_step;
+        }
+    };
+}
+
+/// Makes the 75 C functions of FMI 3.0 for a model that has [`EventMode`] in Co-Simulation, and Model Exchange where the FMU
+/// offers that.
+///
+/// [`EventMode`]: crate::EventMode
+#[macro_export]
+macro_rules! fmi3_event_mode {
+    ($model:ty) => {
+        $crate::fmi3_functions! {
+            $model; exit_initialization_mode_with_events; get_float64_with_indicators; enter_event_mode;
+            enter_step_mode; do_step_to_event;
         }
     };
 }
@@ -842,8 +906,8 @@ macro_rules! fmi3_model_exchange {
 #[doc(hidden)]
 #[macro_export]
 macro_rules! fmi3_functions {
-    ($model:ty; $exit_initialization_mode:ident; $get_float64:ident; $enter_event_mode:ident;
-        $($model_exchange:ident::)?) => {
+    ($model:ty; $exit_initialization_mode:ident; $get_float64:ident; $enter_event_mode:ident; $enter_step_mode:ident;
+        $do_step:ident; $($model_exchange:ident::)?) => {
         const _: () = {
             use $crate::fmi3::c_types::{
                 Binary, Boolean, Byte, Clock, ClockUpdateCallback, Enumeration, FmuState, Instance,
@@ -953,10 +1017,10 @@ macro_rules! fmi3_functions {
                     nominals: *mut f64, count: usize);
                 fmi3GetNumberOfEventIndicators = get_number_of_event_indicators(count: *mut usize);
                 fmi3GetNumberOfContinuousStates = get_number_of_continuous_states(count: *mut usize);
-                fmi3EnterStepMode = enter_step_mode();
+                fmi3EnterStepMode = $enter_step_mode();
                 fmi3GetOutputDerivatives = get_output_derivatives(
                     vr: *const ValueReference, count: usize, orders: *const i32, values: *mut f64, n: usize);
-                fmi3DoStep = do_step(
+                fmi3DoStep = $do_step(
                     time: f64, size: f64, no_set_fmu_state_prior: Boolean, event_handling_needed: *mut Boolean,
                     terminate: *mut Boolean, early_return: *mut Boolean, last_successful_time: *mut f64);
                 fmi3ActivateModelPartition = activate_model_partition(clock: ValueReference, time: f64);

@@ -12,8 +12,8 @@ use crate::error;
 use crate::model::Variables;
 
 use Phase::{
-    ContinuousTimeMode, Error, EventMode, InitializationMode, Instantiated, StepComplete, StepFailed,
-    Terminated,
+    ContinuousTimeMode, Error, EventMode, InitializationMode, Instantiated, StepComplete, StepEventMode,
+    StepFailed, Terminated,
 };
 
 /// Any state.
@@ -21,16 +21,27 @@ const ANY: &[Phase] = Phase::ALL;
 /// The states in which values can be read; in the first one, start values.
 const READABLE: &[Phase] = ANY;
 /// The states in which values can be set; the standard restricts the variables further.
-const WRITABLE: &[Phase] = &[Instantiated, InitializationMode, StepComplete, EventMode, ContinuousTimeMode];
+const WRITABLE: &[Phase] =
+    &[Instantiated, InitializationMode, StepComplete, EventMode, ContinuousTimeMode, StepEventMode];
 /// The states in which derivatives can be read.
-const DIFFERENTIABLE: &[Phase] =
-    &[InitializationMode, StepComplete, StepFailed, EventMode, ContinuousTimeMode, Terminated, Error];
+const DIFFERENTIABLE: &[Phase] = &[
+    InitializationMode,
+    StepComplete,
+    StepFailed,
+    EventMode,
+    ContinuousTimeMode,
+    Terminated,
+    Error,
+    StepEventMode,
+];
 /// The states in which what a solver needs can be read.
 const SOLVABLE: &[Phase] = &[InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error];
 /// The states in which the sizes of what a solver needs can be read.
 const COUNTABLE: &[Phase] = &[Instantiated, EventMode];
 /// The states in which intervals of clocks can be read and set.
-const TIMED: &[Phase] = &[InitializationMode, EventMode];
+const TIMED: &[Phase] = &[InitializationMode, EventMode, StepEventMode];
+/// Event Mode of all interfaces.
+const AT_EVENTS: &[Phase] = &[EventMode, StepEventMode];
 
 functions! {
     "fmi3";
@@ -39,7 +50,7 @@ functions! {
         EnterInitializationMode: &[Instantiated],
         ExitInitializationMode: &[InitializationMode],
         EnterEventMode: &[StepComplete, ContinuousTimeMode],
-        Terminate: &[StepComplete, StepFailed, EventMode, ContinuousTimeMode],
+        Terminate: &[StepComplete, StepFailed, EventMode, ContinuousTimeMode, StepEventMode],
         Reset: ANY,
         GetFloat32: READABLE,
         GetFloat64: READABLE,
@@ -54,7 +65,7 @@ functions! {
         GetBoolean: READABLE,
         GetString: READABLE,
         GetBinary: READABLE,
-        GetClock: &[EventMode],
+        GetClock: AT_EVENTS,
         SetFloat32: WRITABLE,
         SetFloat64: WRITABLE,
         SetInt8: WRITABLE,
@@ -68,7 +79,7 @@ functions! {
         SetBoolean: WRITABLE,
         SetString: WRITABLE,
         SetBinary: WRITABLE,
-        SetClock: &[EventMode],
+        SetClock: AT_EVENTS,
         GetNumberOfVariableDependencies: ANY,
         GetVariableDependencies: ANY,
         GetFMUState: ANY,
@@ -89,8 +100,8 @@ functions! {
         SetIntervalFraction: TIMED,
         SetShiftDecimal: &[InitializationMode],
         SetShiftFraction: &[InitializationMode],
-        EvaluateDiscreteStates: &[EventMode],
-        UpdateDiscreteStates: &[EventMode],
+        EvaluateDiscreteStates: AT_EVENTS,
+        UpdateDiscreteStates: AT_EVENTS,
         // There is no instance for Scheduled Execution.
         ActivateModelPartition: &[],
     }
@@ -107,8 +118,7 @@ functions! {
         GetNumberOfContinuousStates: COUNTABLE,
     }
     Some(Interface::CoSimulation) => {
-        // From Event Mode, which there is not.
-        EnterStepMode: &[],
+        EnterStepMode: &[StepEventMode],
         GetOutputDerivatives: &[StepComplete, StepFailed, Terminated, Error],
         DoStep: &[StepComplete],
     };

@@ -1,4 +1,6 @@
-//! Model Exchange: time, states and events (FMI 2.0.5, section 3.2).
+//! Model Exchange: time, states and events (FMI 2.0.5, section 3.2); and the events of Co-Simulation with Event Mode.
+
+use core::mem;
 
 use super::{Answer, EventUnderWay, Instance, Memory, check_finite};
 use crate::calling_sequence::{Interface, Phase};
@@ -59,11 +61,12 @@ impl<M: ModelExchange> Memory<M> {
 }
 
 impl<M: ModelExchange> Instance<M> {
-    /// `fmi2ExitInitializationMode` of an FMU that has Model Exchange.
+    /// `fmi2ExitInitializationMode` of an FMU that has Model Exchange or Event Mode.
     pub(crate) fn exit_initialization_mode_with_events(&mut self) -> Answer {
         let status = self.exit_initialization_mode()?;
         let memory = &mut self.memory;
-        if memory.interface == Interface::ModelExchange {
+        let event_mode = memory.phase;
+        if memory.interface != Interface::CoSimulation {
             // After an error it can be repeated.
             memory.phase = Phase::InitializationMode;
             let Memory { model, variables, inputs, time, events, .. } = memory;
@@ -71,14 +74,17 @@ impl<M: ModelExchange> Instance<M> {
                 model.event_indicators(*time, variables, inputs.latest(), indicators);
             })?;
             memory.announce_next(memory.time, true)?;
-            memory.phase = Phase::EventMode;
+            memory.phase = event_mode;
         }
         Ok(status)
     }
 
     #[expect(clippy::unnecessary_wraps, reason = "returns what every callable function does")]
     pub(crate) fn enter_event_mode(&mut self) -> Answer {
-        self.memory.phase = Phase::EventMode;
+        self.memory.phase = match self.memory.interface {
+            Interface::CoSimulationWithEvents => Phase::StepEventMode,
+            _ => Phase::EventMode,
+        };
         self.memory.event = EventUnderWay::default();
         Ok(Status::Ok)
     }
@@ -91,7 +97,7 @@ impl<M: ModelExchange> Instance<M> {
     }
 
     /// Checks the parameters if a tunable one was set since.
-    fn check_changed_parameters(&mut self) -> Result<(), Error> {
+    pub(super) fn check_changed_parameters(&mut self) -> Result<(), Error> {
         if self.memory.parameters_changed {
             M::check_parameters(&self.memory.variables)?;
             self.memory.parameters_changed = false;
@@ -124,7 +130,7 @@ impl<M: ModelExchange> Instance<M> {
             };
             let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
             // If an error or a panic interrupts the event, the instance remains in this state.
-            memory.phase = Phase::Error;
+            let phase = mem::replace(&mut memory.phase, Phase::Error);
             let event =
                 Event { time, is_initial: false, is_due: due.is_some(), indicators: memory.events.changed() };
             memory.model.event(&event, &mut memory.variables, memory.inputs.latest(), &mut context)?;
@@ -137,7 +143,7 @@ impl<M: ModelExchange> Instance<M> {
             info.states_changed = memory.event.states_changed;
             info.again = memory.find_changes()? || memory.due().is_some();
             memory.event.states_changed &= info.again;
-            memory.phase = Phase::EventMode;
+            memory.phase = phase;
         } else {
             // Inputs and parameters that were set may have moved it.
             memory.announce_next(time, false)?;

@@ -169,7 +169,9 @@ impl<M: Model> Instance<M> {
             && match self.memory.phase {
                 Phase::Instantiated => matches!(variable.initial, Initial::Exact | Initial::Approx),
                 Phase::InitializationMode => variable.initial == Initial::Exact,
-                Phase::StepComplete | Phase::EventMode => variable.variability == Variability::Tunable,
+                Phase::StepComplete | Phase::EventMode | Phase::StepEventMode => {
+                    variable.variability == Variability::Tunable
+                }
                 Phase::ContinuousTimeMode => variable.state.is_some(),
                 Phase::StepFailed | Phase::Terminated | Phase::Error => false,
             }

@@ -37,6 +37,7 @@ import fmpy
 HEADER = Path(fmpy.__file__).parent / "c-code" / "fmi3FunctionTypes.h"
 
 MODEL_EXCHANGE, CO_SIMULATION = "ModelExchange", "CoSimulation"
+EVENT_MODE = "CoSimulation with Event Mode"
 
 
 class Status(IntEnum):
@@ -136,7 +137,9 @@ class Instance:
     """An instance; what it logs is kept."""
 
     def __init__(self, library: Library, token: str, interface: str, **arguments: Any) -> None:
-        self.library, self.interface = library, interface
+        self.library = library
+        if interface == EVENT_MODE:
+            interface, arguments = CO_SIMULATION, {"eventModeUsed": True} | arguments
         self.messages: list[Message] = []
 
         def log(_environment: int, status: int, category: bytes, text: bytes) -> None:
@@ -203,6 +206,13 @@ class Instance:
         reached = c_double()
         status = self.call("fmi3DoStep", time, size, True, *map(byref, flags), byref(reached))
         return status, (*(flag.value for flag in flags), reached.value)
+
+    def update(self) -> tuple[list[bool], float | None]:
+        """`fmi3UpdateDiscreteStates`: the first four flags, and the next event's time if there is one."""
+        flags = [c_bool(True) for _ in range(5)]
+        next_time = c_double()
+        assert self.call("fmi3UpdateDiscreteStates", *map(byref, flags), byref(next_time)) == Status.OK
+        return [flag.value for flag in flags[:4]], next_time.value if flags[4] else None
 
     def state(self) -> c_void_p:
         """A saved state."""

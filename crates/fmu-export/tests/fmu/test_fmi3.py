@@ -10,7 +10,7 @@ import fmpy
 import numpy as np
 import pytest
 from conftest import TARGET
-from fmi3 import CO_SIMULATION, DECLARED, LOGGER, MODEL_EXCHANGE, Instance, Library, Status
+from fmi3 import CO_SIMULATION, DECLARED, EVENT_MODE, LOGGER, MODEL_EXCHANGE, Instance, Library, Status
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 from fmpy.model_description import ModelDescription
@@ -23,7 +23,7 @@ COMMON = {
     "SetDebugLogging": ALL,
     "EnterInitializationMode": {"instantiated"},
     "ExitInitializationMode": {"initialization"},
-    "EnterEventMode": {"continuous"},
+    "EnterEventMode": {"continuous", "step"},
     "Terminate": {"step", "event", "continuous"},
     "Reset": ALL,
     "GetClock": {"event"},
@@ -63,7 +63,7 @@ COMMON = {
     "EnterConfigurationMode": set(),
     "ExitConfigurationMode": set(),
     "EvaluateDiscreteStates": set(),
-    "EnterStepMode": set(),
+    "EnterStepMode": {"event"},
     "ActivateModelPartition": set(),
 }
 """In which states a function succeeds."""
@@ -86,16 +86,26 @@ OF_MODEL_EXCHANGE = {
     "GetNumberOfContinuousStates",
 }
 OF_CO_SIMULATION = {"EnterStepMode", "GetOutputDerivatives", "DoStep"}
+OF_OTHERS = {
+    CO_SIMULATION: OF_MODEL_EXCHANGE | {"EnterEventMode"},
+    # The sampled model provides no derivatives.
+    EVENT_MODE: OF_MODEL_EXCHANGE | {"GetDirectionalDerivative", "GetOutputDerivatives"},
+    MODEL_EXCHANGE: OF_CO_SIMULATION,
+}
+"""The functions that instances for an interface do not have."""
 STATES = {
     CO_SIMULATION: ["instantiated", "initialization", "step", "terminated", "error"],
+    EVENT_MODE: ["instantiated", "initialization", "event", "step", "terminated", "error"],
     MODEL_EXCHANGE: ["instantiated", "initialization", "event", "continuous", "terminated", "error"],
 }
 COUNTS = {"nContinuousStates": 2, "nEventIndicators": 3}
+SAMPLED = "SampledModel"
 
 
-def described() -> tuple[Path, ModelDescription]:
-    """The test model as an FMU of FMI 3.0, with both interfaces."""
-    path = TARGET / "test-model" / "cs,me" / "fmi3" / "TestModel.fmu"
+def described(model: str = "TestModel") -> tuple[Path, ModelDescription]:
+    """A model as an FMU of FMI 3.0, with both interfaces."""
+    folder = {"TestModel": "test-model/cs,me", SAMPLED: "sampled-model"}[model]
+    path = TARGET / folder / "fmi3" / f"{model}.fmu"
     assert path.is_file(), f"{path} is missing: bash tests/run exports it"
     return path, fmpy.read_model_description(path)
 
@@ -106,28 +116,40 @@ def description() -> ModelDescription:
 
 
 @pytest.fixture(scope="module")
-def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
-    folder = tmp_path_factory.mktemp("fmi3")
-    fmpy.extract(described()[0], folder)
-    (binary,) = (folder / "binaries").glob("*/TestModel.*")
-    return Library(binary)
+def libraries(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Library, str]]:
+    """The library of each model, and its instantiation token."""
+
+    def load(model: str) -> tuple[Library, str]:
+        path, description = described(model)
+        (binary,) = Path(fmpy.extract(path, tmp_path_factory.mktemp(model)), "binaries").glob(f"*/{model}.*")
+        return Library(binary), description.instantiationToken
+
+    return {model: load(model) for model in ("TestModel", SAMPLED)}
+
+
+@pytest.fixture
+def library(libraries: dict[str, tuple[Library, str]]) -> Library:
+    return libraries["TestModel"][0]
 
 
 @pytest.fixture
 def make(
-    library: Library, description: ModelDescription, capfd: pytest.CaptureFixture[str]
+    libraries: dict[str, tuple[Library, str]], capfd: pytest.CaptureFixture[str]
 ) -> Iterator[Callable[..., Instance]]:
     """Makes instances, and frees them after the test. Nothing may be written to the host's streams."""
     made: list[Instance] = []
 
-    def make(interface: str, state: str = "instantiated", **arguments: object) -> Instance:
-        instance = Instance(library, description.instantiationToken, interface, **arguments)
+    def make(interface: str, state: str = "instantiated", model: str = "", **arguments: object) -> Instance:
+        library, token = libraries[model or (SAMPLED if interface == EVENT_MODE else "TestModel")]
+        instance = Instance(library, token, interface, **arguments)
         made.append(instance)
         if state == "initialization":
             instance.ok("fmi3EnterInitializationMode")
         elif state != "instantiated":
             instance.initialize()
-            if state == "continuous":
+            if interface == EVENT_MODE and state == "step":
+                instance.ok("fmi3EnterStepMode")
+            elif state == "continuous":
                 instance.ok("fmi3EnterContinuousTimeMode")
             elif state == "terminated":
                 instance.ok("fmi3Terminate")
@@ -141,8 +163,11 @@ def make(
     assert capfd.readouterr() == ("", "")
 
 
-def test_the_description_is_valid() -> None:
-    assert validate_fmu(described()[0]) == []
+@pytest.mark.parametrize("model", ["TestModel", SAMPLED])
+def test_the_description_is_valid(model: str) -> None:
+    path, description = described(model)
+    assert validate_fmu(path) == []
+    assert description.coSimulation.hasEventMode == (model == SAMPLED)
 
 
 def test_the_symbols_are_those_of_the_header(library: Library, tmp_path: Path) -> None:
@@ -155,7 +180,6 @@ def test_the_symbols_are_those_of_the_header(library: Library, tmp_path: Path) -
 @pytest.mark.parametrize("interface", STATES)
 @pytest.mark.parametrize("function", sorted(ALLOWED))
 def test_each_function_in_each_state(make: Callable[..., Instance], interface: str, function: str) -> None:
-    others = OF_CO_SIMULATION if interface == MODEL_EXCHANGE else OF_MODEL_EXCHANGE
     for state in STATES[interface]:
         instance = make(interface, state)
         saved = instance.state()
@@ -172,7 +196,7 @@ def test_each_function_in_each_state(make: Callable[..., Instance], interface: s
         name = f"fmi3{function}"
         before = len(instance.messages)
         status = instance.call(name, *instance.arguments(name, **values))
-        allowed = state in ALLOWED[function] and function not in others
+        allowed = state in ALLOWED[function] and function not in OF_OTHERS[interface]
         assert status == (Status.OK if allowed else Status.ERROR), (state, instance.messages)
         if not allowed:
             # Section 2.2.4: the function says why, and the simulation cannot go on.
@@ -354,3 +378,112 @@ def test_an_event_answers_all_questions(make: Callable[..., Instance]) -> None:
         arguments = [*map(byref, answers), byref(next_time)]
         arguments[missing] = None
         assert instance.call("fmi3UpdateDiscreteStates", *arguments) == Status.ERROR
+
+
+def to_event(instance: Instance, time: float, size: float) -> tuple[bool, bool, bool, float]:
+    """A step that succeeds."""
+    status, result = instance.step(time, size)
+    assert status == Status.OK, instance.messages
+    return result
+
+
+def test_a_step_ends_early_at_an_event(make: Callable[..., Instance]) -> None:
+    """Section 4.2.1: the importer enters Event Mode where the step ended, in which the sample is computed."""
+    instance = make(EVENT_MODE, "initialization", earlyReturnAllowed=True)
+    instance.ok("fmi3ExitInitializationMode")
+    # The sample at the start.
+    assert instance.get("Int32", [7]) == [0]
+    assert instance.update() == ([False] * 4, 0.25)
+    assert instance.get("Int32", [7]) == [1]
+    assert instance.update() == ([False] * 4, 0.25)
+    instance.ok("fmi3EnterStepMode")
+    assert to_event(instance, 0.0, 0.125) == (False, False, False, 0.125)
+    assert instance.set("Float64", [1], [2.0]) == Status.OK
+    assert to_event(instance, 0.125, 1.0) == (True, False, True, 0.25)
+    assert instance.get("Float64", [6, 8, 0]) == [1.0, 0.0, 0.25]
+    instance.ok("fmi3EnterEventMode")
+    assert instance.set("Int32", [2], [-1]) == Status.OK
+    assert instance.update() == ([False] * 4, 0.5)
+    assert instance.get("Float64", [6, 8, 0]) == [-1.0, 0.25, 0.25]
+    instance.ok("fmi3EnterStepMode")
+    # An event at the very end of a step is no early return.
+    assert to_event(instance, 0.25, 0.25) == (True, False, False, 0.5)
+    # Until the importer has handled it, it is there.
+    assert to_event(instance, 0.5, 0.25) == (True, False, True, 0.5)
+    assert instance.get("Int32", [7]) == [2]
+    instance.ok("fmi3EnterEventMode")
+    instance.ok("fmi3Terminate")
+
+
+def test_without_early_return_the_model_handles_events_within_a_step(make: Callable[..., Instance]) -> None:
+    instance = make(EVENT_MODE, "event")
+    assert instance.update()[1] == 0.25
+    instance.ok("fmi3EnterStepMode")
+    assert to_event(instance, 0.0, 0.625) == (False, False, False, 0.625)
+    assert instance.get("Int32", [7]) == [3]
+    assert instance.get("Float64", [8]) == [0.5]
+    assert to_event(instance, 0.625, 0.375) == (True, False, False, 1.0)
+    assert instance.get("Float64", [8]) == [0.75]
+    instance.ok("fmi3EnterEventMode")
+    assert instance.update()[1] == 1.25
+    assert instance.get("Float64", [8]) == [1.0]
+
+
+def test_events_that_rounding_puts_beside_the_end_of_a_step_are_at_its_end(make: Callable[..., Instance]) -> None:
+    """0.1 added up is off by some roundings from the samples' times."""
+    for early in (False, True):
+        instance = make(EVENT_MODE, earlyReturnAllowed=early)
+        assert instance.set("Float64", [3], [0.1]) == Status.OK
+        instance.initialize()
+        instance.update()
+        instance.ok("fmi3EnterStepMode")
+        time = 0.0
+        for sample in range(1, 30):
+            assert to_event(instance, time, 0.1) == (True, False, False, time + 0.1)
+            time += 0.1
+            instance.ok("fmi3EnterEventMode")
+            instance.update()
+            assert instance.get("Int32", [7]) == [sample + 1]
+            instance.ok("fmi3EnterStepMode")
+
+
+@pytest.mark.parametrize("early", [False, True])
+def test_with_event_mode_results_are_those_without(make: Callable[..., Instance], early: bool) -> None:
+    """No sample coincides with the end of a step; at one, the importer may set inputs in Event Mode."""
+
+    def run(instance: Instance, has_events: bool) -> list[list[float]]:
+        assert instance.set("Float64", [3], [np.pi / 10]) == Status.OK
+        instance.initialize()
+        if has_events:
+            instance.update()
+            instance.ok("fmi3EnterStepMode")
+        random, time, results = np.random.default_rng(30), 0.0, []
+        for _ in range(100):
+            # Multiples of a power of 2, so that sums are exact.
+            end = time + int(random.integers(1, 8)) / 8
+            while time < end:
+                needed, _, is_early, time = to_event(instance, time, end - time)
+                assert needed == is_early == (time < end)
+                if needed:
+                    instance.ok("fmi3EnterEventMode")
+                    instance.update()
+                    instance.ok("fmi3EnterStepMode")
+            results.append(instance.get("Float64", [6, 8]))
+            assert instance.set("Float64", [1], [float(random.uniform(-1, 1))]) == Status.OK
+        return results
+
+    expected = run(make(CO_SIMULATION, model=SAMPLED), False)
+    assert len({tuple(values) for values in expected}) > 50
+    assert run(make(EVENT_MODE, earlyReturnAllowed=early), True) == expected
+
+
+def test_the_end_is_asked_for_in_event_mode(make: Callable[..., Instance]) -> None:
+    instance = make(EVENT_MODE, earlyReturnAllowed=True)
+    assert instance.set("Float64", [5], [0.25]) == Status.OK
+    instance.initialize()
+    assert instance.update() == ([False] * 4, 0.25)
+    instance.ok("fmi3EnterStepMode")
+    assert to_event(instance, 0.0, 1.0) == (True, False, True, 0.25)
+    instance.ok("fmi3EnterEventMode")
+    assert instance.update() == ([False, True, False, False], 0.5)
+    instance.ok("fmi3Terminate")

@@ -688,6 +688,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {
         get_and_set_state: true,
         serialize_state: true,
         directional_derivatives: false,
+        event_mode: false,
     },
 };
 }

@@ -378,6 +378,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {
         get_and_set_state: true,
         serialize_state: true,
         directional_derivatives: true,
+        event_mode: false,
     },
 };
 }
