@@ -23,6 +23,7 @@ use crate::persistence::{Archive, Persistent};
 use crate::resources::Resources;
 use crate::serialized_state;
 use crate::status::Status;
+use crate::tape::Tape;
 
 /// The tolerance of the importer's time relative to the step. Importers compute communication points as `i * h`, as
 /// a sum, or from integer nanoseconds.
@@ -143,6 +144,8 @@ pub(crate) struct Instance<M: Model> {
     resources: Resources,
     /// The strings that were got last, valid until the next time.
     pub(crate) strings: Vec<CString>,
+    /// For adjoint derivatives.
+    tape: Tape,
     /// Whether a step may end before the time that was asked for.
     pub(crate) early_return_allowed: bool,
     /// The name of the function that is called, for messages.
@@ -151,7 +154,15 @@ pub(crate) struct Instance<M: Model> {
 
 impl<M: Model> Instance<M> {
     pub(crate) fn new(logger: Logger, memory: Memory<M>, resources: Resources) -> Self {
-        Self { logger, memory, resources, strings: Vec::new(), early_return_allowed: false, function: "" }
+        Self {
+            logger,
+            memory,
+            resources,
+            strings: Vec::new(),
+            tape: Tape::new(),
+            early_return_allowed: false,
+            function: "",
+        }
     }
 
     /// The memory of a new instance; an error where the model panics.

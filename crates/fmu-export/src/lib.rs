@@ -11,7 +11,7 @@
 //   equations, integrator                 the trait of models of equations; Rodas5P
 //   model_exchange                        the trait of models whose states the importer integrates
 //   model                                 the trait of models
-//   events, inputs, logger, calling_sequence, number, linear, resources
+//   events, inputs, logger, calling_sequence, number, tape, linear, resources
 //   serialized_state, saved_states
 //   persistence, panics
 //   error, description, status
@@ -46,6 +46,7 @@ mod saved_states;
 mod serialized_state;
 mod simulation;
 mod status;
+mod tape;
 mod typed;
 
 pub use dependencies::check_dependencies;
@@ -62,6 +63,7 @@ pub use number::{Dual, Number};
 pub use persistence::Persistent;
 pub use sampled::{Sample, Sampled, SampledModel};
 pub use simulation::Simulation;
+pub use tape::{Recorded, Tape};
 
 /// Defines the FMU of a crate whose library has the model identifier as its name: the module `variables` that
 /// `fmu_export_build::generate` generated from the model's JSON, its items in scope, and the functions of FMI for a
