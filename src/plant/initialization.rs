@@ -5,6 +5,9 @@
 //! begins at rest: the actuation is solved in closed form, the gas path with the solver of steady states.
 //! In both the vacuum tank has its start pressure: since it leaks, it is never in equilibrium.
 
+use std::array;
+
+use fmu_export::Recorded;
 use num_dual::Dual64;
 
 use super::integration::{IntervalInputs, Pace, budget};
@@ -126,26 +129,62 @@ pub fn differentiate_settled(
     settled: &States,
     tank_pressure: Dual64,
 ) -> Option<States<Dual64>> {
+    let scales = GAS_PATH_SCALES.to_array();
+    follow_settled(parameters, inputs, settled, tank_pressure, |jacobian, along, found| {
+        let change = linear::solve(*jacobian, array::from_fn(|i| -along[i].eps / scales[i]))?;
+        Some(array::from_fn(|i| Dual64::new(found[i], change[i] * scales[i])))
+    })
+}
+
+/// The same as a function of what is recorded.
+pub fn record_settled<'t>(
+    parameters: &Parameters<Recorded<'t>>,
+    inputs: &Inputs<Recorded<'t>>,
+    settled: &States,
+    tank_pressure: Recorded<'t>,
+) -> Option<States<Recorded<'t>>> {
+    let scales = GAS_PATH_SCALES.to_array();
+    follow_settled(parameters, inputs, settled, tank_pressure, |jacobian, along, found| {
+        let mut unknowns = found.map(Recorded::from);
+        for (rate, (along, scale)) in along.iter().zip(scales).enumerate() {
+            let change =
+                linear::solve(*jacobian, array::from_fn(|i| if i == rate { -1.0 / scale } else { 0.0 }))?;
+            for (unknown, (change, scale)) in unknowns.iter_mut().zip(change.into_iter().zip(scales)) {
+                *unknown += Scalar::mapped(*along, 0.0, change * scale);
+            }
+        }
+        Some(unknowns)
+    })
+}
+
+/// The settled states as a function of parameters, inputs and the tank's pressure. `solve` makes the unknowns of the gas
+/// path, at their values, such that the rates along them vanish; it is given the rates' scaled Jacobian too.
+fn follow_settled<D: Scalar>(
+    parameters: &Parameters<D>,
+    inputs: &Inputs<D>,
+    settled: &States,
+    tank_pressure: D,
+    solve: impl FnOnce(&[[f64; GAS_PATH]; GAS_PATH], [D; GAS_PATH], [f64; GAS_PATH]) -> Option<[D; GAS_PATH]>,
+) -> Option<States<D>> {
     let system = System::new(parameters);
     let actuated = settle_actuation(&system, inputs, running(&system, inputs, tank_pressure));
     let chamber_pressure = actuated.actuator.chamber_pressure;
     let (found, scales) = (GasPathStates::of(settled).to_array(), GAS_PATH_SCALES.to_array());
-    let along = settled_rates(&system, inputs, chamber_pressure, &found.map(Dual64::from));
-    if (0..GAS_PATH).any(|i| along[i].re.abs() > SETTLED * scales[i]) {
+    let along = settled_rates(&system, inputs, chamber_pressure, &found.map(D::from));
+    if (0..GAS_PATH).any(|i| along[i].re().abs() > SETTLED * scales[i]) {
         return None;
     }
-    // The same without the direction, so that the unknowns alone change.
-    let still = System::new(&parameters.map(|parameter| Dual64::from(parameter.re)));
-    let still_inputs = inputs.map(|input| Dual64::from(input.re));
+    // The same without what changes, so that the unknowns alone change.
+    let still = System::new(&parameters.map(|parameter| Dual64::from(parameter.re())));
+    let still_inputs = inputs.map(|input| Dual64::from(input.re()));
     let mut jacobian = [[0.0; GAS_PATH]; GAS_PATH];
     for column in 0..GAS_PATH {
-        let slopes = settled_rates_along(&still, &still_inputs, chamber_pressure.re, &found, column);
+        let slopes = settled_rates_along(&still, &still_inputs, chamber_pressure.re(), &found, column);
         for row in 0..GAS_PATH {
             jacobian[row][column] = slopes[row] / scales[row] * scales[column];
         }
     }
-    let change = linear::solve(jacobian, std::array::from_fn(|i| -along[i].eps / scales[i]))?;
-    let unknowns = std::array::from_fn(|i| Dual64::new(found[i], change[i] * scales[i]));
+    let unknowns = solve(&jacobian, along, found)?;
     Some(settle_gas_path(&system, inputs, actuated, GasPathStates::from_array(unknowns)))
 }
 

@@ -46,12 +46,13 @@ pub mod variables {
 }
 
 use fmu_export::{
-    Context, Error, Event, Experiment, InputSignal, Model, ModelExchange, Persistent, Step, Variables as _,
+    Context, Error, Event, Experiment, InputSignal, Model, ModelExchange, Persistent, Recorded, Step, Tape,
+    Variables as _,
 };
 use num_dual::Dual64;
 
 use self::duty_latch::DutyLatch;
-use self::initialization::{Settled, differentiate_settled, running, settled};
+use self::initialization::{Settled, differentiate_settled, record_settled, running, settled};
 use self::integration::{IntervalInputs, Pace, budget};
 use self::system::{Evaluation, System};
 use self::variables::{InitializationMode, Inputs, Parameters, States, Variables};
@@ -218,16 +219,69 @@ impl Model for BoostPlant {
         let states = match variables.parameters.initialization.mode {
             InitializationMode::Settled => {
                 differentiate_settled(&parameters, &inputs, &variables.states, start.tank.pressure)
-                    .ok_or_else(|| {
-                        Error::new(
-                            "the experiment does not start settled, so that its start has no derivative",
-                        )
-                    })?
+                    .ok_or_else(not_settled)?
             }
             InitializationMode::Running => running(&system, &inputs, start.tank.pressure),
             InitializationMode::Given => start,
         };
         Ok(derivatives_of(&system, &inputs, &states))
+    }
+
+    fn differentiate_backwards(
+        &self,
+        _time: f64,
+        variables: &Variables,
+        inputs: &Inputs,
+        weights: &Variables,
+        tape: &mut Tape,
+    ) -> Result<Variables, Error> {
+        tape.clear();
+        let tape = &*tape;
+        let variable = |value| tape.variable(value);
+        let parameters = variables.parameters.map(Recorded::from);
+        let inputs = inputs.map(variable);
+        let mut acting = inputs;
+        if variables.parameters.valve.duty_latch {
+            // A new command does not act before the next period.
+            acting.hp_wastegate_pwm = Recorded::from(self.latch.held);
+        }
+        let states = variables.states.map(variable);
+        weigh(&System::new(&parameters), &acting, &states, weights, tape);
+        let derivative = |number| tape.derivative(number);
+        Ok(Variables { inputs: inputs.map(derivative), states: states.map(derivative), ..Variables::zero() })
+    }
+
+    fn differentiate_initialization_backwards(
+        &self,
+        _start_time: f64,
+        variables: &Variables,
+        inputs: &Inputs,
+        weights: &Variables,
+        tape: &mut Tape,
+    ) -> Result<Variables, Error> {
+        tape.clear();
+        let tape = &*tape;
+        let variable = |value| tape.variable(value);
+        let parameters = variables.parameters.map(variable);
+        let inputs = inputs.map(variable);
+        let start = variables.start.map(variable);
+        let system = System::new(&parameters);
+        let states = match variables.parameters.initialization.mode {
+            InitializationMode::Settled => {
+                record_settled(&parameters, &inputs, &variables.states, start.tank.pressure)
+                    .ok_or_else(not_settled)?
+            }
+            InitializationMode::Running => running(&system, &inputs, start.tank.pressure),
+            InitializationMode::Given => start,
+        };
+        weigh(&system, &inputs, &states, weights, tape);
+        let derivative = |number| tape.derivative(number);
+        Ok(Variables {
+            parameters: parameters.map(derivative),
+            inputs: inputs.map(derivative),
+            states: start.map(derivative),
+            ..Variables::zero()
+        })
     }
 
     fn restored(&mut self, variables: &Variables) {
@@ -327,6 +381,29 @@ fn derivatives_of(system: &System<Dual64>, inputs: &Inputs<Dual64>, states: &Sta
     derivatives.locals = locals.map(|local| local.eps);
     derivatives.outputs = outputs.map(|output| output.eps);
     derivatives
+}
+
+/// Goes back on a tape from all variables that are calculated from inputs and states, with their weights.
+fn weigh<'t>(
+    system: &System<Recorded<'t>>,
+    inputs: &Inputs<Recorded<'t>>,
+    states: &States<Recorded<'t>>,
+    weights: &Variables,
+    tape: &'t Tape,
+) {
+    let evaluation = system.evaluate(inputs, states);
+    let (outputs, locals) = system.quantities(inputs, states, &evaluation);
+    let mut weigh = |number, weight| tape.weigh(number, weight);
+    let _ = states.combine(&weights.states, &mut weigh);
+    let _ = evaluation.derivatives().combine(&weights.derivatives, &mut weigh);
+    let _ = locals.combine(&weights.locals, &mut weigh);
+    let _ = outputs.combine(&weights.outputs, &mut weigh);
+    tape.go_back();
+}
+
+/// Why the start has no derivative.
+fn not_settled() -> Error {
+    Error::new("the experiment does not start settled, so that its start has no derivative")
 }
 
 /// The tolerance of the integration: the parameter's, or the importer's where that is smaller.

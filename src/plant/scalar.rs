@@ -1,18 +1,63 @@
 //! The numbers that the plant's equations are written in: with `f64` they give the values, with dual numbers their
-//! exact derivatives, too.
+//! exact derivatives, too, and with recorded ones adjoint derivatives.
 //!
 //! Where an equation has a kink, the derivative is that of the branch that the value is on; at the kink
 //! itself that of the branch stated there.
 
 use std::array;
 use std::f64::consts::{LN_2, LOG2_E};
+use std::fmt::Debug;
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-use num_dual::DualNum;
+use fmu_export::{Number, Recorded};
+use num_dual::{Dual64, DualNum};
 
 use crate::elementary;
 
 /// A number of the plant's equations.
-pub trait Scalar: DualNum<Primitive = f64> + Copy {
+pub trait Scalar:
+    Copy
+    + Debug
+    + From<f64>
+    + PartialOrd
+    + PartialOrd<f64>
+    + Neg<Output = Self>
+    + Add<Output = Self>
+    + Add<f64, Output = Self>
+    + Sub<Output = Self>
+    + Sub<f64, Output = Self>
+    + Mul<Output = Self>
+    + Mul<f64, Output = Self>
+    + Div<Output = Self>
+    + Div<f64, Output = Self>
+    + AddAssign
+    + SubAssign
+{
+    /// Whether the numbers carry derivatives.
+    const HAS_DERIVATIVES: bool;
+
+    /// The value alone.
+    #[must_use]
+    fn re(self) -> f64;
+
+    /// 1 divided by the number.
+    #[must_use]
+    fn recip(self) -> Self;
+
+    /// The square root.
+    #[must_use]
+    fn sqrt(self) -> Self;
+
+    /// The number to a constant integer power.
+    #[must_use]
+    fn powi(self, exponent: i32) -> Self;
+
+    /// A function of this number, from its value and its slope, which gives the first derivatives.
+    ///
+    /// So the derivatives, too, use our own elementary functions, which are the same on every platform.
+    #[must_use]
+    fn mapped(self, value: f64, slope: f64) -> Self;
+
     /// The larger of two; this one where they are equal.
     #[must_use]
     fn at_least(self, bound: impl Into<Self>) -> Self {
@@ -42,14 +87,14 @@ pub trait Scalar: DualNum<Primitive = f64> + Copy {
     /// The logarithms to base 2 of several numbers, side by side.
     #[must_use]
     fn logarithms<const N: usize>(numbers: [Self; N]) -> [Self; N] {
-        let values = elementary::log2s(numbers.map(|number| number.re()));
+        let values = elementary::log2s(numbers.map(Self::re));
         array::from_fn(|index| numbers[index].mapped(values[index], LOG2_E / numbers[index].re()))
     }
 
     /// 2 to several powers, side by side.
     #[must_use]
     fn powers_of_two<const N: usize>(exponents: [Self; N]) -> [Self; N] {
-        let values = elementary::exp2s(exponents.map(|exponent| exponent.re()));
+        let values = elementary::exp2s(exponents.map(Self::re));
         array::from_fn(|index| exponents[index].mapped(values[index], LN_2 * values[index]))
     }
 
@@ -60,20 +105,96 @@ pub trait Scalar: DualNum<Primitive = f64> + Copy {
         self.mapped(value, value)
     }
 
-    /// A function of this number, from its value and its slope, which gives the first derivatives.
-    ///
-    /// So the derivatives, too, use our own elementary functions, which are the same on every platform.
-    #[must_use]
-    fn mapped(self, value: f64, slope: f64) -> Self {
-        const { assert!(Self::NDERIV <= 1, "a slope gives first derivatives only") };
-        if Self::NDERIV == 0 { Self::from(value) } else { (self - self.re()) * slope + value }
-    }
-
     /// Whether the number is zero and carries no derivatives.
     #[must_use]
     fn vanishes(self) -> bool {
-        Self::NDERIV == 0 && self == 0.0
+        !Self::HAS_DERIVATIVES && self == 0.0
     }
 }
 
-impl<D: DualNum<Primitive = f64> + Copy> Scalar for D {}
+impl Scalar for f64 {
+    const HAS_DERIVATIVES: bool = false;
+
+    #[inline]
+    fn re(self) -> f64 {
+        self
+    }
+
+    #[inline]
+    fn recip(self) -> Self {
+        self.recip()
+    }
+
+    #[inline]
+    fn sqrt(self) -> Self {
+        self.sqrt()
+    }
+
+    #[inline]
+    fn powi(self, exponent: i32) -> Self {
+        self.powi(exponent)
+    }
+
+    #[inline]
+    fn mapped(self, value: f64, _slope: f64) -> Self {
+        value
+    }
+}
+
+impl Scalar for Dual64 {
+    const HAS_DERIVATIVES: bool = true;
+
+    #[inline]
+    fn re(self) -> f64 {
+        self.re
+    }
+
+    #[inline]
+    fn recip(self) -> Self {
+        DualNum::recip(&self)
+    }
+
+    #[inline]
+    fn sqrt(self) -> Self {
+        DualNum::sqrt(&self)
+    }
+
+    #[inline]
+    fn powi(self, exponent: i32) -> Self {
+        DualNum::powi(&self, exponent)
+    }
+
+    #[inline]
+    fn mapped(self, value: f64, slope: f64) -> Self {
+        (self - self.re) * slope + value
+    }
+}
+
+impl Scalar for Recorded<'_> {
+    const HAS_DERIVATIVES: bool = true;
+
+    #[inline]
+    fn re(self) -> f64 {
+        self.value()
+    }
+
+    #[inline]
+    fn recip(self) -> Self {
+        Number::recip(self)
+    }
+
+    #[inline]
+    fn sqrt(self) -> Self {
+        Number::sqrt(self)
+    }
+
+    #[inline]
+    fn powi(self, exponent: i32) -> Self {
+        Number::powi(self, exponent)
+    }
+
+    #[inline]
+    fn mapped(self, value: f64, slope: f64) -> Self {
+        Number::mapped(self, value, slope)
+    }
+}

@@ -123,6 +123,8 @@ pub(crate) struct Capabilities {
     pub(crate) serialize_state: bool,
     /// The model implements `Model::differentiate`.
     pub(crate) directional_derivatives: bool,
+    /// The model implements `Model::differentiate_backwards`. In FMI 3.0 alone.
+    pub(crate) adjoint_derivatives: bool,
     /// In Co-Simulation of FMI 3.0, importers may handle the model's events.
     pub(crate) event_mode: bool,
 }
@@ -136,6 +138,7 @@ impl Default for Capabilities {
             get_and_set_state: true,
             serialize_state: true,
             directional_derivatives: false,
+            adjoint_derivatives: false,
             event_mode: false,
         }
     }

@@ -17,6 +17,8 @@ pub struct ModelDescription {
     pub variables: &'static [VariableDescription],
     /// The names of the declared log categories.
     pub log_categories: &'static [&'static str],
+    /// The version of the standard.
+    pub version: Version,
     /// The interfaces that the FMU offers.
     pub interfaces: Interfaces,
     /// Whether the FMU has files for the model.
@@ -46,6 +48,8 @@ pub struct Capabilities {
     pub serialize_state: bool,
     /// `providesDirectionalDerivative`, and a `maxOutputDerivativeOrder` of 1.
     pub directional_derivatives: bool,
+    /// In FMI 3.0, `providesAdjointDerivatives`.
+    pub adjoint_derivatives: bool,
     /// `hasEventMode` of FMI 3.0.
     pub event_mode: bool,
 }
@@ -73,7 +77,15 @@ pub struct VariableDescription {
     pub state: Option<u16>,
 }
 
-/// The five data types of FMI 2.0.
+/// The versions of the standard.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum Version {
+    Two,
+    Three,
+}
+
+/// The data types by the names of FMI 2.0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]
 pub enum DataType {
@@ -83,6 +95,22 @@ pub enum DataType {
     String,
     /// Accessed through the Integer functions.
     Enumeration,
+}
+
+impl DataType {
+    /// The name in a version of the standard.
+    #[must_use]
+    pub fn name(self, version: Version) -> &'static str {
+        match (self, version) {
+            (Self::Real, Version::Two) => "Real",
+            (Self::Real, Version::Three) => "Float64",
+            (Self::Integer, Version::Two) => "Integer",
+            (Self::Integer, Version::Three) => "Int32",
+            (Self::Boolean, _) => "Boolean",
+            (Self::String, _) => "String",
+            (Self::Enumeration, _) => "Enumeration",
+        }
+    }
 }
 
 /// `causality` (FMI 2.0.5, section 2.2.7).

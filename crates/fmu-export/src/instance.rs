@@ -24,6 +24,7 @@ use crate::persistence::{Archive, Persistent};
 use crate::resources::Resources;
 use crate::serialized_state;
 use crate::status::Status;
+use crate::tape::Tape;
 
 /// The tolerance of the importer's time relative to the step. Importers compute communication points as `i * h`, as
 /// a sum, or from integer nanoseconds.
@@ -146,6 +147,8 @@ pub(crate) struct Instance<M: Model> {
     pub(crate) resources: Resources,
     /// The strings that were got last, valid until the next time.
     pub(crate) strings: Vec<CString>,
+    /// For adjoint derivatives.
+    tape: Tape,
     /// Whether a step may end before the time that was asked for.
     pub(crate) early_return_allowed: bool,
 }
@@ -158,6 +161,7 @@ impl<M: Model> Instance<M> {
             memory: Memory::new(interface),
             resources: Resources::none(),
             strings: Vec::new(),
+            tape: Tape::new(),
             early_return_allowed: false,
         }
     }

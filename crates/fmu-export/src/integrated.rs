@@ -7,11 +7,12 @@ use crate::equations::{Equations, VariablesOf};
 use crate::error::{Error, Shown};
 use crate::event_mode::{EventMode, EventsLeft, due_until};
 use crate::events::{Event, Events, MOST_ITERATIONS, Side};
-use crate::inputs::InputSignal;
+use crate::inputs::{InputSignal, Inputs as _};
 use crate::integrator::{Integrator, StepFailure, System, Tolerance};
 use crate::model::{Context, InputsOf, Model, Step, Variables, time_rounding};
 use crate::model_exchange::ModelExchange;
 use crate::number::Dual;
+use crate::tape::{Recorded, Tape};
 
 /// The relative tolerance where the importer gives none.
 pub const DEFAULT_TOLERANCE: f64 = 1e-6;
@@ -133,6 +134,45 @@ impl<E: Equations> Model for Integrated<E> {
             self.equations.initialize::<Dual>(variables);
         }))
     }
+
+    fn differentiate_backwards(
+        &self,
+        time: f64,
+        variables: &Self::Variables,
+        inputs: &InputsOf<Self>,
+        weights: &Self::Variables,
+        tape: &mut Tape,
+    ) -> Result<Self::Variables, Error> {
+        // What is known; the rest is constant.
+        let mut known = E::Variables::zero();
+        known.inputs_mut().set_reals(|_| 1.0);
+        E::Variables::set_states(&mut known, |_| 1.0);
+        Ok(self.derivatives_backwards(time, variables, inputs, &known, weights, tape, |_| {}))
+    }
+
+    fn differentiate_initialization_backwards(
+        &self,
+        start_time: f64,
+        variables: &Self::Variables,
+        inputs: &InputsOf<Self>,
+        weights: &Self::Variables,
+        tape: &mut Tape,
+    ) -> Result<Self::Variables, Error> {
+        let mut started = variables.clone();
+        started.states_from_start();
+        let known = started.combined(&started, |_, _| 1.0);
+        let mut derivatives =
+            self.derivatives_backwards(start_time, &started, inputs, &known, weights, tape, |variables| {
+                self.equations.initialize::<Recorded<'_>>(variables);
+            });
+        // A start value acts by itself and by the state that takes it.
+        let mut by_state = vec![0.0; E::Variables::STATE_NAMES.len()];
+        E::Variables::each_state(&derivatives, |state, derivative: f64| by_state[state] = derivative);
+        derivatives.states_from_start();
+        E::Variables::each_state(&derivatives, |state, derivative: f64| by_state[state] += derivative);
+        E::Variables::set_states(&mut derivatives, |state| by_state[state]);
+        Ok(derivatives)
+    }
 }
 
 impl<E: Equations> ModelExchange for Integrated<E> {
@@ -204,7 +244,40 @@ impl<E: Equations> Integrated<E> {
         let mut duals = variables.combined(&direction, Dual::new);
         initialize(&mut duals);
         self.equations.evaluate(Dual::from(time), &mut duals);
-        E::Variables::derivatives_of(&duals)
+        E::Variables::collected(&duals, &direction, |dual: Dual, _| dual.derivative)
+    }
+
+    /// The derivatives of a weighted sum of what is calculated with respect to what is known; the states are initialized
+    /// before.
+    #[allow(clippy::too_many_arguments, reason = "those of its callers")]
+    fn derivatives_backwards<'t>(
+        &self,
+        time: f64,
+        variables: &E::Variables,
+        inputs: &InputsOf<Self>,
+        known: &E::Variables,
+        weights: &E::Variables,
+        tape: &'t mut Tape,
+        initialize: impl FnOnce(&mut VariablesOf<E, Recorded<'t>>),
+    ) -> E::Variables {
+        tape.clear();
+        let tape = &*tape;
+        let mut variables = variables.clone();
+        variables.inputs_mut().clone_from(inputs);
+        let is_known = |known: f64| known != 0.0;
+        let mut recorded = variables.combined(known, |value, known| {
+            if is_known(known) { tape.variable(value) } else { Recorded::from(value) }
+        });
+        initialize(&mut recorded);
+        self.equations.evaluate(Recorded::from(time), &mut recorded);
+        let _ = E::Variables::collected(&recorded, weights, |number: Recorded<'_>, weight| {
+            tape.weigh(number, weight);
+            0.0
+        });
+        tape.go_back();
+        let mut derivatives = tape.derivatives_in_order();
+        variables
+            .combined(known, |_, known| if is_known(known) { derivatives.next().unwrap_or(0.0) } else { 0.0 })
     }
 
     /// Goes through a communication step; with Event Mode, to the first event that is left to the importer, and returns

@@ -12,7 +12,7 @@
 //   event_mode                            the trait of models that step from event to event
 //   model_exchange                        the trait of models whose states the importer integrates
 //   model                                 the trait of models
-//   events, inputs, logger, calling_sequence, number, linear, resources
+//   events, inputs, logger, calling_sequence, number, tape, linear, resources
 //   serialized_state, saved_states
 //   persistence, panics
 //   error, description, status
@@ -48,6 +48,7 @@ mod saved_states;
 mod serialized_state;
 mod simulation;
 mod status;
+mod tape;
 mod typed;
 
 pub use dependencies::check_dependencies;
@@ -67,6 +68,7 @@ pub use number::{Dual, Number};
 pub use persistence::Persistent;
 pub use sampled::{Sample, Sampled, SampledModel};
 pub use simulation::Simulation;
+pub use tape::{Recorded, Tape};
 
 /// Defines the FMU of a crate whose library has the model identifier as its name: the module `variables` that
 /// `fmu_export_build::generate` generated from the model's JSON, its items in scope, and the functions of FMI for a

@@ -216,24 +216,24 @@ impl ::fmu_export::Variables for Variables {{
             "
     type Of<T: ::fmu_export::Number> = Variables<T>;
 
-    fn combined<T: ::fmu_export::Number>(&self, other: &Self, number: impl Fn(f64, f64) -> T) -> Variables<T> {
-        self.combine(other, &mut |one, other| number(one, other))
+    fn combined<T: ::fmu_export::Number>(&self, other: &Self, mut number: impl FnMut(f64, f64) -> T) -> Variables<T> {
+        self.combine(other, &mut number)
     }
 
-    fn derivatives_of(duals: &Variables<::fmu_export::Dual>) -> Self {
-        duals.map(|dual| dual.derivative)
+    fn collected<T: ::fmu_export::Number>(numbers: &Variables<T>, other: &Self, mut number: impl FnMut(T, f64) -> f64) -> Self {
+        numbers.combine(other, &mut number)
     }
 "
         } else {
             "
     type Of<T: ::fmu_export::Number> = Self;
 
-    fn combined<T: ::fmu_export::Number>(&self, _other: &Self, _number: impl Fn(f64, f64) -> T) -> Self {
+    fn combined<T: ::fmu_export::Number>(&self, _other: &Self, _number: impl FnMut(f64, f64) -> T) -> Self {
         self.clone()
     }
 
-    fn derivatives_of(duals: &Self) -> Self {
-        duals.clone()
+    fn collected<T: ::fmu_export::Number>(numbers: &Self, _other: &Self, _number: impl FnMut(T, f64) -> f64) -> Self {
+        numbers.clone()
     }
 "
         };
@@ -358,6 +358,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
     variables: &[
 {variables}    ],
     log_categories: &[{categories}],
+    version: fmi::Version::{:?},
     interfaces: fmi::Interfaces {{ co_simulation: {}, model_exchange: {} }},
     has_resources: {},
     capabilities: fmi::Capabilities {{
@@ -365,11 +366,13 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
         get_and_set_state: {},
         serialize_state: {},
         directional_derivatives: {},
+        adjoint_derivatives: {},
         event_mode: {},
     }},
 }};
 ",
             model.identifier,
+            model.fmi.version,
             model.fmi.interfaces.co_simulation(),
             model.fmi.interfaces.model_exchange(),
             model.declaration.resources.is_some(),
@@ -377,6 +380,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
             capabilities.get_and_set_state,
             capabilities.serialize_state,
             capabilities.directional_derivatives,
+            capabilities.adjoint_derivatives,
             capabilities.event_mode,
             categories = categories.join(", "),
         )

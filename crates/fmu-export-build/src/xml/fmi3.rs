@@ -39,7 +39,7 @@ fn write_interfaces(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()>
         ("canGetAndSetFMUState", capabilities.get_and_set_state.to_string()),
         ("canSerializeFMUState", capabilities.serialize_state.to_string()),
         ("providesDirectionalDerivatives", capabilities.directional_derivatives.to_string()),
-        ("providesAdjointDerivatives", false.to_string()),
+        ("providesAdjointDerivatives", capabilities.adjoint_derivatives.to_string()),
         ("providesPerElementDependencies", false.to_string()),
     ];
     let with = |own: Attributes| [common.clone(), own].concat();

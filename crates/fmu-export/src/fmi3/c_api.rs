@@ -577,6 +577,33 @@ pub unsafe fn get_directional_derivative<M: Model>(
     }
 }
 
+/// `fmi3GetAdjointDerivative`.
+pub unsafe fn get_adjoint_derivative<M: Model>(
+    instance: Instance,
+    unknowns: *const ValueReference,
+    unknown_count: usize,
+    knowns: *const ValueReference,
+    known_count: usize,
+    seed: *const f64,
+    seed_count: usize,
+    sensitivity: *mut f64,
+    sensitivity_count: usize,
+) -> Status {
+    // SAFETY: the instance and the arrays are the importer's (see the module).
+    unsafe {
+        call::<M>(instance, Function::GetAdjointDerivative, |instance| {
+            let unknowns = elements("unknowns", unknowns, unknown_count)?;
+            let unknowns = Function::scalars::<M::Variables>(unknowns, seed_count)?;
+            let knowns = elements("knowns", knowns, known_count)?;
+            let knowns = Function::scalars::<M::Variables>(knowns, sensitivity_count)?;
+            let seed = elements("seed", seed, seed_count)?;
+            write_elements("sensitivity", sensitivity, sensitivity_count, |sensitivity| {
+                instance.get_adjoint_derivative(&unknowns, &knowns, &seed, sensitivity)
+            })
+        })
+    }
+}
+
 /// `fmi3GetOutputDerivatives`.
 pub unsafe fn get_output_derivatives<M: Model>(
     instance: Instance,
@@ -816,9 +843,6 @@ not_supported! {
     get_variable_dependencies(
         ValueReference, *mut usize, *mut ValueReference, *mut usize, *mut Enumeration, usize):
         GetVariableDependencies, "providesPerElementDependencies";
-    get_adjoint_derivative(
-        *const ValueReference, usize, *const ValueReference, usize, *const f64, usize, *mut f64, usize):
-        GetAdjointDerivative, "providesAdjointDerivatives";
     evaluate_discrete_states(): EvaluateDiscreteStates, "providesEvaluateDiscreteStates";
     refuse_step_mode(): EnterStepMode, "hasEventMode";
     enter_event_mode_of_co_simulation(): EnterEventMode, "hasEventMode";

@@ -1,4 +1,5 @@
-//! Derivatives: directional ones (FMI 2.0.5, section 2.1.9), and those of outputs over time (section 4.2.1).
+//! Derivatives: directional ones (FMI 2.0.5, section 2.1.9), adjoint ones (FMI 3.0.2, section 2.2.11), and those of outputs
+//! over time (FMI 2.0.5, section 4.2.1).
 
 use super::values::REALS;
 use super::{Answer, Instance};
@@ -18,33 +19,56 @@ impl<M: Model> Instance<M> {
         sensitivities: &mut [f64],
     ) -> Answer {
         Self::check_differentiates("providesDirectionalDerivative is false")?;
-        for &unknown in unknowns {
-            let variable = Self::variable(unknown, REALS)?;
-            // Event indicators never are (FMI 3.0.2, section 2.2.11).
-            if unknown >= M::Variables::FIRST_EVENT_INDICATOR {
-                return Err(Error::new(format!(
-                    "{} is not an unknown: it is an event indicator",
-                    variable.name
-                )));
-            }
-            self.check_unknown(variable)?;
-        }
+        self.check_unknowns(unknowns)?;
+        self.check_knowns(knowns)?;
+        Self::check_seeds("knowns", knowns, seeds)?;
         let mut direction = M::Variables::zero();
-        for (position, (&known, &seed)) in knowns.iter().zip(seeds).enumerate() {
-            let variable = Self::variable(known, REALS)?;
-            self.check_known(variable)?;
-            if !seed.is_finite() {
-                return Err(Error::new(format!("{} for the seed of {}", Shown(seed), variable.name)));
-            }
-            if knowns[..position].contains(&known) {
-                return Err(Error::new(format!("{} occurs twice among the knowns", variable.name)));
-            }
-            if variable.real_input.is_none_or(|input| self.memory.inputs.is_free(input)) {
+        for (&known, &seed) in knowns.iter().zip(seeds) {
+            if self.can_change(known) {
                 direction.set_real(known, seed);
             }
         }
         let (status, derivatives) = self.differentiate(&direction)?;
         self.copy_derivatives(&derivatives, direction, unknowns, sensitivities)?;
+        Ok(status)
+    }
+
+    /// The derivatives of a sum of unknowns, each times its seed, with respect to knowns.
+    pub(crate) fn get_adjoint_derivative(
+        &mut self,
+        unknowns: &[ValueReference],
+        knowns: &[ValueReference],
+        seeds: &[f64],
+        sensitivities: &mut [f64],
+    ) -> Answer {
+        if !Self::DESCRIPTION.capabilities.adjoint_derivatives {
+            return Err(Error::new("this FMU has no such derivatives (providesAdjointDerivatives is false)"));
+        }
+        self.check_unknowns(unknowns)?;
+        self.check_knowns(knowns)?;
+        Self::check_seeds("unknowns", unknowns, seeds)?;
+        let status = self.compute_values()?;
+        let weights = M::Variables::weights(unknowns, seeds);
+        let (memory, tape) = (&self.memory, &mut self.tape);
+        let (variables, inputs) = (&memory.variables, memory.inputs.latest());
+        let derivatives = if memory.phase == Phase::InitializationMode {
+            memory.model.differentiate_initialization_backwards(
+                memory.time,
+                variables,
+                inputs,
+                &weights,
+                tape,
+            )
+        } else {
+            memory.model.differentiate_backwards(memory.time, variables, inputs, &weights, tape)
+        }?;
+        for (&known, sensitivity) in knowns.iter().zip(sensitivities) {
+            *sensitivity = if self.can_change(known) { derivatives.real(known) } else { 0.0 };
+            if !sensitivity.is_finite() {
+                let name = Self::checked(known).name;
+                return Err(Error::new(format!("the derivative by {name} is {}", Shown(*sensitivity))));
+            }
+        }
         Ok(status)
     }
 
@@ -87,6 +111,44 @@ impl<M: Model> Instance<M> {
         } else {
             Err(Error::new(format!("this FMU has no such derivatives ({missing})")))
         }
+    }
+
+    fn check_unknowns(&self, unknowns: &[ValueReference]) -> Result<(), Error> {
+        for &unknown in unknowns {
+            let variable = Self::variable(unknown, REALS)?;
+            // Event indicators never are (FMI 3.0.2, section 2.2.11).
+            if unknown >= M::Variables::FIRST_EVENT_INDICATOR {
+                return Err(Error::new(format!(
+                    "{} is not an unknown: it is an event indicator",
+                    variable.name
+                )));
+            }
+            self.check_unknown(variable)?;
+        }
+        Ok(())
+    }
+
+    fn check_knowns(&self, knowns: &[ValueReference]) -> Result<(), Error> {
+        knowns.iter().try_for_each(|&known| self.check_known(Self::variable(known, REALS)?))
+    }
+
+    /// Checks the seeds of variables, of which each may occur once.
+    fn check_seeds(role: &str, references: &[ValueReference], seeds: &[f64]) -> Result<(), Error> {
+        for (position, (reference, &seed)) in references.iter().zip(seeds).enumerate() {
+            let name = Self::checked(*reference).name;
+            if !seed.is_finite() {
+                return Err(Error::new(format!("{} for the seed of {name}", Shown(seed))));
+            }
+            if references[..position].contains(reference) {
+                return Err(Error::new(format!("{name} occurs twice among the {role}")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a change of a known has an effect: an input that is held at a bound stays there.
+    fn can_change(&self, known: ValueReference) -> bool {
+        Self::checked(known).real_input.is_none_or(|input| self.memory.inputs.is_free(input))
     }
 
     /// Checks an unknown: a calculated variable.

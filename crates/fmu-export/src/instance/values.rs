@@ -35,7 +35,8 @@ impl<M: Model> Instance<M> {
         if types.contains(&variable.data_type) {
             Ok(variable)
         } else {
-            Err(Error::new(format!("the variable {} is of the type {:?}", variable.name, variable.data_type)))
+            let data_type = variable.data_type.name(Self::DESCRIPTION.version);
+            Err(Error::new(format!("the variable {} is of the type {data_type}", variable.name)))
         }
     }
 

@@ -35,6 +35,7 @@ COMMON = {
     "SerializeFMUState": ALL,
     "DeserializeFMUState": ALL,
     "GetDirectionalDerivative": ALL - {"instantiated"},
+    "GetAdjointDerivative": ALL - {"instantiated"},
     "GetIntervalDecimal": {"initialization", "event"},
     "GetIntervalFraction": {"initialization", "event"},
     "GetShiftDecimal": {"initialization", "event"},
@@ -59,7 +60,6 @@ COMMON = {
     # Capabilities that are not declared, and what the model does not have.
     "GetNumberOfVariableDependencies": set(),
     "GetVariableDependencies": set(),
-    "GetAdjointDerivative": set(),
     "EnterConfigurationMode": set(),
     "ExitConfigurationMode": set(),
     "EvaluateDiscreteStates": set(),
@@ -286,6 +286,87 @@ def test_event_indicators_are_variables(make: Callable[..., Instance], descripti
     )
     assert status == Status.ERROR
     assert "is not an unknown" in instance.messages[-1].text
+
+
+def derivatives(
+    instance: Instance, kind: str, unknowns: list[int], knowns: list[int], seeds: list[float]
+) -> list[float]:
+    """`fmi3GetDirectionalDerivative` or `fmi3GetAdjointDerivative`."""
+    size = len(unknowns if kind == "Directional" else knowns)
+    found = (c_double * size)()
+    rows, columns = ((c_uint32 * len(of))(*of) for of in (unknowns, knowns))
+    seed = (c_double * len(seeds))(*seeds)
+    name = f"fmi3Get{kind}Derivative"
+    status = instance.call(name, rows, len(rows), columns, len(columns), seed, len(seed), found, size)
+    assert status == Status.OK, instance.messages
+    return list(found)
+
+
+OF_INITIALIZATION = ["rate", "drive", "pulse", "tank.level", "tank.gain"]
+OF_STEPS = ["rate", "drive", "pulse", "tank.level", "motion.position"]
+
+
+@pytest.mark.parametrize("state", ["initialization", "step", "event", "continuous"])
+def test_adjoint_derivatives_are_the_directional_ones(
+    make: Callable[..., Instance], description: ModelDescription, state: str
+) -> None:
+    """Section 2.2.11: v·J in the place of J·v; each element of the sum within its own rounding."""
+    by_name = {v.name: v.valueReference for v in description.modelVariables}
+    initializing = state == "initialization"
+    unknowns = [by_name["output"], by_name["position"]]
+    if not initializing:
+        unknowns += [by_name["der(tank.level)"], by_name["der(motion.position)"]]
+    knowns = [by_name[name] for name in (OF_INITIALIZATION if initializing else OF_STEPS)]
+    random = np.random.default_rng(11)
+    instance = make(CO_SIMULATION if state == "step" else MODEL_EXCHANGE)
+    parameters = [by_name[name] for name in ("tank.gain", "motion.position")]
+    assert instance.set("Float64", parameters, [2.5, 0.75]) == Status.OK
+    assert instance.set("Int64", [by_name["motion.start"]], [2]) == Status.OK
+    instance.ok("fmi3EnterInitializationMode")
+    assert instance.set("Float64", [by_name["rate"], by_name["drive"]], random.uniform(1, 2, 2).tolist()) == Status.OK
+    if not initializing:
+        instance.ok("fmi3ExitInitializationMode")
+    if state == "continuous":
+        instance.ok("fmi3EnterContinuousTimeMode")
+    for _ in range(20):
+        direction, weights = random.normal(size=len(knowns)), random.normal(size=len(unknowns))
+        jacobian = np.array([derivatives(instance, "Directional", unknowns, [known], [1.0]) for known in knowns]).T
+        found = derivatives(instance, "Adjoint", unknowns, knowns, weights.tolist())
+        scale = np.abs(weights) @ np.abs(jacobian)
+        assert (scale > 0).any()
+        assert (np.abs(found - weights @ jacobian) <= 1e-12 * scale).all()
+        along = derivatives(instance, "Directional", unknowns, knowns, direction.tolist())
+        assert weights @ along == pytest.approx(found @ direction, rel=1e-12, abs=1e-12 * (scale @ np.abs(direction)))
+    # Any order, and a part of both.
+    assert derivatives(instance, "Adjoint", unknowns[:1], knowns[::-1], [2.0]) == (2 * jacobian[0, ::-1]).tolist()
+
+
+def test_an_input_at_its_bound_has_no_effect(make: Callable[..., Instance]) -> None:
+    instance = make(CO_SIMULATION, "step")
+    assert derivatives(instance, "Adjoint", [8], [1], [1.0]) != [0.0]
+    assert instance.set("Float64", [1], [1000.0]) == Status.WARNING
+    assert derivatives(instance, "Adjoint", [8], [1], [1.0]) == [0.0]
+
+
+@pytest.mark.parametrize(
+    ("unknown", "known", "seeds", "reason"),
+    [
+        (1, 2, [1.0], "rate is not an unknown"),
+        (8, 9, [1.0], "position is not a known"),
+        (8, 4, [1.0], "the variable lift is of the type Int32"),
+        (8, 1, [float("nan")], "NaN for the seed of output"),
+        (8, 1, [1.0, 1.0], "nValues is 2; the variables have 1"),
+    ],
+)
+def test_adjoint_derivatives_that_are_refused(
+    make: Callable[..., Instance], unknown: int, known: int, seeds: list[float], reason: str
+) -> None:
+    instance = make(CO_SIMULATION, "step")
+    found, seed = (c_double * 1)(), (c_double * len(seeds))(*seeds)
+    rows, columns = (c_uint32 * 1)(unknown), (c_uint32 * 1)(known)
+    status = instance.call("fmi3GetAdjointDerivative", rows, 1, columns, 1, seed, len(seeds), found, 1)
+    assert status == Status.ERROR
+    assert reason in instance.messages[-1].text
 
 
 def test_warnings_are_logged_on_request(make: Callable[..., Instance]) -> None:

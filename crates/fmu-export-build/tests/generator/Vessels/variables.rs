@@ -491,12 +491,12 @@ impl ::fmu_export::Variables for Variables {
 
     type Of<T: ::fmu_export::Number> = Variables<T>;
 
-    fn combined<T: ::fmu_export::Number>(&self, other: &Self, number: impl Fn(f64, f64) -> T) -> Variables<T> {
-        self.combine(other, &mut |one, other| number(one, other))
+    fn combined<T: ::fmu_export::Number>(&self, other: &Self, mut number: impl FnMut(f64, f64) -> T) -> Variables<T> {
+        self.combine(other, &mut number)
     }
 
-    fn derivatives_of(duals: &Variables<::fmu_export::Dual>) -> Self {
-        duals.map(|dual| dual.derivative)
+    fn collected<T: ::fmu_export::Number>(numbers: &Variables<T>, other: &Self, mut number: impl FnMut(T, f64) -> f64) -> Self {
+        numbers.combine(other, &mut number)
     }
 
     fn each_state<T: ::fmu_export::Number>(variables: &Self::Of<T>, mut function: impl FnMut(usize, T)) {
@@ -681,6 +681,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {
         fmi::VariableDescription { name: "der(settings.reserve)", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
     ],
     log_categories: &["logStatusError", "logStatusWarning", "logEvents"],
+    version: fmi::Version::Two,
     interfaces: fmi::Interfaces { co_simulation: true, model_exchange: false },
     has_resources: false,
     capabilities: fmi::Capabilities {
@@ -688,6 +689,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {
         get_and_set_state: true,
         serialize_state: true,
         directional_derivatives: false,
+        adjoint_derivatives: false,
         event_mode: false,
     },
 };

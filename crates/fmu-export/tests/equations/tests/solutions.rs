@@ -1,7 +1,7 @@
 //! The built-in integrator against closed forms and independent solutions.
 
 use fmu_export::{
-    Equations, Error, InputSignal, Integrated, Model, Simulation, Variables as _, check_dependencies,
+    Equations, Error, InputSignal, Integrated, Model, Simulation, Tape, Variables as _, check_dependencies,
 };
 use fmu_export_equations::{
     BouncingBall, Decay, Hires, Robertson, Stairs, Undeclared, VanDerPol, bouncing_ball, decay, stairs,
@@ -356,6 +356,27 @@ fn directional_derivatives_are_exact() {
     let by = model.differentiate_initialization(0.0, variables, inputs, &direction).unwrap();
     // x changes by 2; 0.5·(4 − 2) and, by the rate, −x.
     assert_eq!(bits([by.states.x, by.derivatives.x, by.outputs.square]), bits([2.0, 1.0 - 5.0, 20.0]));
+}
+
+#[test]
+fn adjoint_derivatives_are_exact() {
+    let mut simulation = simulation::<Decay>(1e-6);
+    simulation.variables.parameters.rate = 0.5;
+    simulation.variables.parameters.offset = 3.0;
+    simulation.variables.start.x = 2.0;
+    simulation.initialize().unwrap();
+    let Simulation { model, variables, inputs, .. } = &simulation;
+    let mut tape = Tape::new();
+    let mut weights = decay::Variables::zero();
+    (weights.derivatives.x, weights.outputs.square, weights.states.x) = (4.0, 2.0, 1.0);
+    let by = model.differentiate_backwards(0.0, variables, inputs, &weights, &mut tape).unwrap();
+    // 4·0.5, and 4·(−0.5) + 2·2·x + 1 with x = 5.
+    assert_eq!(bits([by.inputs.target, by.states.x]), bits([2.0, 19.0]));
+    let by =
+        model.differentiate_initialization_backwards(0.0, variables, inputs, &weights, &mut tape).unwrap();
+    // x is the sum of its start value and the offset; the derivative changes with the rate by −x.
+    let found = [by.inputs.target, by.states.x, by.parameters.offset, by.parameters.rate];
+    assert_eq!(bits(found), bits([2.0, 19.0, 19.0, -20.0]));
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::panic::panic_any;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use fmu_export::persistence::{Archive, Persistent};
-use fmu_export::{Context, Error, Event, InputsOf, Model, ModelExchange, Step, Variables as _};
+use fmu_export::{Context, Error, Event, InputsOf, Model, ModelExchange, Step, Tape, Variables as _};
 
 mod variables {
     fmu_export::include_variables!("TestModel");
@@ -290,6 +290,41 @@ impl Model for TestModel {
         // The start value of the motion's position is a guess, and therefore not a known in the standard.
         let mut result = self.differentiate(start_time, variables, inputs, direction)?;
         result.outputs.output += direction.parameters.tank.gain * inputs.rate;
+        Ok(result)
+    }
+
+    fn differentiate_backwards(
+        &self,
+        _time: f64,
+        variables: &Variables,
+        inputs: &InputsOf<Self>,
+        weights: &Variables,
+        _tape: &mut Tape,
+    ) -> Result<Variables, Error> {
+        fail(&mut variables.clone(), Place::Differentiate)?;
+        let mut result = Variables::zero();
+        let (rates, outputs) = (&weights.derivatives, &weights.outputs);
+        let position = variables.states.motion.position;
+        result.inputs.rate =
+            rates.tank.level * gain(variables, inputs) + outputs.output * variables.parameters.tank.gain;
+        result.inputs.pulse = rates.tank.level;
+        result.inputs.drive =
+            rates.motion.position * variables.locals.settings.determinant * sign(inputs.gear);
+        result.states.tank.level = outputs.output;
+        result.states.motion.position = outputs.position - 2.0 * position * rates.motion.position;
+        Ok(result)
+    }
+
+    fn differentiate_initialization_backwards(
+        &self,
+        start_time: f64,
+        variables: &Variables,
+        inputs: &InputsOf<Self>,
+        weights: &Variables,
+        tape: &mut Tape,
+    ) -> Result<Variables, Error> {
+        let mut result = self.differentiate_backwards(start_time, variables, inputs, weights, tape)?;
+        result.parameters.tank.gain = weights.outputs.output * inputs.rate;
         Ok(result)
     }
 

@@ -1,0 +1,273 @@
+//! Derivatives by reverse accumulation: what a function is computed from is recorded on a tape, which is then gone
+//! through backwards. One pass gives the derivatives of a result with respect to everything, where [`Dual`] takes one
+//! for each number that changes.
+//!
+//! [`Dual`]: crate::Dual
+
+use core::cell::RefCell;
+use core::cmp::Ordering;
+use core::fmt;
+use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+
+use crate::number::Number;
+
+/// An operation that was recorded: the result changes by the operands' changes times the slopes.
+#[derive(Clone, Copy, Debug, Default)]
+struct Operation {
+    /// Where the operands are on the tape; 0 for constants.
+    operands: [u32; 2],
+    slopes: [f64; 2],
+    /// How much the weighted sum of the results changes with this operation's.
+    adjoint: f64,
+}
+
+/// The operations from variables to results. It keeps its memory from one recording to the next.
+#[derive(Default)]
+pub struct Tape {
+    /// The first one stands for all constants.
+    operations: RefCell<Vec<Operation>>,
+}
+
+impl Tape {
+    /// A tape without memory, which comes with the first recording.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Forgets what was recorded.
+    pub fn clear(&mut self) {
+        let operations = self.operations.get_mut();
+        operations.clear();
+        operations.push(Operation::default());
+    }
+
+    /// A number with respect to which derivatives are wanted.
+    pub fn variable(&self, value: f64) -> Recorded<'_> {
+        self.record(value, [0, 0], [0.0, 0.0])
+    }
+
+    fn record(&self, value: f64, operands: [u32; 2], slopes: [f64; 2]) -> Recorded<'_> {
+        let mut operations = self.operations.borrow_mut();
+        let place = u32::try_from(operations.len()).expect("a model has fewer operations than 4294967296");
+        operations.push(Operation { operands, slopes, adjoint: 0.0 });
+        Recorded { value, tape: Some(self), place }
+    }
+
+    /// Adds a result, times a weight, to the sum whose derivatives are wanted.
+    pub fn weigh(&self, result: Recorded<'_>, weight: f64) {
+        if result.tape.is_some() {
+            self.operations.borrow_mut()[result.place as usize].adjoint += weight;
+        }
+    }
+
+    /// Computes the derivatives of the weighted sum of results.
+    pub fn go_back(&self) {
+        let mut operations = self.operations.borrow_mut();
+        for place in (1..operations.len()).rev() {
+            let Operation { operands, slopes, adjoint } = operations[place];
+            // What has no effect has none either where a slope is infinite, as that of the root at 0.
+            if adjoint == 0.0 {
+                continue;
+            }
+            for (operand, slope) in operands.into_iter().zip(slopes) {
+                if slope != 0.0 {
+                    operations[operand as usize].adjoint += slope * adjoint;
+                }
+            }
+        }
+    }
+
+    /// The derivatives with respect to the numbers on the tape, in their order: first those of variables that were there
+    /// before any operation.
+    pub(crate) fn derivatives_in_order(&self) -> impl Iterator<Item = f64> {
+        (1..).map_while(|place| {
+            self.operations.borrow().get(place).map(|operation: &Operation| operation.adjoint)
+        })
+    }
+
+    /// The derivative of the weighted sum with respect to a number.
+    #[must_use]
+    pub fn derivative(&self, number: Recorded<'_>) -> f64 {
+        if number.tape.is_some() { self.operations.borrow()[number.place as usize].adjoint } else { 0.0 }
+    }
+}
+
+impl fmt::Debug for Tape {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("Tape").field("operations", &self.operations.borrow().len()).finish()
+    }
+}
+
+/// A number whose operations are recorded on a [`Tape`], unless it is a constant.
+#[derive(Clone, Copy, Debug)]
+pub struct Recorded<'t> {
+    value: f64,
+    tape: Option<&'t Tape>,
+    /// Where it is on the tape; 0 for a constant.
+    place: u32,
+}
+
+impl Recorded<'_> {
+    /// The result of an operation on two numbers.
+    #[inline]
+    fn with(self, other: Self, value: f64, slopes: [f64; 2]) -> Self {
+        match self.tape.or(other.tape) {
+            Some(tape) => tape.record(value, [self.place, other.place], slopes),
+            None => value.into(),
+        }
+    }
+}
+
+impl Number for Recorded<'_> {
+    #[inline]
+    fn value(self) -> f64 {
+        self.value
+    }
+
+    #[inline]
+    fn mapped(self, value: f64, derivative: f64) -> Self {
+        self.with(value.into(), value, [derivative, 0.0])
+    }
+}
+
+impl From<f64> for Recorded<'_> {
+    #[inline]
+    fn from(value: f64) -> Self {
+        Self { value, tape: None, place: 0 }
+    }
+}
+
+impl PartialEq for Recorded<'_> {
+    #[inline]
+    fn eq(&self, other: &Self) -> bool {
+        self.value == other.value
+    }
+}
+
+impl PartialEq<f64> for Recorded<'_> {
+    #[inline]
+    fn eq(&self, other: &f64) -> bool {
+        self.value == *other
+    }
+}
+
+impl PartialOrd for Recorded<'_> {
+    #[inline]
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        self.value.partial_cmp(&other.value)
+    }
+}
+
+impl PartialOrd<f64> for Recorded<'_> {
+    #[inline]
+    fn partial_cmp(&self, other: &f64) -> Option<Ordering> {
+        self.value.partial_cmp(other)
+    }
+}
+
+impl Neg for Recorded<'_> {
+    type Output = Self;
+
+    #[inline]
+    fn neg(self) -> Self {
+        self.mapped(-self.value, -1.0)
+    }
+}
+
+/// An operation on two recorded numbers, on a recorded number and `f64`, and in place.
+macro_rules! operation {
+    ($operation:ident $function:ident $assign:ident $assign_function:ident: |$a:ident, $b:ident| $slopes:expr) => {
+        impl $operation for Recorded<'_> {
+            type Output = Self;
+
+            #[inline]
+            fn $function(self, other: Self) -> Self {
+                let ($a, $b) = (self.value, other.value);
+                let _ = ($a, $b);
+                self.with(other, self.value.$function(other.value), $slopes)
+            }
+        }
+
+        impl $operation<f64> for Recorded<'_> {
+            type Output = Self;
+
+            #[inline]
+            fn $function(self, other: f64) -> Self {
+                self.$function(Self::from(other))
+            }
+        }
+
+        impl $assign for Recorded<'_> {
+            #[inline]
+            fn $assign_function(&mut self, other: Self) {
+                *self = self.$function(other);
+            }
+        }
+    };
+}
+
+operation!(Add add AddAssign add_assign: |a, b| [1.0, 1.0]);
+operation!(Sub sub SubAssign sub_assign: |a, b| [1.0, -1.0]);
+operation!(Mul mul MulAssign mul_assign: |a, b| [b, a]);
+operation!(Div div DivAssign div_assign: |a, b| [b.recip(), -(a / b) / b]);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::number::Dual;
+
+    /// Of two functions of three numbers with every operation. At 0 the numbers are where slopes are infinite.
+    fn functions<T: Number>([x, y, z]: [T; 3]) -> [T; 2] {
+        let mut sum = x * y - z / x + (y * 0.5).sin() * z.exp();
+        sum += x.sqrt() * 3.0;
+        sum -= y.powi(3);
+        sum *= z.atan2(x);
+        sum /= x + 2.0;
+        let other = (x.max(y) - z.min(1.5)).tanh() + T::from(2.0).ln() * -z.recip();
+        [sum, other.abs() + x * x]
+    }
+
+    #[test]
+    fn derivatives_are_those_of_dual_numbers() {
+        let mut tape = Tape::new();
+        for point in [[0.7, 0.3, 0.9], [2.0, -1.5, 0.25], [1.25, 4.0, -3.0]] {
+            for weights in [[1.0, 0.0], [0.0, 1.0], [-2.0, 0.75]] {
+                tape.clear();
+                let numbers = point.map(|value| tape.variable(value));
+                let results = functions(numbers);
+                let values = functions(point);
+                for ((result, value), weight) in results.into_iter().zip(values).zip(weights) {
+                    assert_eq!(result.value().to_bits(), value.to_bits(), "another value");
+                    tape.weigh(result, weight);
+                }
+                tape.go_back();
+                for (changing, number) in numbers.into_iter().enumerate() {
+                    let mut duals = point.map(Dual::from);
+                    duals[changing].derivative = 1.0;
+                    let by_duals = functions(duals);
+                    let expected = weights[0] * by_duals[0].derivative + weights[1] * by_duals[1].derivative;
+                    let found = tape.derivative(number);
+                    // The roundings of some twenty operations on numbers of order 10.
+                    assert!((found - expected).abs() < 1e-13, "{found} instead of {expected}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_has_no_effect_has_no_derivative_where_the_slope_is_infinite() {
+        let mut tape = Tape::new();
+        tape.clear();
+        let (zero, one) = (tape.variable(0.0), tape.variable(1.0));
+        let unused = zero.sqrt();
+        let square = zero * zero;
+        tape.weigh(square.sqrt() + one, 1.0);
+        tape.go_back();
+        assert_eq!(tape.derivative(zero).to_bits(), 0.0_f64.to_bits());
+        assert_eq!(tape.derivative(one).to_bits(), 1.0_f64.to_bits());
+        tape.weigh(unused, 1.0);
+        tape.go_back();
+        assert!(tape.derivative(zero).is_infinite());
+    }
+}
