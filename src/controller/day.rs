@@ -135,6 +135,18 @@ impl Day {
         self.work_ratio.sqrt() * pressure / (self.temperature_ratio * scheduled_pressure)
     }
 
+    /// The limit of boost pressure (Pa, as on the day of the schedule) at an engine speed (rpm) of this day that keeps a
+    /// shaft's speed, by that of the schedule over engine speed.
+    ///
+    /// Equal speeds of the shafts go with equal work and equal volume flows of the compressors, and these are proportional
+    /// to engine speed and ratio of pressures.
+    pub fn limit_of_shaft(&self, engine_speed: f64, scheduled: impl Fn(f64) -> f64) -> f64 {
+        let on_day = |limit: f64| self.with_work(limit * self.pressure_ratio, 1.0 / self.temperature_ratio);
+        let nearly = scheduled(engine_speed);
+        let factor = on_day(nearly) / (nearly * self.pressure_ratio);
+        self.scheduled_pressure(on_day(scheduled(engine_speed * factor)))
+    }
+
     /// The factor of time constants.
     pub fn time_scale(&self) -> f64 {
         self.work_ratio.sqrt() / self.pressure_ratio

@@ -33,6 +33,7 @@ mod diagnosis;
 pub mod feedback;
 mod feedforward;
 mod law;
+mod rate_filter;
 mod reference_model;
 pub mod schedule;
 mod shaft_speed_limit;

@@ -4,8 +4,6 @@
 //! about S times the rate of change: the schedule's `speed_sensitivity`. So the duty that holds a pressure on the way
 //! is the one that holds a pressure higher by that at rest.
 
-use fmu_export::Persistent;
-
 use super::day::Day;
 use super::variables::Parameters;
 use crate::elementary::{larger, smaller};
@@ -16,25 +14,6 @@ const ITERATIONS: usize = 2;
 
 /// The range of the shifted pressure (Pa), that of the measurement: maps with absurd values stay finite.
 const PRESSURES: (f64, f64) = (0.0, 1e6);
-
-/// The filter of engine speed, from which its rate of change follows.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
-pub struct SpeedFilter {
-    /// The filtered engine speed (rpm); none before the first sample.
-    filtered: Option<f64>,
-}
-
-impl SpeedFilter {
-    /// The rate of change of engine speed (rpm/s) at a sample.
-    pub fn sample(&mut self, parameters: &Parameters, engine_speed: f64) -> f64 {
-        let &Parameters { sample_time, speed_feedforward, .. } = parameters;
-        let time_constant = speed_feedforward.filter_time;
-        let before = self.filtered.unwrap_or(engine_speed);
-        let filtered = before + sample_time / (time_constant + sample_time) * (engine_speed - before);
-        self.filtered = Some(filtered);
-        (engine_speed - filtered) / time_constant
-    }
-}
 
 /// The engine speed (rpm) whose sensitivity counts while the bypass is open: that at which it would be open so far at
 /// rest, since it lags behind engine speed.

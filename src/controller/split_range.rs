@@ -16,9 +16,10 @@ use super::compensator::{Compensator, Limits};
 use super::day::Day;
 use super::feedforward;
 use super::law::{BoostLaw, DutyTerms, Task};
+use super::rate_filter::RateFilter;
 use super::schedule;
 use super::shaft_speed_limit::{self, ShaftSpeedLimit};
-use super::speed_feedforward::{self, SpeedFilter};
+use super::speed_feedforward;
 use super::surge_protection::SurgeValve;
 use super::variables::{Inputs, Parameters};
 use crate::elementary::{larger, smaller};
@@ -26,10 +27,14 @@ use crate::elementary::{larger, smaller};
 /// The memory of the strategy, beside the law's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct SplitRange {
-    engine_speed: SpeedFilter,
+    engine_speed: RateFilter,
     bypass: Bypass,
     shaft_speed: ShaftSpeedLimit,
     surge_valve: SurgeValve,
+    /// At the last sample (%).
+    virtual_duty: f64,
+    /// The limit of the reference for the shaft at the last sample (Pa, as on the day of the schedule).
+    limit: f64,
     /// The day of the law's pressures.
     day: Day,
 }
@@ -43,7 +48,9 @@ impl SplitRange {
         inputs: &Inputs,
         compensator: Compensator,
     ) -> Command {
-        let &Parameters { lambda, feedback_lambda, ref allocation, .. } = parameters;
+        let &Parameters {
+            sample_time, lambda, feedback_lambda, ref allocation, ref speed_feedforward, ..
+        } = parameters;
         let day = Day::measured(parameters, inputs);
         if day != self.day {
             let before = std::mem::replace(&mut self.day, day);
@@ -53,18 +60,40 @@ impl SplitRange {
         let factor = day.speed_factor(pressure);
         let engine_speed = factor * inputs.engine_speed;
         // The sensitivity grows with the time constants.
-        let rate = day.time_scale() * (factor * self.engine_speed.sample(parameters, inputs.engine_speed));
-        let (reference, limit) = references(parameters, inputs, &day, engine_speed);
+        let filter_time = speed_feedforward.filter_time;
+        let acceleration = self.engine_speed.sample(sample_time, filter_time, inputs.engine_speed);
+        let rate = day.time_scale() * (factor * acceleration);
+        let measurement = day.scheduled_pressure(inputs.boost_pressure);
+        let limit = match shaft_speed_limit::measured(inputs.hp_turbo_speed) {
+            None => scheduled_limit(parameters, engine_speed),
+            Some(speed) => {
+                let limit_at = |speed| {
+                    day.limit_of_shaft(speed, |speed| shaft_speed_limit::uncapped_limit(parameters, speed))
+                };
+                let here = limit_at(inputs.engine_speed);
+                // Boost follows its reference by λ, and the rate by the filter: a limit that rises counts ahead.
+                let ahead = lambda + filter_time;
+                let to_come = limit_at(larger(inputs.engine_speed + ahead * acceleration, 0.0));
+                let gain = day.operating_point(parameters, pressure, engine_speed).local_model().gain;
+                let margin = shaft_speed_limit::margin(parameters, speed, self.virtual_duty, gain);
+                let above = measurement + margin - here;
+                larger(here, to_come) + self.shaft_speed.correction(parameters, above)
+            }
+        };
+        self.limit = limit;
+        let reference = limited_reference(parameters, inputs, &day, limit);
         let mut limits = allocation.limits(parameters, engine_speed, compensator);
         let at = |pressure| day.operating_point(parameters, pressure, engine_speed);
-        let holding = at(limit).feedforward();
+        let holding = at(limit).extrapolated_feedforward(limit);
+        let mut model_limits = if day.is_other { lifting(parameters, limits) } else { limits };
         let mut waits = day.is_other;
         let excess = self.shaft_speed.excess(parameters, inputs.hp_turbo_speed);
-        let least = excess.map(|excess| shaft_speed_limit::least_duty(parameters, excess, holding));
-        if let Some(least) = least
-            && least > limits.least
-        {
-            (limits.least, waits) = (least, false);
+        if let Some(excess) = excess {
+            let least = shaft_speed_limit::least_duty(parameters, excess, holding);
+            if least > limits.least {
+                (limits.least, waits) = (least, false);
+                model_limits.least = larger(model_limits.least, least);
+            }
         }
         let expected = day.pressure(larger(pressure, reference));
         let surge_valve = self.surge_valve.sample(parameters, inputs.boost_pressure, expected);
@@ -72,7 +101,7 @@ impl SplitRange {
             parameters,
             Task {
                 reference,
-                measurement: day.scheduled_pressure(inputs.boost_pressure),
+                measurement,
                 operating_point: at(reference).slower(day.time_scale()),
                 holding: speed_feedforward::holding_duty(
                     parameters,
@@ -85,24 +114,28 @@ impl SplitRange {
                 feedback_lambda: lambda
                     + (feedback_lambda - lambda) * allocation.low_pressure_share(engine_speed),
                 limits,
-                model_limits: if day.is_other { lifting(parameters, limits) } else { limits },
+                model_limits,
                 waits,
             },
         );
         let virtual_duty = limits.clip(terms.duty());
-        let mut asked = allocation.openings(virtual_duty, engine_speed);
+        self.virtual_duty = virtual_duty;
+        let duty_of_others = excess.map_or(virtual_duty, |excess| {
+            shaft_speed_limit::duty_of_other_valves(parameters, excess, virtual_duty)
+        });
+        let mut asked = allocation.openings(duty_of_others, engine_speed);
         asked.hp_bypass *= excess.map_or(1.0, shaft_speed_limit::bypass_share);
         let hp_bypass = self.bypass.sample(parameters, asked.hp_bypass, virtual_duty);
         command(parameters, &day, terms, limits, Openings { hp_bypass, surge_valve, ..asked })
     }
 
-    /// The inputs and the reference of the boost pressure (Pa) of the last sample as on the day of the schedule, and the
+    /// The inputs and the reference of the boost pressure (Pa) at the last sample as on the day of the schedule, and the
     /// pressure there (Pa) of the largest reference.
     pub fn on_scheduled_day(&self, parameters: &Parameters, inputs: &Inputs) -> (Inputs, f64, f64) {
         let day = &self.day;
         let boost_pressure = day.scheduled_pressure(inputs.boost_pressure);
         let engine_speed = day.speed_factor(boost_pressure) * inputs.engine_speed;
-        let (reference, _) = references(parameters, inputs, day, engine_speed);
+        let reference = limited_reference(parameters, inputs, day, self.limit);
         let largest = day.scheduled_pressure(parameters.boost_limit);
         (Inputs { boost_pressure, engine_speed, ..*inputs }, reference, largest)
     }
@@ -113,7 +146,7 @@ pub fn at_rest(parameters: &Parameters, inputs: &Inputs, compensator: Compensato
     let day = Day::measured(parameters, inputs);
     let asked = day.scheduled_pressure(feedforward::bounded_reference(parameters, inputs));
     let engine_speed = day.speed_factor(asked) * inputs.engine_speed;
-    let (reference, _) = references(parameters, inputs, &day, engine_speed);
+    let reference = limited_reference(parameters, inputs, &day, scheduled_limit(parameters, engine_speed));
     let holding = day.operating_point(parameters, reference, engine_speed).feedforward();
     let limits = parameters.allocation.limits(parameters, engine_speed, compensator);
     let openings = parameters.allocation.openings(limits.clip(holding), engine_speed);
@@ -138,12 +171,17 @@ fn command(
     Command { terms, limits, hp_duty, openings }
 }
 
-/// The reference of the boost pressure, within the limits that protect the engine and its high-pressure shaft, and the
-/// limit for the shaft (Pa, as on the day of the schedule).
-fn references(parameters: &Parameters, inputs: &Inputs, day: &Day, engine_speed: f64) -> (f64, f64) {
+/// The limit of the reference that keeps the high-pressure shaft within its speed at rest (Pa, as on the day of the
+/// schedule).
+fn scheduled_limit(parameters: &Parameters, engine_speed: f64) -> f64 {
     let schedule = &parameters.range_schedule;
-    let limit = schedule::interpolate(&schedule.engine_speed, &schedule.boost_limit, engine_speed);
-    (smaller(day.scheduled_pressure(feedforward::bounded_reference(parameters, inputs)), limit), limit)
+    schedule::interpolate(&schedule.engine_speed, &schedule.boost_limit, engine_speed)
+}
+
+/// The reference of the boost pressure, within the limits that protect the engine and its high-pressure shaft (Pa, as on
+/// the day of the schedule).
+fn limited_reference(parameters: &Parameters, inputs: &Inputs, day: &Day, limit: f64) -> f64 {
+    smaller(day.scheduled_pressure(feedforward::bounded_reference(parameters, inputs)), limit)
 }
 
 /// Rejects parameters of the strategy that contradict each other.

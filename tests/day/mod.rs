@@ -247,6 +247,32 @@ fn the_shaft_keeps_its_limit_while_boost_rises() {
     }
 }
 
+/// The shaft's speed at rest at a reference out of reach (krpm).
+fn speed_at_limit(pressure: f64, temperature: f64, engine_speed: f64, measured: Measured) -> f64 {
+    let mut control = on_a_day(pressure, temperature, 150e3, engine_speed, measured);
+    control.run(SETTLING, |_| {});
+    control.demand.boost_reference = 220e3;
+    control.run(4.0 * SETTLING, |_| {});
+    1e-3 * control.plant.variables.outputs.hp_turbo_speed
+}
+
+/// Where the schedule's limit is too low for the day, the shaft reaches 205 krpm, and not more. The 0.5 krpm are less
+/// than 1 kPa.
+#[test]
+fn the_limit_is_that_of_the_shaft() {
+    let mut farthest: f64 = 0.0;
+    for (pressure, temperature, engine_speed) in [(95.6e3, 257.0, 4551.0), (70.2e3, 275.0, 3600.0)] {
+        let [without, with] =
+            [AMBIENT, ALL].map(|measured| speed_at_limit(pressure, temperature, engine_speed, measured));
+        println!(
+            "{pressure} Pa, {temperature} K, {engine_speed} rpm: {without:.1} krpm without the speed, {with:.1} with it"
+        );
+        farthest = farthest.max((without - 205.0).abs());
+        assert!((with - 205.0).abs() <= 0.5, "{with} krpm at {engine_speed} rpm and {pressure} Pa");
+    }
+    assert!(farthest > 10.0, "{farthest} krpm: the measurement changes nothing here");
+}
+
 /// The throttle shuts to 2 % in one step: the compressors' least flow (kg/s) within 10 s.
 fn least_flow(boost: f64, engine_speed: f64, has_valve: bool) -> f64 {
     let mut control = on_a_day(101_325.0, 298.0, boost, engine_speed, NOTHING);
