@@ -35,9 +35,15 @@ impl<M: Model> Instance<M> {
         if types.contains(&variable.data_type) {
             Ok(variable)
         } else {
-            let data_type = variable.data_type.name(Self::DESCRIPTION.version);
-            Err(Error::new(format!("the variable {} is of the type {data_type}", variable.name)))
+            Err(Self::type_error(variable))
         }
+    }
+
+    /// That a variable has another type.
+    #[cold]
+    fn type_error(variable: &VariableDescription) -> Error {
+        let data_type = variable.data_type.name(Self::DESCRIPTION.version);
+        Error::new(format!("the variable {} is of the type {data_type}", variable.name))
     }
 
     /// Gets or sets variables of a type that no variable has.
