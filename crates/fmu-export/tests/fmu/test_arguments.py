@@ -106,6 +106,16 @@ def test_the_rounding_of_communication_points(make: Make, start_time: float, clo
     assert instance.get("time") == pytest.approx(begin, rel=1e-12)
 
 
+def test_the_rounding_of_short_steps_late_in_a_run(make: Make) -> None:
+    """A millionth of the step is less than the time's rounding."""
+    start_time, size = 1e6, 1e-5
+    instance = make().initialize(start_time)
+    begin = start_time
+    for _ in range(100):
+        assert instance.step(begin, size) == Status.OK, instance.messages
+        begin = math.nextafter(begin + size, math.inf)
+
+
 # The experiment
 
 

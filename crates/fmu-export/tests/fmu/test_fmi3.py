@@ -89,7 +89,8 @@ OF_CO_SIMULATION = {"EnterStepMode", "GetOutputDerivatives", "DoStep"}
 OF_OTHERS = {
     CO_SIMULATION: OF_MODEL_EXCHANGE | {"EnterEventMode"},
     # The sampled model provides no derivatives.
-    EVENT_MODE: OF_MODEL_EXCHANGE | {"GetDirectionalDerivative", "GetOutputDerivatives"},
+    EVENT_MODE: OF_MODEL_EXCHANGE
+    | {"GetDirectionalDerivative", "GetAdjointDerivative", "GetOutputDerivatives"},
     MODEL_EXCHANGE: OF_CO_SIMULATION,
 }
 """The functions that instances for an interface do not have."""

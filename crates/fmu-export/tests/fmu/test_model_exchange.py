@@ -634,6 +634,31 @@ def test_a_step_to_the_end_of_the_model(make: Make) -> None:
     instance.ok("fmi2Terminate")
 
 
+@pytest.mark.parametrize("late", [-1e-10, 0.0, 1e-10])
+@pytest.mark.parametrize("begin", [STEP, 0.0])
+def test_an_end_that_is_off_by_rounding(make: Make, begin: float, late: float) -> None:
+    """The time that was reached is not before the step's start and not after its end."""
+    instance = make().initialize()
+    assert instance.step(0.0, STEP) == Status.OK
+    assert instance.set({"events.end": begin + STEP + late}) == Status.OK
+    assert instance.step(STEP, STEP) == Status.DISCARD
+    time = c_double()
+    instance.ok("fmi2GetRealStatus", 2, byref(time))
+    assert time.value == min(max(begin + STEP + late, STEP), 2 * STEP)
+
+
+def test_an_end_before_the_first_step(make: Make) -> None:
+    """The model asks for it in initialization."""
+    instance = make()
+    assert instance.set({"events.end": 0.5}) == Status.OK
+    instance.initialize(start_time=1.0)
+    assert instance.step(1.0, STEP) == Status.DISCARD
+    time, terminated = c_double(), c_int()
+    instance.ok("fmi2GetRealStatus", 2, byref(time))
+    instance.ok("fmi2GetBooleanStatus", 3, byref(terminated))
+    assert (time.value, terminated.value) == (1.0, 1)
+
+
 def test_saved_within_an_event(make: Make) -> None:
     """Between two iterations: from the handle and from bytes the same ones follow."""
     instance = initialized(make, events__period=0.25, events__echoes=3)

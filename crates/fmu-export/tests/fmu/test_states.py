@@ -249,6 +249,16 @@ def test_bytes_become_a_new_state(make: Make) -> None:
         assert instance.serialize(older) == before
 
 
+def test_the_experiment_that_was_set_up_is_kept(make: Make) -> None:
+    instance, other = make(), make()
+    instance.set_up(start_time=3.0, stop_time=4.0)
+    other.restore(instance.snapshot())
+    other.ok("fmi2EnterInitializationMode")
+    other.ok("fmi2ExitInitializationMode")
+    assert other.get("time") == 3.0
+    other.refuses("fmi2DoStep", 3.0, 2.0, 1, names=["stopTime"])
+
+
 def test_instances_do_not_share(make: Make) -> None:
     """Two instances of one library, stepped in turn, are independent."""
     alone = drive(make().initialize(3.0), 0, 20)

@@ -12,6 +12,9 @@ mod variables {
 }
 use variables::{Gear, Inputs, Manner, Place, Start, Variables};
 
+/// A step ends at the model's end where it misses it by less, in s.
+const ROUNDING: f64 = 1e-9;
+
 /// Whether the next `default` panics, which has no parameters.
 static DEFAULT_FAILS: AtomicBool = AtomicBool::new(false);
 
@@ -212,6 +215,10 @@ impl Model for TestModel {
         end_at_no_time(variables, context);
         self.steps = variables.parameters.settings.first;
         self.start_time = context.experiment.start_time;
+        let end = variables.parameters.events.end;
+        if end > 0.0 && end <= self.start_time {
+            context.terminate(end);
+        }
         (self.ticks, self.hits, self.had, self.last) = (0, 0, 0, 0.0);
         (self.echoes, self.echo) = (0, 1.0);
         self.note_full(variables);
@@ -245,7 +252,7 @@ impl Model for TestModel {
         self.note_full(variables);
         self.evaluate(step.end(), variables, &step.inputs.at(step.size));
         let end = variables.parameters.events.end;
-        if end > 0.0 && step.start < end && end <= step.end() {
+        if end > 0.0 && step.start - ROUNDING < end && end <= step.end() + ROUNDING {
             context.terminate(end);
         }
         end_at_no_time(variables, context);
