@@ -25,13 +25,16 @@ pub struct ModelDescription {
     pub capabilities: Capabilities,
 }
 
-/// The interfaces of FMI 2.0 that an FMU offers (sections 3 and 4); at least one.
+/// The interfaces of FMI that an FMU offers; at least one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(clippy::struct_excessive_bools, reason = "they are the standard's")]
 pub struct Interfaces {
     /// The FMU steps by itself.
     pub co_simulation: bool,
     /// The importer integrates the FMU's states.
     pub model_exchange: bool,
+    /// The importer schedules the FMU's clock.
+    pub scheduled_execution: bool,
 }
 
 /// Optional functions of FMI 2.0 co-simulation (section 4.3.1) that depend on the model.
@@ -73,7 +76,7 @@ pub struct VariableDescription {
     pub state: Option<u16>,
 }
 
-/// The five data types of FMI 2.0.
+/// The data types of FMI 2.0, and Clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]
 pub enum DataType {
@@ -83,6 +86,8 @@ pub enum DataType {
     String,
     /// Accessed through the Integer functions.
     Enumeration,
+    /// Of FMI 3.0.
+    Clock,
 }
 
 /// `causality` (FMI 2.0.5, section 2.2.7).

@@ -170,9 +170,10 @@ impl<M: Model> Instance<M> {
             && match self.memory.phase {
                 Phase::Instantiated => matches!(variable.initial, Initial::Exact | Initial::Approx),
                 Phase::InitializationMode => variable.initial == Initial::Exact,
-                Phase::StepComplete | Phase::EventMode | Phase::StepEventMode => {
-                    variable.variability == Variability::Tunable
-                }
+                Phase::StepComplete
+                | Phase::EventMode
+                | Phase::StepEventMode
+                | Phase::ClockActivationMode => variable.variability == Variability::Tunable,
                 Phase::ContinuousTimeMode => variable.state.is_some(),
                 Phase::StepFailed | Phase::Terminated | Phase::Error => false,
             }

@@ -681,7 +681,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {
         fmi::VariableDescription { name: "der(settings.reserve)", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
     ],
     log_categories: &["logStatusError", "logStatusWarning", "logEvents"],
-    interfaces: fmi::Interfaces { co_simulation: true, model_exchange: false },
+    interfaces: fmi::Interfaces { co_simulation: true, model_exchange: false, scheduled_execution: false },
     has_resources: false,
     capabilities: fmi::Capabilities {
         interpolate_inputs: true,

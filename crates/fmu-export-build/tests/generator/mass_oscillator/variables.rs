@@ -371,7 +371,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {
         fmi::VariableDescription { name: "force", data_type: fmi::DataType::Real, causality: fmi::Causality::Input, variability: fmi::Variability::Continuous, initial: fmi::Initial::None, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: Some(0), state: None },
     ],
     log_categories: &["logStatusError", "logStatusWarning", "logEvents", "logWear"],
-    interfaces: fmi::Interfaces { co_simulation: true, model_exchange: false },
+    interfaces: fmi::Interfaces { co_simulation: true, model_exchange: false, scheduled_execution: false },
     has_resources: false,
     capabilities: fmi::Capabilities {
         interpolate_inputs: true,
