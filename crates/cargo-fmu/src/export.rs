@@ -85,6 +85,9 @@ impl Export {
         let models = choose(&metadata, &self.models, &self.packages)?;
         let out = self.out.unwrap_or_else(|| metadata.target_directory.join("fmu").into());
         let Self { mut versions, interfaces, binaries, .. } = self;
+        if interfaces == Some(Interfaces::ScheduledExecution) && versions.contains(&Version::Two) {
+            bail!("--interfaces se is of FMI 3.0; --fmi names 2");
+        }
         versions.sort();
         versions.dedup();
         let versions =
@@ -192,17 +195,19 @@ impl Plan {
         let mut written = vec![];
         for (&name, description) in descriptions {
             let libraries = libraries.remove(name).unwrap_or_default();
+            // Of Scheduled Execution another one than the library's.
+            let identifier = model_identifier(description).unwrap_or(name);
             let generated = built[0].1.generated(name)?;
             let mut files = documentation(&generated, description, &libraries)?;
             files.extend(resources(&generated)?);
             files.extend(licenses::files(name, &self.models[name], built)?);
             let fmu = Fmu {
-                model_identifier: name,
+                model_identifier: identifier,
                 model_description: description,
                 libraries: libraries.into_iter().collect(),
                 files,
             };
-            let file = self.fmu_of(name, description);
+            let file = self.fmu_of(identifier, description);
             if let Some(folder) = file.parent() {
                 fs::create_dir_all(folder)
                     .with_context(|| format!("cannot create the folder {}", folder.display()))?;
@@ -234,6 +239,9 @@ fn interfaces() -> impl TypedValueParser<Value = Interfaces> {
             Interfaces::CoSimulation => value.help("Co-simulation: the FMU steps by itself"),
             Interfaces::ModelExchange => value.help("Model Exchange: the importer's solver integrates it"),
             Interfaces::Both => value.alias("me,cs").help("Both; importers choose"),
+            Interfaces::ScheduledExecution => value.help(
+                "Scheduled Execution of FMI 3.0, as an FMU of its own: the importer schedules the clock",
+            ),
         }
     });
     PossibleValuesParser::new(values).try_map(|text| text.parse::<Interfaces>())
@@ -379,6 +387,11 @@ fn libraries_of<'a>(
 /// Whether a description is one of FMI 3.0.
 fn is_fmi3(model_description: &str) -> bool {
     model_description.contains(" fmiVersion=\"3.")
+}
+
+/// A description's model identifier.
+fn model_identifier(model_description: &str) -> Option<&str> {
+    model_description.split(" modelIdentifier=\"").nth(1)?.split('"').next()
 }
 
 /// A description's GUID, or instantiation token.

@@ -135,10 +135,16 @@ fn an_unknown_model_is_refused_with_the_known_ones() {
 
 #[test]
 fn unknown_interfaces_are_refused_with_the_known_ones() {
-    for interfaces in ["", "se", "cs,cs", "ModelExchange"] {
+    for interfaces in ["", "cs,se", "cs,cs", "ModelExchange"] {
         let message = refusal(&["export", "--interfaces", interfaces]);
-        assert!(message.contains("[possible values: cs, me, cs,me]"), "{message}");
+        assert!(message.contains("[possible values: cs, me, cs,me, se]"), "{message}");
     }
+}
+
+#[test]
+fn scheduled_execution_is_refused_in_fmi_2() {
+    let message = refusal(&["export", "--interfaces", "se", "--fmi", "2,3"]);
+    assert!(message.contains("--interfaces se is of FMI 3.0; --fmi names 2"), "{message}");
 }
 
 #[test]

@@ -10,6 +10,7 @@ use crate::declaration::{
     Variability, VariableDeclaration,
 };
 use crate::error::{Refusals, nearest};
+use crate::interfaces::Fmi;
 use crate::model::{DataType, Part, Place, Scalar, Start};
 use crate::rust;
 use crate::units::Units;
@@ -122,6 +123,25 @@ pub(crate) fn terminals(declaration: &Declaration, scalars: &[Scalar], refusals:
                 refusals.add(key, format!("{}: '{name}' is in it twice", terminal.name));
             }
         }
+    }
+}
+
+/// The clock. Scheduled Execution needs one; a package may declare further models, without a clock, that are not exported.
+pub(crate) fn clock(declaration: &Declaration, fmi: Fmi, scalars: &[Scalar], refusals: &mut Refusals) {
+    let Some(clock) = &declaration.clock else { return };
+    if let Err(reason) = mixed_name(&clock.name, "letters, digits and underscores") {
+        refusals.add("clock.name", reason);
+    } else if scalars.iter().any(|scalar| scalar.name == clock.name) {
+        refusals.add("clock.name", format!("{}: there is another variable of this name", clock.name));
+    }
+    if let Some(Err(reason)) = clock.description.as_deref().map(one_line) {
+        refusals.add("clock.description", reason);
+    }
+    if fmi.interfaces.scheduled_execution()
+        && let Some(state) = scalars.iter().find(|scalar| scalar.place == Place::States)
+    {
+        let reason = format!("{}: Scheduled Execution is for models without continuous states", state.name);
+        refusals.add(format!("{}.derivative", state.key), reason);
     }
 }
 

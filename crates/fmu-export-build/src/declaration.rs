@@ -66,6 +66,17 @@ pub(crate) struct Declaration {
     /// Groups of variables that tools connect in one stroke with those of another FMU.
     #[serde(default)]
     pub(crate) terminals: Vec<TerminalDeclaration>,
+    /// The clock of a sampled model in Scheduled Execution, at whose ticks a sample is computed.
+    pub(crate) clock: Option<ClockDeclaration>,
+}
+
+/// A clock whose interval is the period of a sampled model (FMI 3.0.2, section 2.2.8).
+#[derive(Debug, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ClockDeclaration {
+    pub(crate) name: String,
+    pub(crate) description: Option<String>,
 }
 
 /// A group of variables that tools connect in one stroke (FMI 3.0.2, section 2.4.9).

@@ -4,6 +4,8 @@ use std::env::{self, VarError};
 use std::fmt;
 use std::str::FromStr;
 
+use crate::declaration::Declaration;
+
 /// The environment variable that names the interfaces of what [`generate`](crate::generate) generates, as the text of
 /// an [`Interfaces`]; co-simulation when it is not set.
 pub const INTERFACES_VARIABLE: &str = "FMU_INTERFACES";
@@ -36,9 +38,21 @@ impl Fmi {
         })
     }
 
-    /// The macro of `fmu-export` that makes the functions of a model, which has Event Mode in co-simulation or not.
-    pub(crate) fn macro_name(self, has_event_mode: bool) -> &'static str {
+    /// Refuses interfaces that the version does not have.
+    pub(crate) fn check(self) -> Result<Self, String> {
+        if self.version == Version::Two && self.interfaces.scheduled_execution() {
+            Err("Scheduled Execution is an interface of FMI 3.0; it was asked for with FMI 2.0".to_owned())
+        } else {
+            Ok(self)
+        }
+    }
+
+    /// The macro of `fmu-export` that makes the functions of a model.
+    pub(crate) fn macro_name(self, declaration: &Declaration) -> &'static str {
+        let has_event_mode = declaration.capabilities.event_mode;
         match (self.version, self.interfaces) {
+            (_, Interfaces::ScheduledExecution) if declaration.clock.is_none() => "fmi3_without_clock",
+            (_, Interfaces::ScheduledExecution) => "fmi3_scheduled_execution",
             (Version::Two, Interfaces::CoSimulation) => "fmi2_co_simulation",
             (Version::Two, Interfaces::ModelExchange) => "fmi2_model_exchange",
             (Version::Two, Interfaces::Both) => "fmi2_both",
@@ -100,7 +114,7 @@ impl fmt::Display for Version {
     }
 }
 
-/// The interfaces that an FMU offers (FMI 2.0.5, sections 3 and 4). Their texts are `cs`, `me` and `cs,me`.
+/// The interfaces that an FMU offers. Their texts are `cs`, `me`, `cs,me` and `se`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interfaces {
     /// The FMU steps by itself.
@@ -110,11 +124,15 @@ pub enum Interfaces {
     ModelExchange,
     /// Both, of which the importer chooses one for each instance.
     Both,
+    /// The importer schedules the FMU's clock, in FMI 3.0: alone, as a clock binds all interfaces of its FMU (FMI 3.0.2,
+    /// section 2.5.2).
+    ScheduledExecution,
 }
 
 impl Interfaces {
     /// Every choice.
-    pub const ALL: [Self; 3] = [Self::CoSimulation, Self::ModelExchange, Self::Both];
+    pub const ALL: [Self; 4] =
+        [Self::CoSimulation, Self::ModelExchange, Self::Both, Self::ScheduledExecution];
 
     /// The text.
     #[must_use]
@@ -123,19 +141,26 @@ impl Interfaces {
             Self::CoSimulation => "cs",
             Self::ModelExchange => "me",
             Self::Both => "cs,me",
+            Self::ScheduledExecution => "se",
         }
     }
 
     /// Whether co-simulation is among them.
     #[must_use]
     pub fn co_simulation(self) -> bool {
-        self != Self::ModelExchange
+        matches!(self, Self::CoSimulation | Self::Both)
     }
 
     /// Whether Model Exchange is among them.
     #[must_use]
     pub fn model_exchange(self) -> bool {
-        self != Self::CoSimulation
+        matches!(self, Self::ModelExchange | Self::Both)
+    }
+
+    /// Whether Scheduled Execution is among them.
+    #[must_use]
+    pub fn scheduled_execution(self) -> bool {
+        self == Self::ScheduledExecution
     }
 
     /// Their names, for people.
@@ -144,6 +169,7 @@ impl Interfaces {
             Self::CoSimulation => "co-simulation",
             Self::ModelExchange => "Model Exchange",
             Self::Both => "co-simulation and Model Exchange",
+            Self::ScheduledExecution => "Scheduled Execution",
         }
     }
 }
@@ -156,7 +182,8 @@ impl FromStr for Interfaces {
             "cs" => Ok(Self::CoSimulation),
             "me" => Ok(Self::ModelExchange),
             "cs,me" | "me,cs" => Ok(Self::Both),
-            _ => Err(format!("'{text}' is not one of cs, me and cs,me")),
+            "se" => Ok(Self::ScheduledExecution),
+            _ => Err(format!("'{text}' is not one of cs, me, cs,me and se")),
         }
     }
 }

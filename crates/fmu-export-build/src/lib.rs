@@ -99,7 +99,7 @@ pub fn generate(declaration: impl AsRef<Path>) {
     println!("cargo::rerun-if-env-changed={VERSION_VARIABLE}");
     println!("cargo::rerun-if-env-changed={INTERFACES_VARIABLE}");
     let out_dir = env::var("OUT_DIR").expect("OUT_DIR is set for build scripts only");
-    let fmi = Fmi::of_environment().unwrap_or_else(|reason| {
+    let fmi = Fmi::of_environment().and_then(Fmi::check).unwrap_or_else(|reason| {
         println!("cargo::error={reason}");
         process::exit(1);
     });
@@ -132,6 +132,7 @@ pub fn generate_into(
     fmi: impl Into<Fmi>,
 ) -> Result<Generated, Error> {
     let file = declaration;
+    let fmi = fmi.into().check().map_err(|reason| Error::of_file(file, reason))?;
     let (declaration, source) = Source::read::<Declaration>(file)?;
     let beside = |key: &str, name: &Option<String>| match name.as_ref().map(|name| file.with_file_name(name))
     {
@@ -142,8 +143,7 @@ pub fn generate_into(
     };
     let units_file = beside("units", &declaration.units)?;
     let units = units_file.as_deref().map(read_units).transpose()?.unwrap_or_default();
-    let model =
-        Model::new(&declaration, &units, package, fmi.into()).map_err(|refusals| source.error(refusals))?;
+    let model = Model::new(&declaration, &units, package, fmi).map_err(|refusals| source.error(refusals))?;
     let structure = dependencies::Structure::new(&model.scalars, model.fmi.version);
     let description = xml::Description::new(&model, &structure);
     let read_fragment = |file: PathBuf| fragment::read(&file, &page::anchors(&model));
@@ -157,7 +157,7 @@ pub fn generate_into(
     let page = page::write(&model, &structure, &description.guid, fragment.as_ref());
     let fragment_sources = fragment.map(|fragment| fragment.files).unwrap_or_default();
 
-    let folder = out_dir.join(&model.identifier);
+    let folder = out_dir.join(&model.library);
     fs::create_dir_all(&folder).map_err(|error| Error::of_file(&folder, error))?;
     let write = |name: &str, content: &[u8]| {
         let file = folder.join(name);

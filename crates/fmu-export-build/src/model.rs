@@ -10,8 +10,8 @@ use serde_json::Value;
 use crate::Package;
 use crate::check;
 use crate::declaration::{
-    Causality, ComponentDeclaration, Declaration, Described, Initial, UnitDeclaration, UnitNames,
-    Variability, VariableDeclaration,
+    Causality, ClockDeclaration, ComponentDeclaration, Declaration, Described, Initial, UnitDeclaration,
+    UnitNames, Variability, VariableDeclaration,
 };
 use crate::dependencies;
 use crate::error::{Refusal, Refusals, nearest};
@@ -19,10 +19,16 @@ use crate::interfaces::{Fmi, Version};
 use crate::rust;
 use crate::units::{self, Unit, Units};
 
+/// What the identifier of an FMU for Scheduled Execution adds to that of the same model's other one.
+const SCHEDULED: &str = "Scheduled";
+
 /// A model that is ready to be printed.
 pub(crate) struct Model<'a> {
     pub(crate) declaration: &'a Declaration,
     pub(crate) fmi: Fmi,
+    /// The declared identifier: the name of the library.
+    pub(crate) library: String,
+    /// The identifier of the FMU.
     pub(crate) identifier: String,
     pub(crate) description: Option<String>,
     pub(crate) author: Option<String>,
@@ -69,7 +75,7 @@ impl Field<'_> {
     }
 }
 
-/// The field of the generated `Variables` that holds a value; time and event indicators are in none.
+/// The field of the generated `Variables` that holds a value; time, event indicators and the clock are in none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Place {
     Time,
@@ -80,6 +86,7 @@ pub(crate) enum Place {
     Locals,
     Outputs,
     EventIndicators,
+    Clock,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -126,6 +133,8 @@ pub(crate) struct Scalar {
     pub(crate) state: Option<usize>,
     /// Of a state: whether events may set it.
     pub(crate) reinit: bool,
+    /// Whether it changes at the ticks of the clock alone.
+    pub(crate) is_clocked: bool,
     /// Where the value is within its place, e.g. `tank.pressure` or `gain[0][2]`.
     pub(crate) path: String,
     pub(crate) reads: Reads,
@@ -156,6 +165,7 @@ impl Scalar {
             start: None,
             state: None,
             reinit: false,
+            is_clocked: false,
             path: String::new(),
             reads: Some(Vec::new()),
             initial_reads: Some(Vec::new()),
@@ -209,14 +219,22 @@ impl<'a> Model<'a> {
         check::outputs(&scalars, &mut refusals);
         check::calculated_parameters(&scalars, &mut refusals);
         check::terminals(declaration, &scalars, &mut refusals);
+        check::clock(declaration, fmi, &scalars, &mut refusals);
         dependencies::refuse_cycles(&scalars, &mut refusals);
         refusals.check()?;
         if fmi.version == Version::Three && fmi.interfaces.model_exchange() {
             add_event_indicators(&declaration.event_indicators, &mut scalars);
         }
+        let library = identifier;
+        let mut identifier = library.clone();
+        if fmi.interfaces.scheduled_execution() {
+            identifier += SCHEDULED;
+            add_clock(declaration.clock.as_ref(), &mut scalars);
+        }
         Ok(Self {
             declaration,
             fmi,
+            library,
             identifier,
             description: declaration.description.clone().or_else(|| given(&package.description)),
             author: declaration.author.clone().or_else(|| given(&package.authors.replace(':', ", "))),
@@ -253,6 +271,34 @@ impl<'a> Model<'a> {
     pub(crate) fn in_place(&self, place: Place) -> impl Iterator<Item = usize> {
         (0..self.scalars.len()).filter(move |&position| self.scalars[position].place == place)
     }
+}
+
+/// Adds the clock, with the value reference that follows all others. Everything that changes does so at its ticks, by all
+/// that is known then.
+fn add_clock(clock: Option<&ClockDeclaration>, scalars: &mut Vec<Scalar>) {
+    let Some(clock) = clock else { return };
+    for scalar in scalars.iter_mut() {
+        if matches!(scalar.place, Place::Inputs | Place::Outputs | Place::Locals)
+            && matches!(scalar.variability, Variability::Continuous | Variability::Discrete)
+        {
+            scalar.variability = Variability::Discrete;
+            scalar.is_clocked = true;
+            scalar.reads = None;
+        }
+    }
+    let last = scalars.iter().map(|scalar| scalar.value_reference).max().unwrap_or(0);
+    scalars.push(Scalar {
+        name: clock.name.clone(),
+        value_reference: last + 1,
+        description: clock.description.clone(),
+        place: Place::Clock,
+        causality: Some(Causality::Input),
+        variability: Variability::Discrete,
+        // A clock ticks or not.
+        data_type: DataType::Boolean,
+        unit: None,
+        ..Scalar::time()
+    });
 }
 
 /// Adds the event indicators, which in FMI 3.0 are variables, with the value references that follow all others.

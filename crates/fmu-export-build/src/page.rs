@@ -203,7 +203,9 @@ impl<'m, 'a> Page<'m, 'a> {
                     .filter(|names| model.fmi.interfaces.model_exchange() && !names.is_empty()),
             ),
         ];
-        let facts = facts.into_iter().filter_map(|(term, text)| Some((term, text?)));
+        let clock = model.declaration.clock.as_ref().filter(|_| model.fmi.interfaces.scheduled_execution());
+        let clock = clock.map(|clock| ("Clock", Some(clock.name.as_str())));
+        let facts = facts.into_iter().chain(clock).filter_map(|(term, text)| Some((term, text?)));
         lines(facts.map(|(term, text)| format!("<div><dt>{term}</dt><dd>{}</dd></div>", escape(text))))
     }
 

@@ -28,7 +28,7 @@ impl Place {
             Self::Parameters => "Parameters",
             Self::Inputs => "Inputs",
             Self::States | Self::Derivatives => "States",
-            Self::Locals | Self::Time | Self::EventIndicators => "Locals",
+            Self::Locals | Self::Time | Self::EventIndicators | Self::Clock => "Locals",
             Self::Outputs => "Outputs",
         }
     }
@@ -38,7 +38,9 @@ impl Place {
             Self::Parameters => "The parameters",
             Self::Inputs => "The inputs",
             Self::States | Self::Derivatives => "The continuous-time states",
-            Self::Locals | Self::Time | Self::EventIndicators => "The local variables other than states",
+            Self::Locals | Self::Time | Self::EventIndicators | Self::Clock => {
+                "The local variables other than states"
+            }
             Self::Outputs => "The outputs other than states",
         }
     }
@@ -133,7 +135,7 @@ mod generated {{
 use ::fmu_export::description as fmi;
 ",
         model.identifier,
-        model.fmi.macro_name(model.declaration.capabilities.event_mode),
+        model.fmi.macro_name(model.declaration),
     );
     for enumeration in &model.declaration.enumerations {
         text += &enumeration_text(enumeration);

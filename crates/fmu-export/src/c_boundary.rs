@@ -20,7 +20,7 @@ use std::sync::PoisonError;
 use crate::calling_sequence::{Function, Interface};
 use crate::description::ValueReference;
 use crate::error::Error;
-use crate::instance::{Answer, Instance, Memory};
+use crate::instance::{Answer, Instance, Memory, Preemption};
 use crate::logger::Logger;
 use crate::model::{Model, Variables};
 use crate::model_exchange::ModelExchange;
@@ -62,6 +62,22 @@ impl<M: Model> Exported<M> {
         let fmu = unsafe { target.cast::<u64>().read() };
         // SAFETY: a target that begins with this FMU's word is one of `M`, alive and not shared.
         (fmu == Self::FMU).then(|| unsafe { &mut *target })
+    }
+
+    /// The locks of an instance, unless the handle is null or another FMU's.
+    ///
+    /// # Safety
+    /// As for [`Exported::of`], but that another thread may be in a call, which this one has preempted: what is read is
+    /// not changed by any call.
+    pub(crate) unsafe fn preemption(handle: *mut c_void) -> Option<Preemption> {
+        let target = handle.cast::<Self>();
+        if target.is_null() || !target.is_aligned() {
+            return None;
+        }
+        // SAFETY: the caller promises that a handle which is not null begins with this word; it is aligned for it.
+        let fmu = unsafe { target.cast::<u64>().read() };
+        // SAFETY: a target that begins with this FMU's word is one of `M`, alive; no reference is made.
+        (fmu == Self::FMU).then(|| unsafe { (&raw const (*target).instance.preemption).read() })
     }
 }
 

@@ -18,6 +18,8 @@ pub(crate) enum Interface {
     CoSimulationWithEvents,
     /// The importer integrates the model's states.
     ModelExchange,
+    /// The importer activates the model's partition.
+    ScheduledExecution,
 }
 
 impl Interface {
@@ -34,6 +36,7 @@ impl fmt::Display for Interface {
             Self::CoSimulation => "Co-Simulation",
             Self::CoSimulationWithEvents => "Co-Simulation with Event Mode",
             Self::ModelExchange => "Model Exchange",
+            Self::ScheduledExecution => "Scheduled Execution",
         })
     }
 }
@@ -59,6 +62,8 @@ pub(crate) enum Phase {
     Error,
     /// Co-Simulation with Event Mode: at an event.
     StepEventMode,
+    /// Scheduled Execution: between activations.
+    ClockActivationMode,
 }
 
 impl fmt::Display for Phase {
@@ -70,6 +75,7 @@ impl fmt::Display for Phase {
             Self::StepFailed => "stepFailed",
             Self::EventMode | Self::StepEventMode => "Event Mode",
             Self::ContinuousTimeMode => "Continuous-Time Mode",
+            Self::ClockActivationMode => "Clock Activation Mode",
             Self::Terminated => "terminated",
             Self::Error => "error",
         })
@@ -88,6 +94,7 @@ impl Phase {
         Self::Terminated,
         Self::Error,
         Self::StepEventMode,
+        Self::ClockActivationMode,
     ];
 
     /// The interface whose instances alone have the state.
@@ -95,6 +102,7 @@ impl Phase {
         match self {
             Self::StepComplete | Self::StepFailed | Self::StepEventMode => Some(Interface::CoSimulation),
             Self::EventMode | Self::ContinuousTimeMode => Some(Interface::ModelExchange),
+            Self::ClockActivationMode => Some(Interface::ScheduledExecution),
             Self::Instantiated | Self::InitializationMode | Self::Terminated | Self::Error => None,
         }
     }

@@ -27,13 +27,16 @@ pub struct ModelDescription {
     pub capabilities: Capabilities,
 }
 
-/// The interfaces of FMI 2.0 that an FMU offers (sections 3 and 4); at least one.
+/// The interfaces of FMI that an FMU offers; at least one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(clippy::struct_excessive_bools, reason = "they are the standard's")]
 pub struct Interfaces {
     /// The FMU steps by itself.
     pub co_simulation: bool,
     /// The importer integrates the FMU's states.
     pub model_exchange: bool,
+    /// The importer schedules the FMU's clock.
+    pub scheduled_execution: bool,
 }
 
 /// Optional functions of FMI 2.0 co-simulation (section 4.3.1) that depend on the model.
@@ -85,7 +88,7 @@ pub enum Version {
     Three,
 }
 
-/// The data types by the names of FMI 2.0.
+/// The data types by the names of FMI 2.0, and Clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]
 pub enum DataType {
@@ -95,6 +98,8 @@ pub enum DataType {
     String,
     /// Accessed through the Integer functions.
     Enumeration,
+    /// Of FMI 3.0.
+    Clock,
 }
 
 impl DataType {
@@ -109,6 +114,7 @@ impl DataType {
             (Self::Boolean, _) => "Boolean",
             (Self::String, _) => "String",
             (Self::Enumeration, _) => "Enumeration",
+            (Self::Clock, _) => "Clock",
         }
     }
 }

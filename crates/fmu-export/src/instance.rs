@@ -4,6 +4,7 @@
 //! of the standard ends the simulation there. After a failed step or a panic the instance is in the state `error`,
 //! which a reset and a saved state leave. A failed initialization can be repeated.
 
+pub(crate) mod activation;
 mod derivatives;
 mod event_mode;
 mod exchange;
@@ -57,6 +58,8 @@ pub(crate) struct Memory<M: Model> {
     events: Events,
     /// Of Event Mode.
     event: EventUnderWay,
+    /// The interval of the clock in s that the importer was told. In another process it is told anew.
+    told_interval: Option<f64>,
 }
 
 /// The event iterations since Event Mode was entered.
@@ -73,7 +76,7 @@ impl<M: Model> Memory<M> {
     fn new(interface: Interface) -> Self {
         let variables = M::Variables::default();
         let indicators = match interface {
-            Interface::CoSimulation => 0,
+            Interface::CoSimulation | Interface::ScheduledExecution => 0,
             Interface::CoSimulationWithEvents | Interface::ModelExchange => {
                 M::Variables::EVENT_INDICATORS.len()
             }
@@ -93,6 +96,7 @@ impl<M: Model> Memory<M> {
             end: None,
             events: Events::new(indicators),
             event: EventUnderWay::default(),
+            told_interval: None,
         }
     }
 
@@ -123,6 +127,7 @@ impl<M: Model> Persistent for Memory<M> {
             end,
             events,
             event,
+            told_interval: _,
         } = self;
         phase.persist(archive)?;
         model.persist(archive)?;
@@ -140,6 +145,13 @@ impl<M: Model> Persistent for Memory<M> {
     }
 }
 
+/// The importer's functions between which no other one of an instance is called.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Preemption {
+    pub(crate) lock: Option<unsafe extern "C" fn()>,
+    pub(crate) unlock: Option<unsafe extern "C" fn()>,
+}
+
 /// An instance of a model.
 pub(crate) struct Instance<M: Model> {
     pub(crate) logger: Logger,
@@ -151,6 +163,8 @@ pub(crate) struct Instance<M: Model> {
     tape: Tape,
     /// Whether a step may end before the time that was asked for.
     pub(crate) early_return_allowed: bool,
+    /// The importer's locks against preemption, in Scheduled Execution.
+    pub(crate) preemption: Preemption,
 }
 
 impl<M: Model> Instance<M> {
@@ -163,6 +177,7 @@ impl<M: Model> Instance<M> {
             strings: Vec::new(),
             tape: Tape::new(),
             early_return_allowed: false,
+            preemption: Preemption::default(),
         }
     }
 
@@ -264,6 +279,7 @@ impl<M: Model> Instance<M> {
             Interface::CoSimulation => Phase::StepComplete,
             Interface::CoSimulationWithEvents => Phase::StepEventMode,
             Interface::ModelExchange => Phase::EventMode,
+            Interface::ScheduledExecution => Phase::ClockActivationMode,
         };
         Ok(status)
     }
@@ -309,7 +325,8 @@ impl<M: Model> Instance<M> {
             | Phase::EventMode
             | Phase::ContinuousTimeMode
             | Phase::Terminated
-            | Phase::StepEventMode => {
+            | Phase::StepEventMode
+            | Phase::ClockActivationMode => {
                 memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.latest());
             }
             Phase::Instantiated | Phase::StepFailed | Phase::Error => {}

@@ -9,6 +9,7 @@
 //   instance, simulation, dependencies    an instance of an FMU; for a model's tests: the model without one, and its dependencies
 //   integrated, sampled                   models of equations, with an integrator, and sampled ones as models
 //   equations, integrator                 the trait of models of equations; Rodas5P
+//   scheduled_execution                   the trait of models whose clock the importer schedules
 //   event_mode                            the trait of models that step from event to event
 //   model_exchange                        the trait of models whose states the importer integrates
 //   model                                 the trait of models
@@ -45,6 +46,7 @@ pub mod persistence;
 mod resources;
 mod sampled;
 mod saved_states;
+mod scheduled_execution;
 mod serialized_state;
 mod simulation;
 mod status;
@@ -67,6 +69,7 @@ pub use model_exchange::ModelExchange;
 pub use number::{Dual, Number};
 pub use persistence::Persistent;
 pub use sampled::{Sample, Sampled, SampledModel};
+pub use scheduled_execution::ScheduledExecution;
 pub use simulation::Simulation;
 pub use tape::{Recorded, Tape};
 

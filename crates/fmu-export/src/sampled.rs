@@ -13,6 +13,7 @@ use crate::events::{Event, Events};
 use crate::model::{Context, InputsOf, Model, Step, Variables};
 use crate::model_exchange::ModelExchange;
 use crate::persistence::Persistent;
+use crate::scheduled_execution::ScheduledExecution;
 
 /// Times that differ by less than this part of the period are equal, whatever the rounding.
 const COINCIDENCE: f64 = 1e-6;
@@ -217,5 +218,23 @@ impl<S: Sampled> EventMode for SampledModel<S> {
             events.set_next(Some(self.next_sample(S::period(variables)).time), sample.time, false)?;
         }
         Ok(None)
+    }
+}
+
+impl<S: Sampled> ScheduledExecution for SampledModel<S> {
+    fn interval(variables: &Self::Variables) -> f64 {
+        S::period(variables)
+    }
+
+    fn activate(
+        &mut self,
+        time: f64,
+        variables: &mut Self::Variables,
+        inputs: &InputsOf<Self>,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        let sample = Sample { number: self.executed, time };
+        self.executed += 1;
+        self.sampled.sample(sample, variables, inputs, context)
     }
 }

@@ -279,7 +279,8 @@ impl ::fmu_export::Variables for Variables {{
     /// The arms of the getter and the setter of a type.
     fn accessors(&self, accessor: &str) -> (String, String) {
         let (mut getters, mut setters) = (String::new(), String::new());
-        let is_held = |scalar: &&Scalar| !matches!(scalar.place, Place::Time | Place::EventIndicators);
+        let is_held =
+            |scalar: &&Scalar| !matches!(scalar.place, Place::Time | Place::EventIndicators | Place::Clock);
         for scalar in self.model.scalars.iter().filter(is_held) {
             let of_type = match scalar.data_type {
                 DataType::Real => "real",
@@ -338,6 +339,7 @@ impl ::fmu_export::Variables for Variables {{
                 match scalar.data_type {
                     DataType::Real => "Real",
                     DataType::Integer => "Integer",
+                    _ if scalar.place == Place::Clock => "Clock",
                     DataType::Boolean => "Boolean",
                     DataType::String => "String",
                     DataType::Enumeration(_) => "Enumeration",
@@ -359,7 +361,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
 {variables}    ],
     log_categories: &[{categories}],
     version: fmi::Version::{:?},
-    interfaces: fmi::Interfaces {{ co_simulation: {}, model_exchange: {} }},
+    interfaces: fmi::Interfaces {{ co_simulation: {}, model_exchange: {}, scheduled_execution: {} }},
     has_resources: {},
     capabilities: fmi::Capabilities {{
         interpolate_inputs: {},
@@ -375,6 +377,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
             model.fmi.version,
             model.fmi.interfaces.co_simulation(),
             model.fmi.interfaces.model_exchange(),
+            model.fmi.interfaces.scheduled_execution(),
             model.declaration.resources.is_some(),
             capabilities.interpolate_inputs,
             capabilities.get_and_set_state,
@@ -434,7 +437,7 @@ fn full_path(scalar: &Scalar) -> String {
         Place::States => "states",
         Place::Derivatives => "derivatives",
         Place::Outputs => "outputs",
-        Place::Locals | Place::Time | Place::EventIndicators => "locals",
+        Place::Locals | Place::Time | Place::EventIndicators | Place::Clock => "locals",
     };
     format!("{place}.{}", scalar.path)
 }

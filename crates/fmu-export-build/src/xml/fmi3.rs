@@ -60,6 +60,9 @@ fn write_interfaces(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()>
         ];
         empty(writer, "CoSimulation", with(own))?;
     }
+    if model.fmi.interfaces.scheduled_execution() {
+        empty(writer, "ScheduledExecution", common)?;
+    }
     Ok(())
 }
 
@@ -136,6 +139,10 @@ impl<'m, 'a> Variables<'m, 'a> {
         if let Some(state) = scalar.state {
             attributes.push(("derivative", self.reference(self.variable_of(state))));
         }
+        if scalar.is_clocked {
+            let clocks = self.model.in_place(Place::Clock).map(|clock| self.reference(clock));
+            attributes.push(("clocks", clocks.collect::<Vec<_>>().join(" ")));
+        }
         if scalar.reinit && self.model.fmi.interfaces.model_exchange() {
             attributes.push(("reinit", true.to_string()));
         }
@@ -178,6 +185,12 @@ impl<'m, 'a> Variables<'m, 'a> {
             DataType::Integer => {
                 ("Int32", given([("min", scalar.min.map(whole)), ("max", scalar.max.map(whole))]))
             }
+            // The interval is not declared, as it follows from parameters.
+            _ if scalar.place == Place::Clock => {
+                let attributes =
+                    [("intervalVariability", "fixed"), ("priority", "0"), ("supportsFraction", "true")];
+                ("Clock", attributes.map(|(name, value)| (name, value.to_owned())).into())
+            }
             DataType::Boolean => ("Boolean", vec![]),
             DataType::String => ("String", vec![]),
             DataType::Enumeration(enumeration) => {
@@ -210,7 +223,11 @@ impl<'m, 'a> Variables<'m, 'a> {
         name: &'static str,
         unknowns: &[Unknown],
     ) -> io::Result<()> {
-        let is_first = |unknown: &&Unknown| self.variable_of(unknown.scalar) == unknown.scalar;
+        // Before the first tick of their clock there are only start values.
+        let is_listed =
+            |unknown: &Unknown| name != "InitialUnknown" || !self.model.scalars[unknown.scalar].is_clocked;
+        let is_first =
+            |unknown: &&Unknown| self.variable_of(unknown.scalar) == unknown.scalar && is_listed(unknown);
         unknowns.iter().filter(is_first).try_for_each(|unknown| {
             let elements = unknowns.iter().filter(|other| self.variable_of(other.scalar) == unknown.scalar);
             let dependencies: Option<Vec<_>> =

@@ -41,6 +41,38 @@ fn the_description_of_fmi_3_equals_the_golden_file() {
     );
 }
 
+/// What is generated for Scheduled Execution of a declaration with a clock or without one, or why not.
+fn scheduled(version: Version, clock: Option<&str>) -> Result<Generated, String> {
+    let folder = folder_with_model("scheduled execution");
+    let file = folder.join("vessels.json");
+    if let Some(clock) = clock {
+        let declaration = read(&file).replacen('{', &format!("{{\"clock\": {clock},"), 1);
+        fs::write(&file, declaration).expect("the folder for tests is writable");
+    }
+    let fmi = Fmi { version, interfaces: Interfaces::ScheduledExecution };
+    generate_into(&file, &folder, &package(), fmi).map_err(|error| error.to_string())
+}
+
+#[test]
+fn scheduled_execution_is_for_clocks_of_fmi_3_without_states() {
+    const CLOCK: &str = r#"{"name": "ticks"}"#;
+    for (version, clock, reason) in [
+        (Version::Two, CLOCK, "Scheduled Execution is an interface of FMI 3.0"),
+        (Version::Three, r#"{"name": "time"}"#, "clock.name: time: there is another variable of this name"),
+        (Version::Three, r#"{"name": "a b"}"#, "clock.name: 'a b'"),
+        (Version::Three, r#"{"name": "ticks", "description": "two\nlines"}"#, "clock.description: "),
+        (Version::Three, CLOCK, "Scheduled Execution is for models without continuous states"),
+    ] {
+        let refused = scheduled(version, Some(clock)).expect_err(reason);
+        assert!(refused.contains(reason), "{refused}");
+    }
+    // A package may have further models, which are not exported.
+    let generated = scheduled(Version::Three, None).expect("it has no clock");
+    assert!(
+        read(&generated.variables).contains("pub use ::fmu_export::fmi3_without_clock as export_functions;")
+    );
+}
+
 /// FMI 3.0.2, section 4.2; in FMI 2.0 there is no such mode.
 #[test]
 fn event_mode_is_declared_where_the_model_has_it() {
@@ -107,7 +139,7 @@ fn the_typed_interface_has_the_functions_and_the_table_of_the_interfaces() {
             text.contains(&format!("pub use ::fmu_export::{functions} as export_functions;\n")),
             "{text}"
         );
-        let table = Described { co_simulation, model_exchange };
+        let table = Described { co_simulation, model_exchange, scheduled_execution: false };
         assert!(text.contains(&format!("    interfaces: fmi::{table:?},\n")), "{text}");
         let differs = |line: &&str| !of_co_simulation.lines().any(|other| other == *line);
         let different = text.lines().filter(differs).count();
@@ -152,8 +184,8 @@ fn interfaces_are_written_as_they_are_read() {
         assert_eq!(interfaces.to_string().parse(), Ok(interfaces));
     }
     assert_eq!("me,cs".parse(), Ok(Interfaces::Both));
-    for text in ["", "CS", "cs,cs", "cs, me", "se", "cs,"] {
-        assert_eq!(text.parse::<Interfaces>(), Err(format!("'{text}' is not one of cs, me and cs,me")));
+    for text in ["", "CS", "cs,cs", "cs, me", "cs,se", "cs,"] {
+        assert_eq!(text.parse::<Interfaces>(), Err(format!("'{text}' is not one of cs, me, cs,me and se")));
     }
 }
 

@@ -18,11 +18,13 @@ use crate::calling_sequence::{Function as _, Interface};
 use crate::description::DataType;
 use crate::error::Error;
 use crate::event_mode::EventMode;
-use crate::instance::{self, Answer};
+use crate::instance::activation::fraction;
+use crate::instance::{self, Answer, Preemption};
 use crate::logger::{Logger, Recipient};
 use crate::model::{Experiment, Model, Variables};
 use crate::model_exchange::ModelExchange;
 use crate::resources::Resources;
+use crate::scheduled_execution::ScheduledExecution;
 
 pub use crate::c_boundary::silence_panics;
 
@@ -44,6 +46,13 @@ impl Recipient for Callback {
     }
 }
 
+/// What only instances for some interfaces are given.
+#[derive(Clone, Copy, Debug, Default)]
+struct Options {
+    early_return_allowed: bool,
+    preemption: Preemption,
+}
+
 /// Instantiates for an interface: null, and a message, when an argument is wrong or `refusal` says why not.
 ///
 /// # Safety
@@ -53,7 +62,7 @@ unsafe fn instantiate<M: Model>(
     interface: Result<Interface, Error>,
     [instance_name, token, resource_path]: [String; 3],
     logging_on: Boolean,
-    early_return_allowed: Boolean,
+    options: Options,
     environment: InstanceEnvironment,
     log_message: Option<LogMessageCallback>,
 ) -> Instance {
@@ -79,6 +88,7 @@ unsafe fn instantiate<M: Model>(
                 description.interfaces.co_simulation
             }
             Interface::ModelExchange => description.interfaces.model_exchange,
+            Interface::ScheduledExecution => description.interfaces.scheduled_execution,
         };
         if is_offered {
             Ok(interface)
@@ -87,7 +97,8 @@ unsafe fn instantiate<M: Model>(
         }
     };
     c_boundary::instantiate::<M>(function, logger, check(), |instance| {
-        instance.early_return_allowed = early_return_allowed != FALSE;
+        instance.early_return_allowed = options.early_return_allowed;
+        instance.preemption = options.preemption;
         if description.has_resources {
             // SAFETY: the caller's promise.
             let path = unsafe { c_string("resourcePath", resource_path) };
@@ -145,7 +156,7 @@ pub unsafe fn instantiate_co_simulation<M: Model>(
             interface,
             strings,
             logging_on,
-            early_return_allowed,
+            Options { early_return_allowed: early_return_allowed != FALSE, ..Options::default() },
             environment,
             log_message,
         )
@@ -171,36 +182,7 @@ pub unsafe fn instantiate_model_exchange<M: Model>(
             Ok(Interface::ModelExchange),
             strings,
             logging_on,
-            FALSE,
-            environment,
-            log_message,
-        )
-    }
-}
-
-/// `fmi3InstantiateScheduledExecution`: null, and a message.
-#[must_use]
-pub unsafe fn instantiate_scheduled_execution<M: Model>(
-    instance_name: String,
-    instantiation_token: String,
-    resource_path: String,
-    _visible: Boolean,
-    logging_on: Boolean,
-    environment: InstanceEnvironment,
-    log_message: Option<LogMessageCallback>,
-    _clock_update: Option<ClockUpdateCallback>,
-    _lock_preemption: Option<PreemptionCallback>,
-    _unlock_preemption: Option<PreemptionCallback>,
-) -> Instance {
-    let strings = [instance_name, instantiation_token, resource_path];
-    // SAFETY: the strings are the importer's (see the module).
-    unsafe {
-        instantiate::<M>(
-            "fmi3InstantiateScheduledExecution",
-            Err(Error::new("this FMU does not offer Scheduled Execution")),
-            strings,
-            logging_on,
-            FALSE,
+            Options::default(),
             environment,
             log_message,
         )
@@ -443,10 +425,10 @@ pub unsafe fn set_binary<M: Model>(
     unsafe { refuse_all::<M>(instance, Function::SetBinary, (references, count)) }
 }
 
-/// Defines functions of clocks, of which there are none.
+/// Defines functions of clocks where there are none, or for clocks that they are not for.
 macro_rules! clocks {
     ($($name:ident($($argument:ty),*): $function:ident;)*) => {$(
-        #[doc = concat!("`fmi3", stringify!($function), "`: no variable is a clock.")]
+        #[doc = concat!("`fmi3", stringify!($function), "`: an error for each variable.")]
         pub unsafe fn $name<M: Model>(
             instance: Instance,
             references: *const ValueReference,
@@ -459,13 +441,10 @@ macro_rules! clocks {
     )*};
 }
 
+// The one clock that an FMU may have activates itself at an interval that follows from parameters.
 clocks! {
     get_clock(*mut Clock): GetClock;
     set_clock(*const Clock): SetClock;
-    get_interval_decimal(*mut f64, *mut Enumeration): GetIntervalDecimal;
-    get_interval_fraction(*mut u64, *mut u64, *mut Enumeration): GetIntervalFraction;
-    get_shift_decimal(*mut f64): GetShiftDecimal;
-    get_shift_fraction(*mut u64, *mut u64): GetShiftFraction;
     set_interval_decimal(*const f64): SetIntervalDecimal;
     set_interval_fraction(*const u64, *const u64): SetIntervalFraction;
     set_shift_decimal(*const f64): SetShiftDecimal;
@@ -862,7 +841,6 @@ macro_rules! of_nothing {
 of_nothing! {
     enter_configuration_mode(): EnterConfigurationMode, "this FMU has no structural parameters";
     exit_configuration_mode(): ExitConfigurationMode, "this FMU has no structural parameters";
-    activate_model_partition(ValueReference, f64): ActivateModelPartition, "this FMU has no model partitions";
 }
 
 /// The functions of Model Exchange of an FMU that does not offer it; the calling sequence refuses them.
@@ -888,13 +866,262 @@ pub mod without_model_exchange {
     }
 }
 
+/// The functions of Scheduled Execution of an FMU that does not offer it.
+pub mod without_scheduled_execution {
+    use super::{
+        Boolean, ClockUpdateCallback, Enumeration, Error, Function, Instance, InstanceEnvironment,
+        LogMessageCallback, Model, Options, PreemptionCallback, Status, String, ValueReference, call,
+        instantiate, refuse_all,
+    };
+
+    /// `fmi3InstantiateScheduledExecution`: null, and a message.
+    #[must_use]
+    pub unsafe fn instantiate_scheduled_execution<M: Model>(
+        instance_name: String,
+        instantiation_token: String,
+        resource_path: String,
+        _visible: Boolean,
+        logging_on: Boolean,
+        environment: InstanceEnvironment,
+        log_message: Option<LogMessageCallback>,
+        _clock_update: Option<ClockUpdateCallback>,
+        _lock_preemption: Option<PreemptionCallback>,
+        _unlock_preemption: Option<PreemptionCallback>,
+    ) -> Instance {
+        let strings = [instance_name, instantiation_token, resource_path];
+        // SAFETY: the strings are the importer's (see the module).
+        unsafe {
+            instantiate::<M>(
+                "fmi3InstantiateScheduledExecution",
+                Err(Error::new("this FMU does not offer Scheduled Execution")),
+                strings,
+                logging_on,
+                Options::default(),
+                environment,
+                log_message,
+            )
+        }
+    }
+
+    of_nothing! {
+        activate_model_partition(ValueReference, f64): ActivateModelPartition, "this FMU does not offer Scheduled Execution";
+    }
+
+    clocks! {
+        get_interval_decimal(*mut f64, *mut Enumeration): GetIntervalDecimal;
+        get_interval_fraction(*mut u64, *mut u64, *mut Enumeration): GetIntervalFraction;
+        get_shift_decimal(*mut f64): GetShiftDecimal;
+        get_shift_fraction(*mut u64, *mut u64): GetShiftFraction;
+    }
+
+    /// Calls a function: nothing preempts it.
+    pub unsafe fn locked<M: Model>(_instance: Instance, function: impl FnOnce() -> Status) -> Status {
+        function()
+    }
+}
+
+/// The functions of Scheduled Execution.
+pub mod scheduled_execution {
+    use super::{
+        Boolean, ClockUpdateCallback, Enumeration, Error, Function, Instance, InstanceEnvironment, Interface,
+        LogMessageCallback, Options, Preemption, PreemptionCallback, ScheduledExecution, Status, String,
+        ValueReference, call, elements, fraction, instance, instantiate, write_elements,
+    };
+    use crate::c_boundary::Exported;
+
+    /// `fmi3InstantiateScheduledExecution`: null, and a message, when an argument is wrong. There is no clock to be updated.
+    #[must_use]
+    pub unsafe fn instantiate_scheduled_execution<M: ScheduledExecution>(
+        instance_name: String,
+        instantiation_token: String,
+        resource_path: String,
+        _visible: Boolean,
+        logging_on: Boolean,
+        environment: InstanceEnvironment,
+        log_message: Option<LogMessageCallback>,
+        _clock_update: Option<ClockUpdateCallback>,
+        lock_preemption: Option<PreemptionCallback>,
+        unlock_preemption: Option<PreemptionCallback>,
+    ) -> Instance {
+        let strings = [instance_name, instantiation_token, resource_path];
+        let preemption = Preemption { lock: lock_preemption, unlock: unlock_preemption };
+        // SAFETY: the strings are the importer's (see the module).
+        unsafe {
+            instantiate::<M>(
+                "fmi3InstantiateScheduledExecution",
+                Ok(Interface::ScheduledExecution),
+                strings,
+                logging_on,
+                Options { preemption, ..Options::default() },
+                environment,
+                log_message,
+            )
+        }
+    }
+
+    /// Calls a function between the importer's callbacks, so that no task of a higher priority calls another one for the
+    /// same instance (section 5.1.2).
+    pub unsafe fn locked<M: ScheduledExecution>(
+        instance: Instance,
+        function: impl FnOnce() -> Status,
+    ) -> Status {
+        // SAFETY: the instance is the importer's (see the module).
+        let Some(preemption) = (unsafe { Exported::<M>::preemption(instance) }) else { return function() };
+        if let Some(lock) = preemption.lock {
+            // SAFETY: the importer passed the callback for this purpose; no reference to an instance exists here.
+            unsafe { lock() }
+        }
+        let status = function();
+        if let Some(unlock) = preemption.unlock {
+            // SAFETY: as above.
+            unsafe { unlock() }
+        }
+        status
+    }
+
+    /// `fmi3ActivateModelPartition`.
+    pub unsafe fn activate_model_partition<M: ScheduledExecution>(
+        instance: Instance,
+        clock: ValueReference,
+        time: f64,
+    ) -> Status {
+        // SAFETY: the instance is the importer's (see the module).
+        unsafe {
+            call::<M>(instance, Function::ActivateModelPartition, |instance| instance.activate(clock, time))
+        }
+    }
+
+    /// `fmi3GetIntervalDecimal`.
+    pub unsafe fn get_interval_decimal<M: ScheduledExecution>(
+        instance: Instance,
+        references: *const ValueReference,
+        count: usize,
+        intervals: *mut f64,
+        qualifiers: *mut Enumeration,
+    ) -> Status {
+        // SAFETY: the instance and the arrays are the importer's (see the module).
+        unsafe {
+            get_intervals::<M>(
+                instance,
+                Function::GetIntervalDecimal,
+                (references, count),
+                qualifiers,
+                |interval| write_all("intervals", intervals, count, interval),
+            )
+        }
+    }
+
+    /// `fmi3GetIntervalFraction`: the simplest fraction that is the interval.
+    pub unsafe fn get_interval_fraction<M: ScheduledExecution>(
+        instance: Instance,
+        references: *const ValueReference,
+        count: usize,
+        counters: *mut u64,
+        resolutions: *mut u64,
+        qualifiers: *mut Enumeration,
+    ) -> Status {
+        // SAFETY: the instance and the arrays are the importer's (see the module).
+        unsafe {
+            get_intervals::<M>(
+                instance,
+                Function::GetIntervalFraction,
+                (references, count),
+                qualifiers,
+                |interval| {
+                    let [counter, resolution] = fraction(interval).ok_or_else(|| {
+                        Error::new(format!("the interval {interval:?} s is not a fraction of 64-bit numbers"))
+                    })?;
+                    write_all("counters", counters, count, counter)?;
+                    write_all("resolutions", resolutions, count, resolution)
+                },
+            )
+        }
+    }
+
+    /// Gets the interval of clocks.
+    ///
+    /// # Safety
+    /// As for [`call`]; the arrays have as many elements as counted.
+    unsafe fn get_intervals<M: ScheduledExecution>(
+        instance: Instance,
+        function: Function,
+        (references, count): (*const ValueReference, usize),
+        qualifiers: *mut Enumeration,
+        write: impl FnOnce(f64) -> Result<(), Error>,
+    ) -> Status {
+        // SAFETY: the caller's promise.
+        unsafe {
+            call::<M>(instance, function, |instance| {
+                instance::Instance::<M>::check_clocks(&elements("valueReferences", references, count)?)?;
+                if count > 0 {
+                    let (interval, qualifier) = instance.interval()?;
+                    write(interval)?;
+                    write_all("qualifiers", qualifiers, count, qualifier as Enumeration)?;
+                }
+                Ok(Status::Ok)
+            })
+        }
+    }
+
+    /// `fmi3GetShiftDecimal`: the first tick is at the start.
+    pub unsafe fn get_shift_decimal<M: ScheduledExecution>(
+        instance: Instance,
+        references: *const ValueReference,
+        count: usize,
+        shifts: *mut f64,
+    ) -> Status {
+        // SAFETY: the instance and the arrays are the importer's (see the module).
+        unsafe {
+            call::<M>(instance, Function::GetShiftDecimal, |_| {
+                instance::Instance::<M>::check_clocks(&elements("valueReferences", references, count)?)?;
+                write_all("shifts", shifts, count, 0.0)?;
+                Ok(Status::Ok)
+            })
+        }
+    }
+
+    /// `fmi3GetShiftFraction`.
+    pub unsafe fn get_shift_fraction<M: ScheduledExecution>(
+        instance: Instance,
+        references: *const ValueReference,
+        count: usize,
+        counters: *mut u64,
+        resolutions: *mut u64,
+    ) -> Status {
+        // SAFETY: the instance and the arrays are the importer's (see the module).
+        unsafe {
+            call::<M>(instance, Function::GetShiftFraction, |_| {
+                instance::Instance::<M>::check_clocks(&elements("valueReferences", references, count)?)?;
+                write_all("counters", counters, count, 0)?;
+                write_all("resolutions", resolutions, count, 1)?;
+                Ok(Status::Ok)
+            })
+        }
+    }
+
+    /// Writes a value to all elements of an array.
+    ///
+    /// # Safety
+    /// As for [`write_elements`].
+    unsafe fn write_all<T: Copy>(name: &str, array: *mut T, count: usize, value: T) -> Result<(), Error> {
+        // SAFETY: the caller's promise.
+        let written = unsafe {
+            write_elements(name, array, count, |elements| {
+                elements.fill(value);
+                Ok(Status::Ok)
+            })
+        };
+        written.map(|_| ())
+    }
+}
+
 /// Makes the 75 C functions of FMI 3.0 for a [`Model`] that offers Co-Simulation, in a library of the crate type `cdylib`.
 #[macro_export]
 macro_rules! fmi3_co_simulation {
     ($model:ty) => {
         $crate::fmi3_functions! {
             $model; exit_initialization_mode; get_float64; enter_event_mode_of_co_simulation; refuse_step_mode; do_step;
-            without_model_exchange::
+            without_scheduled_execution; without_model_exchange::
         }
     };
 }
@@ -907,7 +1134,7 @@ macro_rules! fmi3_model_exchange {
     ($model:ty) => {
         $crate::fmi3_functions! {
             $model; exit_initialization_mode_with_events; get_float64_with_indicators; enter_event_mode;
-            refuse_step_mode; do_step;
+            refuse_step_mode; do_step; without_scheduled_execution;
         }
     };
 }
@@ -921,8 +1148,32 @@ macro_rules! fmi3_event_mode {
     ($model:ty) => {
         $crate::fmi3_functions! {
             $model; exit_initialization_mode_with_events; get_float64_with_indicators; enter_event_mode;
-            enter_step_mode; do_step_to_event;
+            enter_step_mode; do_step_to_event; without_scheduled_execution;
         }
+    };
+}
+
+/// Makes the 75 C functions of FMI 3.0 for a model that implements [`ScheduledExecution`] and offers that alone.
+///
+/// [`ScheduledExecution`]: crate::ScheduledExecution
+#[macro_export]
+macro_rules! fmi3_scheduled_execution {
+    ($model:ty) => {
+        $crate::fmi3_functions! {
+            $model; exit_initialization_mode; get_float64; enter_event_mode_of_co_simulation; refuse_step_mode; do_step;
+            scheduled_execution; without_model_exchange::
+        }
+    };
+}
+
+/// Says why there is no library for Scheduled Execution of a model that declares no clock.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! fmi3_without_clock {
+    ($model:ty) => {
+        ::core::compile_error!(
+            "Scheduled Execution needs a clock in the model's JSON, such as \"clock\": {\"name\": \"sample_clock\"}"
+        );
     };
 }
 
@@ -931,7 +1182,7 @@ macro_rules! fmi3_event_mode {
 #[macro_export]
 macro_rules! fmi3_functions {
     ($model:ty; $exit_initialization_mode:ident; $get_float64:ident; $enter_event_mode:ident; $enter_step_mode:ident;
-        $do_step:ident; $($model_exchange:ident::)?) => {
+        $do_step:ident; $scheduled:ident; $($model_exchange:ident::)?) => {
         const _: () = {
             use $crate::fmi3::c_types::{
                 Binary, Boolean, Byte, Clock, ClockUpdateCallback, Enumeration, FmuState, Instance,
@@ -960,14 +1211,14 @@ macro_rules! fmi3_functions {
                 fmi3InstantiateModelExchange = instantiate_model_exchange(
                     name: String, token: String, resource_path: String, visible: Boolean, logging_on: Boolean,
                     environment: InstanceEnvironment, log_message: Option<LogMessageCallback>);
-                fmi3InstantiateScheduledExecution = instantiate_scheduled_execution(
+                fmi3InstantiateScheduledExecution = $scheduled::instantiate_scheduled_execution(
                     name: String, token: String, resource_path: String, visible: Boolean, logging_on: Boolean,
                     environment: InstanceEnvironment, log_message: Option<LogMessageCallback>,
                     clock_update: Option<ClockUpdateCallback>, lock_preemption: Option<PreemptionCallback>,
                     unlock_preemption: Option<PreemptionCallback>);
             }
 
-            $crate::fmi3_functions! { @functions $model;
+            $crate::fmi3_functions! { @functions $model; $scheduled;
                 fmi3SetDebugLogging = set_debug_logging(on: Boolean, count: usize, categories: *const String);
                 fmi3EnterInitializationMode = enter_initialization_mode(
                     tolerance_defined: Boolean, tolerance: f64, start_time: f64,
@@ -1004,14 +1255,14 @@ macro_rules! fmi3_functions {
                     seed: *const f64, seed_count: usize, sensitivity: *mut f64, sensitivity_count: usize);
                 fmi3EnterConfigurationMode = enter_configuration_mode();
                 fmi3ExitConfigurationMode = exit_configuration_mode();
-                fmi3GetIntervalDecimal = get_interval_decimal(
+                fmi3GetIntervalDecimal = $scheduled::get_interval_decimal(
                     vr: *const ValueReference, count: usize, intervals: *mut f64, qualifiers: *mut Enumeration);
-                fmi3GetIntervalFraction = get_interval_fraction(
+                fmi3GetIntervalFraction = $scheduled::get_interval_fraction(
                     vr: *const ValueReference, count: usize, counters: *mut u64, resolutions: *mut u64,
                     qualifiers: *mut Enumeration);
-                fmi3GetShiftDecimal = get_shift_decimal(
+                fmi3GetShiftDecimal = $scheduled::get_shift_decimal(
                     vr: *const ValueReference, count: usize, shifts: *mut f64);
-                fmi3GetShiftFraction = get_shift_fraction(
+                fmi3GetShiftFraction = $scheduled::get_shift_fraction(
                     vr: *const ValueReference, count: usize, counters: *mut u64, resolutions: *mut u64);
                 fmi3SetIntervalDecimal = set_interval_decimal(
                     vr: *const ValueReference, count: usize, intervals: *const f64);
@@ -1047,9 +1298,9 @@ macro_rules! fmi3_functions {
                 fmi3DoStep = $do_step(
                     time: f64, size: f64, no_set_fmu_state_prior: Boolean, event_handling_needed: *mut Boolean,
                     terminate: *mut Boolean, early_return: *mut Boolean, last_successful_time: *mut f64);
-                fmi3ActivateModelPartition = activate_model_partition(clock: ValueReference, time: f64);
+                fmi3ActivateModelPartition = $scheduled::activate_model_partition(clock: ValueReference, time: f64);
             }
-            $crate::fmi3_functions! { @accessors $model;
+            $crate::fmi3_functions! { @accessors $model; $scheduled;
                 fmi3GetFloat32 = get_float32, fmi3SetFloat32 = set_float32, f32;
                 fmi3GetFloat64 = $get_float64, fmi3SetFloat64 = set_float64, f64;
                 fmi3GetInt8 = get_int8, fmi3SetInt8 = set_int8, i8;
@@ -1065,26 +1316,30 @@ macro_rules! fmi3_functions {
             }
         };
     };
-    (@functions $model:ty; $($symbol:ident =
+    (@functions $model:ty; $scheduled:ident; $($symbol:ident =
         $($function:ident)::+($($argument:ident: $type:ty),* $(,)?);)*) => {$(
         #[unsafe(no_mangle)]
         unsafe extern "C" fn $symbol(instance: Instance, $($argument: $type),*) -> Status {
             // SAFETY: the arguments are the importer's, unchanged.
-            unsafe { $crate::fmi3::c_api::$($function)::+::<$model>(instance, $($argument),*) }
+            unsafe {
+                $crate::fmi3::c_api::$scheduled::locked::<$model>(instance, || {
+                    $crate::fmi3::c_api::$($function)::+::<$model>(instance, $($argument),*)
+                })
+            }
         }
     )*};
-    (@accessors $model:ty; $($get:ident = $get_function:ident, $set:ident = $set_function:ident, $type:ty;)*) => {
-        $crate::fmi3_functions! { @functions $model; $(
+    (@accessors $model:ty; $scheduled:ident; $($get:ident = $get_function:ident, $set:ident = $set_function:ident, $type:ty;)*) => {
+        $crate::fmi3_functions! { @functions $model; $scheduled; $(
             $get = $get_function(vr: *const ValueReference, count: usize, values: *mut $type, n: usize);
             $set = $set_function(vr: *const ValueReference, count: usize, values: *const $type, n: usize);
         )* }
     };
-    (@instantiate $model:ty; $($symbol:ident = $function:ident($($argument:ident: $type:ty),* $(,)?);)*) => {$(
+    (@instantiate $model:ty; $($symbol:ident = $($function:ident)::+($($argument:ident: $type:ty),* $(,)?);)*) => {$(
         #[unsafe(no_mangle)]
         unsafe extern "C" fn $symbol($($argument: $type),*) -> Instance {
             $crate::fmi3::c_api::silence_panics();
             // SAFETY: the arguments are the importer's, unchanged.
-            unsafe { $crate::fmi3::c_api::$function::<$model>($($argument),*) }
+            unsafe { $crate::fmi3::c_api::$($function)::+::<$model>($($argument),*) }
         }
     )*};
 }

@@ -12,8 +12,8 @@ use crate::error;
 use crate::model::Variables;
 
 use Phase::{
-    ContinuousTimeMode, Error, EventMode, InitializationMode, Instantiated, StepComplete, StepEventMode,
-    StepFailed, Terminated,
+    ClockActivationMode, ContinuousTimeMode, Error, EventMode, InitializationMode, Instantiated,
+    StepComplete, StepEventMode, StepFailed, Terminated,
 };
 
 /// Any state.
@@ -21,8 +21,15 @@ const ANY: &[Phase] = Phase::ALL;
 /// The states in which values can be read; in the first one, start values.
 const READABLE: &[Phase] = ANY;
 /// The states in which values can be set; the standard restricts the variables further.
-const WRITABLE: &[Phase] =
-    &[Instantiated, InitializationMode, StepComplete, EventMode, ContinuousTimeMode, StepEventMode];
+const WRITABLE: &[Phase] = &[
+    Instantiated,
+    InitializationMode,
+    StepComplete,
+    EventMode,
+    ContinuousTimeMode,
+    StepEventMode,
+    ClockActivationMode,
+];
 /// The states in which derivatives can be read.
 const DIFFERENTIABLE: &[Phase] = &[
     InitializationMode,
@@ -33,13 +40,16 @@ const DIFFERENTIABLE: &[Phase] = &[
     Terminated,
     Error,
     StepEventMode,
+    ClockActivationMode,
 ];
 /// The states in which what a solver needs can be read.
 const SOLVABLE: &[Phase] = &[InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error];
 /// The states in which the sizes of what a solver needs can be read.
 const COUNTABLE: &[Phase] = &[Instantiated, EventMode];
-/// The states in which intervals of clocks can be read and set.
-const TIMED: &[Phase] = &[InitializationMode, EventMode, StepEventMode];
+/// The states in which intervals of clocks can be read.
+const TIMED: &[Phase] = &[InitializationMode, EventMode, StepEventMode, ClockActivationMode];
+/// Those in which they can be set.
+const SETTING_TIME: &[Phase] = &[InitializationMode, EventMode, StepEventMode];
 /// Event Mode of all interfaces.
 const AT_EVENTS: &[Phase] = &[EventMode, StepEventMode];
 
@@ -50,7 +60,7 @@ functions! {
         EnterInitializationMode: &[Instantiated],
         ExitInitializationMode: &[InitializationMode],
         EnterEventMode: &[StepComplete, ContinuousTimeMode],
-        Terminate: &[StepComplete, StepFailed, EventMode, ContinuousTimeMode, StepEventMode],
+        Terminate: &[StepComplete, StepFailed, EventMode, ContinuousTimeMode, StepEventMode, ClockActivationMode],
         Reset: ANY,
         GetFloat32: READABLE,
         GetFloat64: READABLE,
@@ -94,16 +104,14 @@ functions! {
         ExitConfigurationMode: &[],
         GetIntervalDecimal: TIMED,
         GetIntervalFraction: TIMED,
-        GetShiftDecimal: TIMED,
-        GetShiftFraction: TIMED,
-        SetIntervalDecimal: TIMED,
-        SetIntervalFraction: TIMED,
+        GetShiftDecimal: &[InitializationMode],
+        GetShiftFraction: &[InitializationMode],
+        SetIntervalDecimal: SETTING_TIME,
+        SetIntervalFraction: SETTING_TIME,
         SetShiftDecimal: &[InitializationMode],
         SetShiftFraction: &[InitializationMode],
         EvaluateDiscreteStates: AT_EVENTS,
         UpdateDiscreteStates: AT_EVENTS,
-        // There is no instance for Scheduled Execution.
-        ActivateModelPartition: &[],
     }
     Some(Interface::ModelExchange) => {
         EnterContinuousTimeMode: &[EventMode],
@@ -121,6 +129,9 @@ functions! {
         EnterStepMode: &[StepEventMode],
         GetOutputDerivatives: &[StepComplete, StepFailed, Terminated, Error],
         DoStep: &[StepComplete],
+    }
+    Some(Interface::ScheduledExecution) => {
+        ActivateModelPartition: &[ClockActivationMode],
     };
     const VALUE_REFERENCES: &'static str = "valueReferences";
     const VALUES: &'static str = "values";

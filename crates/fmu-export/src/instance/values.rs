@@ -32,11 +32,7 @@ impl<M: Model> Instance<M> {
         let variable = M::Variables::description(reference).ok_or_else(|| {
             Error::new(format!("there is no variable with the value reference {reference}"))
         })?;
-        if types.contains(&variable.data_type) {
-            Ok(variable)
-        } else {
-            Err(Self::type_error(variable))
-        }
+        if types.contains(&variable.data_type) { Ok(variable) } else { Err(Self::type_error(variable)) }
     }
 
     /// That a variable has another type.
@@ -176,9 +172,10 @@ impl<M: Model> Instance<M> {
             && match self.memory.phase {
                 Phase::Instantiated => matches!(variable.initial, Initial::Exact | Initial::Approx),
                 Phase::InitializationMode => variable.initial == Initial::Exact,
-                Phase::StepComplete | Phase::EventMode | Phase::StepEventMode => {
-                    variable.variability == Variability::Tunable
-                }
+                Phase::StepComplete
+                | Phase::EventMode
+                | Phase::StepEventMode
+                | Phase::ClockActivationMode => variable.variability == Variability::Tunable,
                 Phase::ContinuousTimeMode => variable.state.is_some(),
                 Phase::StepFailed | Phase::Terminated | Phase::Error => false,
             }

@@ -38,6 +38,7 @@ HEADER = Path(fmpy.__file__).parent / "c-code" / "fmi3FunctionTypes.h"
 
 MODEL_EXCHANGE, CO_SIMULATION = "ModelExchange", "CoSimulation"
 EVENT_MODE = "CoSimulation with Event Mode"
+SCHEDULED_EXECUTION = "ScheduledExecution"
 
 
 class Status(IntEnum):
@@ -69,6 +70,9 @@ class Parameter(NamedTuple):
 LOGGER = CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)
 """`fmi3LogMessageCallback`."""
 
+PREEMPTION = CFUNCTYPE(None)
+"""`fmi3LockPreemptionCallback` and `fmi3UnlockPreemptionCallback`."""
+
 TYPES = {
     "size_t": c_size_t,
     "fmi3Status": c_int,
@@ -96,8 +100,8 @@ TYPES = {
     "fmi3LogMessageCallback": LOGGER,
     "fmi3IntermediateUpdateCallback": c_void_p,
     "fmi3ClockUpdateCallback": c_void_p,
-    "fmi3LockPreemptionCallback": c_void_p,
-    "fmi3UnlockPreemptionCallback": c_void_p,
+    "fmi3LockPreemptionCallback": PREEMPTION,
+    "fmi3UnlockPreemptionCallback": PREEMPTION,
 }
 """fmi3PlatformTypes.h, and the callbacks."""
 
@@ -165,7 +169,7 @@ class Instance:
             elif is_pointer:
                 arguments.append((type * 16)())
             else:
-                arguments.append(LOGGER() if type is LOGGER else type())
+                arguments.append(type())
         return arguments
 
     def call(self, function: str, *arguments: Any) -> Status:

@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Callable, Iterator
-from ctypes import byref, c_bool, c_double, c_uint8, c_uint32, c_void_p
+from ctypes import byref, c_bool, c_double, c_int, c_uint8, c_uint32, c_uint64, c_void_p
 from pathlib import Path
+from xml.etree import ElementTree
 
 import fmpy
 import numpy as np
 import pytest
 from conftest import TARGET
-from fmi3 import CO_SIMULATION, DECLARED, EVENT_MODE, LOGGER, MODEL_EXCHANGE, Instance, Library, Status
+from fmi3 import (
+    CO_SIMULATION,
+    DECLARED,
+    EVENT_MODE,
+    LOGGER,
+    MODEL_EXCHANGE,
+    PREEMPTION,
+    SCHEDULED_EXECUTION,
+    Instance,
+    Library,
+    Status,
+)
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 from fmpy.model_description import ModelDescription
 from fmpy.validation import validate_fmu
 
-ALL = {"instantiated", "initialization", "step", "event", "continuous", "terminated", "error"}
+ALL = {"instantiated", "initialization", "step", "event", "continuous", "activation", "terminated", "error"}
 READABLE = ALL
 SOLVABLE = {"initialization", "event", "continuous", "terminated", "error"}
 COMMON = {
@@ -24,7 +37,7 @@ COMMON = {
     "EnterInitializationMode": {"instantiated"},
     "ExitInitializationMode": {"initialization"},
     "EnterEventMode": {"continuous", "step"},
-    "Terminate": {"step", "event", "continuous"},
+    "Terminate": {"step", "event", "continuous", "activation"},
     "Reset": ALL,
     "GetClock": {"event"},
     "SetClock": {"event"},
@@ -36,10 +49,10 @@ COMMON = {
     "DeserializeFMUState": ALL,
     "GetDirectionalDerivative": ALL - {"instantiated"},
     "GetAdjointDerivative": ALL - {"instantiated"},
-    "GetIntervalDecimal": {"initialization", "event"},
-    "GetIntervalFraction": {"initialization", "event"},
-    "GetShiftDecimal": {"initialization", "event"},
-    "GetShiftFraction": {"initialization", "event"},
+    "GetIntervalDecimal": {"initialization", "event", "activation"},
+    "GetIntervalFraction": {"initialization", "event", "activation"},
+    "GetShiftDecimal": {"initialization"},
+    "GetShiftFraction": {"initialization"},
     "SetIntervalDecimal": {"initialization", "event"},
     "SetIntervalFraction": {"initialization", "event"},
     "SetShiftDecimal": {"initialization"},
@@ -64,7 +77,7 @@ COMMON = {
     "ExitConfigurationMode": set(),
     "EvaluateDiscreteStates": set(),
     "EnterStepMode": {"event"},
-    "ActivateModelPartition": set(),
+    "ActivateModelPartition": {"activation"},
 }
 """In which states a function succeeds."""
 
@@ -86,26 +99,32 @@ OF_MODEL_EXCHANGE = {
     "GetNumberOfContinuousStates",
 }
 OF_CO_SIMULATION = {"EnterStepMode", "GetOutputDerivatives", "DoStep"}
+OF_SCHEDULED_EXECUTION = {"ActivateModelPartition"}
 OF_OTHERS = {
-    CO_SIMULATION: OF_MODEL_EXCHANGE | {"EnterEventMode"},
+    CO_SIMULATION: OF_MODEL_EXCHANGE | OF_SCHEDULED_EXECUTION | {"EnterEventMode"},
     # The sampled model provides no derivatives.
     EVENT_MODE: OF_MODEL_EXCHANGE
+    | OF_SCHEDULED_EXECUTION
     | {"GetDirectionalDerivative", "GetAdjointDerivative", "GetOutputDerivatives"},
-    MODEL_EXCHANGE: OF_CO_SIMULATION,
+    MODEL_EXCHANGE: OF_CO_SIMULATION | OF_SCHEDULED_EXECUTION,
+    SCHEDULED_EXECUTION: OF_MODEL_EXCHANGE | OF_CO_SIMULATION | {"GetDirectionalDerivative", "GetAdjointDerivative"},
 }
 """The functions that instances for an interface do not have."""
 STATES = {
     CO_SIMULATION: ["instantiated", "initialization", "step", "terminated", "error"],
     EVENT_MODE: ["instantiated", "initialization", "event", "step", "terminated", "error"],
     MODEL_EXCHANGE: ["instantiated", "initialization", "event", "continuous", "terminated", "error"],
+    SCHEDULED_EXECUTION: ["instantiated", "initialization", "activation", "terminated", "error"],
 }
 COUNTS = {"nContinuousStates": 2, "nEventIndicators": 3}
-SAMPLED = "SampledModel"
+SAMPLED, SCHEDULED = "SampledModel", "SampledModelScheduled"
+CLOCK = 9
+"""The clock of the sampled model."""
 
 
 def described(model: str = "TestModel") -> tuple[Path, ModelDescription]:
-    """A model as an FMU of FMI 3.0, with both interfaces."""
-    folder = {"TestModel": "test-model/cs,me", SAMPLED: "sampled-model"}[model]
+    """A model as an FMU of FMI 3.0, with Model Exchange and Co-Simulation or with Scheduled Execution."""
+    folder = "test-model/cs,me" if model == "TestModel" else "sampled-model"
     path = TARGET / folder / "fmi3" / f"{model}.fmu"
     assert path.is_file(), f"{path} is missing: bash tests/run exports it"
     return path, fmpy.read_model_description(path)
@@ -125,7 +144,7 @@ def libraries(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Libra
         (binary,) = Path(fmpy.extract(path, tmp_path_factory.mktemp(model)), "binaries").glob(f"*/{model}.*")
         return Library(binary), description.instantiationToken
 
-    return {model: load(model) for model in ("TestModel", SAMPLED)}
+    return {model: load(model) for model in ("TestModel", SAMPLED, SCHEDULED)}
 
 
 @pytest.fixture
@@ -141,7 +160,8 @@ def make(
     made: list[Instance] = []
 
     def make(interface: str, state: str = "instantiated", model: str = "", **arguments: object) -> Instance:
-        library, token = libraries[model or (SAMPLED if interface == EVENT_MODE else "TestModel")]
+        of_interface = {EVENT_MODE: SAMPLED, SCHEDULED_EXECUTION: SCHEDULED}
+        library, token = libraries[model or of_interface.get(interface, "TestModel")]
         instance = Instance(library, token, interface, **arguments)
         made.append(instance)
         if state == "initialization":
@@ -164,11 +184,30 @@ def make(
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("model", ["TestModel", SAMPLED])
+@pytest.mark.parametrize("model", ["TestModel", SAMPLED, SCHEDULED])
 def test_the_description_is_valid(model: str) -> None:
     path, description = described(model)
     assert validate_fmu(path) == []
-    assert description.coSimulation.hasEventMode == (model == SAMPLED)
+    if model == SCHEDULED:
+        # A clock binds all interfaces of its FMU (section 2.5.2).
+        assert description.coSimulation is None and description.modelExchange is None
+        with zipfile.ZipFile(path) as archive:
+            (clock,) = ElementTree.fromstring(archive.read("modelDescription.xml")).findall(".//Clock")
+        assert clock.attrib == {
+            "name": "sample_clock",
+            "valueReference": str(CLOCK),
+            "description": "activates a sample",
+            "causality": "input",
+            "variability": "discrete",
+            "intervalVariability": "fixed",
+            "priority": "0",
+            "supportsFraction": "true",
+        }
+        clocked = {variable.name for variable in description.modelVariables if variable.clocks}
+        assert clocked == {"signal", "sign", "sum", "samples", "last"}
+        assert all(v.variability == "discrete" for v in description.modelVariables if v.clocks)
+    else:
+        assert description.coSimulation.hasEventMode == (model == SAMPLED)
 
 
 def test_the_symbols_are_those_of_the_header(library: Library, tmp_path: Path) -> None:
@@ -192,6 +231,8 @@ def test_each_function_in_each_state(make: Callable[..., Instance], interface: s
         if function in ("SerializeFMUState", "DeserializeFMUState"):
             content = instance.serialized(saved)
             values |= {"serializedState": (c_uint8 * len(content))(*content), "size": len(content)}
+        if function == "ActivateModelPartition":
+            values["clockReference"] = CLOCK
         if function == "DoStep":
             values["communicationStepSize"] = 0.125
         name = f"fmi3{function}"
@@ -209,7 +250,9 @@ def test_each_function_in_each_state(make: Callable[..., Instance], interface: s
             instance.initialize()
 
 
-def test_an_instance_of_another_interface_is_refused(library: Library, description: ModelDescription) -> None:
+def test_an_instance_of_another_interface_is_refused(
+    library: Library, libraries: dict[str, tuple[Library, str]], description: ModelDescription
+) -> None:
     token = description.instantiationToken
     for interface, arguments, reason in [
         ("ScheduledExecution", {}, "this FMU does not offer Scheduled Execution"),
@@ -226,6 +269,11 @@ def test_an_instance_of_another_interface_is_refused(library: Library, descripti
         assert instance.address is None
         (message,) = instance.messages
         assert reason in message.text
+    scheduled, of_scheduled = libraries[SCHEDULED]
+    for interface in (CO_SIMULATION, MODEL_EXCHANGE):
+        instance = Instance(scheduled, of_scheduled, interface)
+        assert instance.address is None
+        assert "this FMU does not offer" in instance.messages[0].text
     # Without a callback there is no one to tell.
     assert Instance(library, token, "ScheduledExecution", logMessage=LOGGER()).address is None
 
@@ -569,3 +617,142 @@ def test_the_end_is_asked_for_in_event_mode(make: Callable[..., Instance]) -> No
     instance.ok("fmi3EnterEventMode")
     assert instance.update() == ([False, True, False, False], 0.5)
     instance.ok("fmi3Terminate")
+
+
+def activate(instance: Instance, time: float) -> None:
+    """Computes a sample."""
+    status = instance.call("fmi3ActivateModelPartition", CLOCK, time)
+    assert status == Status.OK, instance.messages
+
+
+def intervals(instance: Instance, count: int = 1) -> tuple[list[float], list[int]]:
+    """The intervals of the clock, as decimal numbers, and their qualifiers."""
+    values, qualifiers = (c_double * count)(), (c_int * count)()
+    clocks = (c_uint32 * count)(*[CLOCK] * count)
+    assert instance.call("fmi3GetIntervalDecimal", clocks, count, values, qualifiers) == Status.OK, instance.messages
+    return list(values), list(qualifiers)
+
+
+def test_a_clock_activates_the_model_partition(make: Callable[..., Instance]) -> None:
+    """Section 5.2: nothing changes but by the activation, which is at the importer's times."""
+    instance = make(SCHEDULED_EXECUTION, "activation")
+    assert instance.get("Int32", [7]) == [0]
+    assert instance.set("Float64", [1], [3.0]) == Status.OK
+    assert instance.get("Float64", [6]) == [0.0]
+    activate(instance, 0.0)
+    assert instance.get("Float64", [6, 8, 0]) == [3.0, 0.0, 0.0]
+    assert instance.set("Float64", [1, 4], [0.5, 2.0]) == Status.OK
+    activate(instance, 0.25)
+    assert instance.get("Float64", [6, 8, 0]) == [4.0, 0.25, 0.25]
+    assert instance.get("Int32", [7]) == [2]
+    content = instance.serialized(instance.state())
+    activate(instance, 0.5)
+    state = c_void_p()
+    bytes_ = (c_uint8 * len(content))(*content)
+    assert instance.call("fmi3DeserializeFMUState", bytes_, len(content), byref(state)) == Status.OK
+    instance.ok("fmi3SetFMUState", FMUState=state)
+    activate(instance, 0.5)
+    assert instance.get("Float64", [6, 8]) == [5.0, 0.5]
+    instance.ok("fmi3Reset")
+    instance.initialize()
+    activate(instance, 0.0)
+    assert instance.get("Int32", [7]) == [1]
+
+
+@pytest.mark.parametrize(
+    ("clock", "time", "reason"),
+    [
+        (CLOCK, 0.75, "activationTime is 0.75; the last activation was at 0.75"),
+        (CLOCK, 0.625, "activationTime is 0.625; the last activation was at 0.75"),
+        (CLOCK, float("nan"), "activationTime is NaN"),
+        (CLOCK, 2.5, "activationTime is 2.5, which is after the stopTime 2"),
+        (6, 1.0, "the variable sum is of the type Real"),
+        (77, 1.0, "there is no variable with the value reference 77"),
+    ],
+)
+def test_wrong_activations(make: Callable[..., Instance], clock: int, time: float, reason: str) -> None:
+    instance = make(SCHEDULED_EXECUTION)
+    instance.ok("fmi3EnterInitializationMode", startTime=0.5, stopTimeDefined=True, stopTime=2.0)
+    instance.ok("fmi3ExitInitializationMode")
+    activate(instance, 0.5)
+    activate(instance, 0.75)
+    assert instance.call("fmi3ActivateModelPartition", clock, time) == Status.ERROR
+    assert instance.messages[-1].text == f"fmi3ActivateModelPartition: {reason}"
+
+
+def test_an_activation_before_the_start(make: Callable[..., Instance]) -> None:
+    instance = make(SCHEDULED_EXECUTION)
+    instance.initialize(start_time=1.0)
+    assert instance.call("fmi3ActivateModelPartition", CLOCK, 0.5) == Status.ERROR
+    assert instance.messages[-1].text.endswith("activationTime is 0.5, which is before the startTime 1")
+
+
+def test_a_model_that_asks_for_the_end_or_cannot_go_on(make: Callable[..., Instance]) -> None:
+    for reference, value, reason in [(5, 0.0, "asks for the end of the simulation, at 0 s"), (4, 11.0, "gain is 11.0")]:
+        instance = make(SCHEDULED_EXECUTION)
+        if reference == 5:
+            assert instance.set("Float64", [reference], [value]) == Status.OK
+        instance.initialize()
+        if reference == 4:
+            assert instance.set("Float64", [reference], [value]) == Status.OK
+        assert instance.call("fmi3ActivateModelPartition", CLOCK, 0.0) == Status.ERROR
+        assert instance.messages[-1].text.endswith(reason)
+
+
+def test_the_interval_follows_the_parameter(make: Callable[..., Instance]) -> None:
+    """Section 2.2.8.3: the importer asks for it, as a fraction too; it is fixed when initialization ends."""
+    instance = make(SCHEDULED_EXECUTION, "initialization")
+    unchanged, changed = 1, 2
+    assert intervals(instance) == ([0.25], [changed])
+    assert intervals(instance, 2) == ([0.25, 0.25], [unchanged, unchanged])
+    assert instance.set("Float64", [3], [0.0125]) == Status.OK
+    counters, resolutions, qualifiers = (c_uint64 * 1)(), (c_uint64 * 1)(), (c_int * 1)()
+    clocks = (c_uint32 * 1)(CLOCK)
+    arguments = (clocks, 1, counters, resolutions, qualifiers)
+    assert instance.call("fmi3GetIntervalFraction", *arguments) == Status.OK
+    assert (counters[0], resolutions[0], qualifiers[0]) == (1, 80, changed)
+    assert intervals(instance) == ([0.0125], [unchanged])
+    shifts = (c_double * 1)(9.0)
+    assert instance.call("fmi3GetShiftDecimal", clocks, 1, shifts) == Status.OK
+    assert instance.call("fmi3GetShiftFraction", clocks, 1, counters, resolutions) == Status.OK
+    assert (shifts[0], counters[0], resolutions[0]) == (0.0, 0, 1)
+    instance.ok("fmi3ExitInitializationMode")
+    assert intervals(instance) == ([0.0125], [unchanged])
+    # It is the FMU's: it cannot be set.
+    instance = make(SCHEDULED_EXECUTION, "initialization")
+    assert instance.call("fmi3SetIntervalDecimal", clocks, 1, shifts) == Status.ERROR
+
+
+def test_an_interval_that_is_none(make: Callable[..., Instance]) -> None:
+    instance = make(SCHEDULED_EXECUTION, "initialization")
+    assert instance.set("Float64", [3], [0.0]) == Status.OK
+    clocks = (c_uint32 * 1)(CLOCK)
+    assert instance.call("fmi3GetIntervalDecimal", clocks, 1, (c_double * 1)(), (c_int * 1)()) == Status.ERROR
+    assert instance.messages[-1].text.endswith("the clock's interval is 0 s; it must be finite and above 0")
+
+
+def test_other_variables_are_not_clocks(make: Callable[..., Instance]) -> None:
+    for name in ("GetIntervalDecimal", "GetIntervalFraction", "GetShiftDecimal", "GetShiftFraction"):
+        instance = make(SCHEDULED_EXECUTION, "initialization")
+        function = f"fmi3{name}"
+        values = {"valueReferences": (c_uint32 * 1)(6), "nValueReferences": 1}
+        assert instance.call(function, *instance.arguments(function, **values)) == Status.ERROR
+        assert "the variable sum is of the type Real" in instance.messages[-1].text
+    instance = make(SCHEDULED_EXECUTION, "activation")
+    assert instance.call("fmi3GetBoolean", (c_uint32 * 1)(CLOCK), 1, (c_bool * 1)(), 1) == Status.ERROR
+    assert "the variable sample_clock is of the type Clock" in instance.messages[-1].text
+
+
+def test_nothing_preempts_a_call(make: Callable[..., Instance]) -> None:
+    """Section 5.1.2: each call is between one pair of the importer's callbacks, after an error too."""
+    calls: list[str] = []
+    lock, unlock = PREEMPTION(lambda: calls.append("lock")), PREEMPTION(lambda: calls.append("unlock"))
+    instance = make(SCHEDULED_EXECUTION, lockPreemption=lock, unlockPreemption=unlock)
+    instance.initialize()
+    calls.clear()
+    for step, expected in enumerate([Status.OK, Status.ERROR]):
+        assert instance.call("fmi3ActivateModelPartition", CLOCK, -1.0 * step) == expected
+        assert calls == ["lock", "unlock"]
+        calls.clear()
+    instance.get("Float64", [6])
+    assert calls == ["lock", "unlock"]

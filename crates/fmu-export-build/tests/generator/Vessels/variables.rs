@@ -682,7 +682,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {
     ],
     log_categories: &["logStatusError", "logStatusWarning", "logEvents"],
     version: fmi::Version::Two,
-    interfaces: fmi::Interfaces { co_simulation: true, model_exchange: false },
+    interfaces: fmi::Interfaces { co_simulation: true, model_exchange: false, scheduled_execution: false },
     has_resources: false,
     capabilities: fmi::Capabilities {
         interpolate_inputs: true,
