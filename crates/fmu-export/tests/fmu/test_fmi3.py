@@ -666,7 +666,7 @@ def test_a_clock_activates_the_model_partition(make: Callable[..., Instance]) ->
         (CLOCK, 0.625, "activationTime is 0.625; the last activation was at 0.75"),
         (CLOCK, float("nan"), "activationTime is NaN"),
         (CLOCK, 2.5, "activationTime is 2.5, which is after the stopTime 2"),
-        (6, 1.0, "the variable sum is of the type Real"),
+        (6, 1.0, "the variable sum is of the type Float64"),
         (77, 1.0, "there is no variable with the value reference 77"),
     ],
 )
@@ -737,7 +737,7 @@ def test_other_variables_are_not_clocks(make: Callable[..., Instance]) -> None:
         function = f"fmi3{name}"
         values = {"valueReferences": (c_uint32 * 1)(6), "nValueReferences": 1}
         assert instance.call(function, *instance.arguments(function, **values)) == Status.ERROR
-        assert "the variable sum is of the type Real" in instance.messages[-1].text
+        assert "the variable sum is of the type Float64" in instance.messages[-1].text
     instance = make(SCHEDULED_EXECUTION, "activation")
     assert instance.call("fmi3GetBoolean", (c_uint32 * 1)(CLOCK), 1, (c_bool * 1)(), 1) == Status.ERROR
     assert "the variable sample_clock is of the type Clock" in instance.messages[-1].text

@@ -18,21 +18,21 @@ from random import Random
 from typing import Any
 
 import pytest
-from fmi3 import CO_SIMULATION, DECLARED, TYPES, Instance, Status
-from fmpy.model_description import ModelDescription
+from fmi3 import CO_SIMULATION, DECLARED, EVENT_MODE, SCHEDULED_EXECUTION, TYPES, Instance, Status
 from test_fmi3 import (
     ALLOWED,
     COUNTS,
     KINDS,
-    OF_CO_SIMULATION,
-    OF_MODEL_EXCHANGE,
+    OF_OTHERS,
+    SAMPLED,
+    SCHEDULED,
     STATES,
-    description,
-    library,
+    described,
+    libraries,
     make,
 )
 
-__all__ = ["description", "library", "make"]
+__all__ = ["libraries", "make"]
 
 CALLS = int(os.environ.get("RANDOM_CALLS", "20000"))
 CAPACITY = 16
@@ -52,7 +52,7 @@ USEFUL += [
     "GetContinuousStateDerivatives",
     "EnterEventMode",
 ]
-USEFUL += ["EnterInitializationMode", "ExitInitializationMode"]
+USEFUL += ["EnterInitializationMode", "ExitInitializationMode", "EnterStepMode", "ActivateModelPartition"]
 AFTER = {
     "EnterInitializationMode": "initialization",
     "EnterEventMode": "event",
@@ -96,8 +96,7 @@ class Importer:
 
     def allows(self, function: str) -> bool:
         """Whether the standard's table allows a function now."""
-        others = OF_CO_SIMULATION if self.interface != CO_SIMULATION else OF_MODEL_EXCHANGE
-        return self.state in ALLOWED[function] and function not in others
+        return self.state in ALLOWED[function] and function not in OF_OTHERS[self.interface]
 
     def call(self, function: str, random: Random) -> tuple[Any, ...]:
         """Calls a function with random arguments: what it returned."""
@@ -163,7 +162,7 @@ class Importer:
                 return self.time
             if name == "communicationStepSize" and random.random() < 0.9:
                 return random.choice([0.125, 0.01, 1e-3])
-            if name == "time" and random.random() < 0.9:
+            if name in ("time", "activationTime") and random.random() < 0.9:
                 self.time += random.choice([0.0, 0.01, 0.0625])
                 return self.time
             if name in ("startTime", "stopTime", "tolerance") and random.random() < 0.9:
@@ -234,7 +233,9 @@ class Importer:
         if status == Status.ERROR:
             self.state = "error"
         elif function == "ExitInitializationMode":
-            self.state = "step" if self.interface == CO_SIMULATION else "event"
+            self.state = {CO_SIMULATION: "step", SCHEDULED_EXECUTION: "activation"}.get(
+                self.interface, "event"
+            )
         else:
             self.state = AFTER.get(function, self.state)
         if status <= Status.WARNING and function in ("EnterInitializationMode", "Reset"):
@@ -269,10 +270,12 @@ def choose(random: Random) -> str:
 @pytest.mark.parametrize("interface", STATES)
 def test_calls_in_any_order(
     make: Callable[..., Instance],
-    description: ModelDescription,
     capfd: pytest.CaptureFixture[str],
     interface: str,
 ) -> None:
+    _, description = described(
+        {EVENT_MODE: SAMPLED, SCHEDULED_EXECUTION: SCHEDULED}.get(interface, "TestModel")
+    )
     references = [0] + [variable.valueReference for variable in description.modelVariables]
     made, seed, reached = 0, 0, set()
     fresh = Importer(make, interface, references).snapshot()
