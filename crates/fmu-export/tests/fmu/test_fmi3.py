@@ -5,6 +5,7 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Callable, Iterator
 from ctypes import byref, c_bool, c_double, c_int, c_uint8, c_uint32, c_uint64, c_void_p
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -675,3 +676,20 @@ def test_nothing_preempts_a_call(make: Callable[..., Instance]) -> None:
         calls.clear()
     instance.get("Float64", [6])
     assert calls == ["lock", "unlock"]
+
+
+@pytest.mark.parametrize("early", [False, True])
+def test_fmpy_handles_the_events(early: bool) -> None:
+    """A second importer: with early return, it records each sample at its time, before and after the event."""
+    result = fmpy.simulate_fmu(
+        described(SAMPLED)[0],
+        fmi_type="CoSimulation",
+        stop_time=1.0,
+        output_interval=0.1,
+        output=["samples", "last"],
+        use_event_mode=True,
+        early_return_allowed=early,
+    )
+    assert (result["samples"][-1], result["last"][-1]) == (5, 1.0)
+    times = [before["time"] for before, after in pairwise(result) if after["samples"] > before["samples"]]
+    assert not early or times == [0.25, 0.5, 0.75, 1.0]
