@@ -41,7 +41,8 @@ impl Fmi {
     /// Refuses interfaces that the version does not have.
     pub(crate) fn check(self) -> Result<Self, String> {
         if self.version == Version::Two && self.interfaces.scheduled_execution() {
-            Err("Scheduled Execution is an interface of FMI 3.0; it was asked for with FMI 2.0".to_owned())
+            Err("Scheduled Execution is an interface of FMI 3.0, and FMI 2.0 was asked for; choose `--fmi 3`"
+                .to_owned())
         } else {
             Ok(self)
         }

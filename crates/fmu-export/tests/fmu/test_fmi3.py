@@ -5,6 +5,7 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Callable, Iterator
 from ctypes import byref, c_bool, c_double, c_int, c_uint8, c_uint32, c_uint64, c_void_p
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -190,7 +191,8 @@ def test_the_description_is_valid(model: str) -> None:
     assert validate_fmu(path) == []
     if model == SCHEDULED:
         # A clock binds all interfaces of its FMU (section 2.5.2).
-        assert description.coSimulation is None and description.modelExchange is None
+        assert description.coSimulation is None
+        assert description.modelExchange is None
         with zipfile.ZipFile(path) as archive:
             (clock,) = ElementTree.fromstring(archive.read("modelDescription.xml")).findall(".//Clock")
         assert clock.attrib == {
@@ -559,7 +561,7 @@ def test_without_early_return_the_model_handles_events_within_a_step(make: Calla
     assert instance.get("Float64", [8]) == [1.0]
 
 
-def test_events_that_rounding_puts_beside_the_end_of_a_step_are_at_its_end(make: Callable[..., Instance]) -> None:
+def test_events_beside_the_end_of_a_step_by_rounding_are_at_its_end(make: Callable[..., Instance]) -> None:
     """0.1 added up is off by some roundings from the samples' times."""
     for early in (False, True):
         instance = make(EVENT_MODE, earlyReturnAllowed=early)
@@ -629,7 +631,8 @@ def intervals(instance: Instance, count: int = 1) -> tuple[list[float], list[int
     """The intervals of the clock, as decimal numbers, and their qualifiers."""
     values, qualifiers = (c_double * count)(), (c_int * count)()
     clocks = (c_uint32 * count)(*[CLOCK] * count)
-    assert instance.call("fmi3GetIntervalDecimal", clocks, count, values, qualifiers) == Status.OK, instance.messages
+    status = instance.call("fmi3GetIntervalDecimal", clocks, count, values, qualifiers)
+    assert status == Status.OK, instance.messages
     return list(values), list(qualifiers)
 
 
@@ -688,13 +691,12 @@ def test_an_activation_before_the_start(make: Callable[..., Instance]) -> None:
 
 
 def test_a_model_that_asks_for_the_end_or_cannot_go_on(make: Callable[..., Instance]) -> None:
-    for reference, value, reason in [(5, 0.0, "asks for the end of the simulation, at 0 s"), (4, 11.0, "gain is 11.0")]:
-        instance = make(SCHEDULED_EXECUTION)
-        if reference == 5:
-            assert instance.set("Float64", [reference], [value]) == Status.OK
-        instance.initialize()
-        if reference == 4:
-            assert instance.set("Float64", [reference], [value]) == Status.OK
+    ends, refuses = make(SCHEDULED_EXECUTION), make(SCHEDULED_EXECUTION)
+    assert ends.set("Float64", [5], [0.0]) == Status.OK
+    ends.initialize()
+    refuses.initialize()
+    assert refuses.set("Float64", [4], [11.0]) == Status.OK
+    for instance, reason in [(ends, "asks for the end of the simulation, at 0 s"), (refuses, "gain is 11.0")]:
         assert instance.call("fmi3ActivateModelPartition", CLOCK, 0.0) == Status.ERROR
         assert instance.messages[-1].text.endswith(reason)
 
@@ -756,3 +758,20 @@ def test_nothing_preempts_a_call(make: Callable[..., Instance]) -> None:
         calls.clear()
     instance.get("Float64", [6])
     assert calls == ["lock", "unlock"]
+
+
+@pytest.mark.parametrize("early", [False, True])
+def test_fmpy_handles_the_events(early: bool) -> None:
+    """A second importer: with early return, it records each sample before and after its event."""
+    result = fmpy.simulate_fmu(
+        described(SAMPLED)[0],
+        fmi_type="CoSimulation",
+        stop_time=1.0,
+        output_interval=0.1,
+        output=["samples", "last"],
+        use_event_mode=True,
+        early_return_allowed=early,
+    )
+    assert (result["samples"][-1], result["last"][-1]) == (5, 1.0)
+    times = [before["time"] for before, after in pairwise(result) if after["samples"] > before["samples"]]
+    assert not early or times == [0.25, 0.5, 0.75, 1.0]
