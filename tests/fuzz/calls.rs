@@ -23,7 +23,7 @@ impl Type {
             DataType::Integer | DataType::Enumeration => Self::Integer,
             DataType::Boolean => Self::Boolean,
             DataType::String => Self::String,
-            DataType::Clock => unreachable!("FMI 2.0 has no clocks"),
+            other => panic!("FMI 2.0 has no type {other:?}"),
         }
     }
 }

@@ -42,7 +42,7 @@ pub struct Export {
     #[arg(long = "target", value_name = "TARGET")]
     targets: Vec<Target>,
     /// The version of FMI: 2, 3, or 2,3 for both; an FMU of FMI 3.0 is written to the folder `fmi3` [default: that which
-    /// the variable `FMU_FMI_VERSION` names, or 2]
+    /// the variable `FMU_FMI_VERSION` names, or 2, or 3 for a model with types that FMI 2.0 does not have]
     #[arg(long = "fmi", value_name = "VERSION", value_delimiter = ',', value_parser = versions())]
     versions: Vec<Version>,
     /// The interfaces of FMI that the FMUs offer [default: those that the variable `FMU_INTERFACES` names, or cs]

@@ -40,6 +40,9 @@ enum Template {
     Stair,
     /// Outputs that follow from inputs of each type
     Feedthrough,
+    /// The same with all types of FMI 3.0, and for it
+    #[value(name = "feedthrough_3")]
+    Feedthrough3,
     /// Data from a file of the FMU
     Resource,
     /// A controller, which samples its inputs and remembers
@@ -79,6 +82,7 @@ impl Template {
             Self::BouncingBall => files!("bouncing_ball", plot "h", features ["derive"]),
             Self::Stair => files!("stair", plot "counter", features []),
             Self::Feedthrough => files!("feedthrough", plot "Float64_continuous_output", features []),
+            Self::Feedthrough3 => files!("feedthrough_3", plot "Float64_continuous_output", features []),
             Self::Resource => files!("resource", plot "y", features [], "resources/y.txt"),
             Self::Sampled => files!("sampled", plot "command", features ["derive"]),
         }

@@ -225,6 +225,7 @@ def test_the_other_templates_export_from_a_workspace(decay, folder):
         "bouncing_ball": "ball",
         "stair": "stair",
         "feedthrough": "feedthrough",
+        "feedthrough_3": "all-types",
         "resource": "from-file",
         "sampled": "pi-controller",
     }

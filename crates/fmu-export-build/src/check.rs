@@ -6,12 +6,12 @@ use std::collections::BTreeSet;
 use serde_json::Value;
 
 use crate::declaration::{
-    Causality, Declaration, Described, DisplayUnitDeclaration, Initial, UnitDeclaration, UnitNames,
-    Variability, VariableDeclaration,
+    Causality, Declaration, Described, DisplayUnitDeclaration, Initial, TYPES_OF_FMI3, UnitDeclaration,
+    UnitNames, Variability, VariableDeclaration,
 };
 use crate::error::{Refusals, nearest};
-use crate::interfaces::Fmi;
-use crate::model::{DataType, Part, Place, Scalar, Start};
+use crate::interfaces::{Fmi, Version};
+use crate::model::{DataType, Part, Place, Scalar, Start, Whole};
 use crate::rust;
 use crate::units::Units;
 use crate::xml;
@@ -54,7 +54,7 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
     for (number, enumeration) in enumerations.iter().enumerate() {
         let (name, key) = (&enumeration.name, format!("enumerations[{number}]"));
         type_name(name, &key, refusals);
-        if BUILT_IN_TYPES.contains(&name.as_str()) {
+        if built_in_types().any(|known| known == name) {
             refusals.add(format!("{key}.name"), format!("'{name}' is the name of a built-in type"));
         }
         if enumeration.items.is_empty() {
@@ -316,7 +316,12 @@ pub(crate) fn variable(
     Ok(Checked { place, data_type, variability, initial, starts })
 }
 
-const BUILT_IN_TYPES: [&str; 4] = ["Real", "Integer", "Boolean", "String"];
+/// The types that every version has.
+const COMMON_TYPES: [&str; 4] = ["Real", "Integer", "Boolean", "String"];
+
+fn built_in_types() -> impl Iterator<Item = &'static str> {
+    COMMON_TYPES.into_iter().chain(TYPES_OF_FMI3)
+}
 
 fn data_type(declaration: &Declaration, variable: &VariableDeclaration) -> Result<DataType, String> {
     let enumerations = || declaration.enumerations.iter().map(|enumeration| &enumeration.name);
@@ -325,10 +330,16 @@ fn data_type(declaration: &Declaration, variable: &VariableDeclaration) -> Resul
         "Integer" => DataType::Integer,
         "Boolean" => DataType::Boolean,
         "String" => DataType::String,
+        "Float32" => DataType::Float32,
+        "Binary" => DataType::Binary,
+        name if let Some(whole) = Whole::ALL.into_iter().find(|whole| whole.name() == name) => {
+            DataType::Whole(whole)
+        }
         name => DataType::Enumeration(enumerations().position(|known| known == name).ok_or_else(|| {
-            let known = BUILT_IN_TYPES.map(str::to_owned).into_iter().chain(enumerations().cloned());
+            let known = built_in_types().map(str::to_owned).chain(enumerations().cloned());
             let nearest = nearest(name, known);
-            format!("'{name}' is not one of Real, Integer, Boolean, String and the enumerations{nearest}")
+            let types = built_in_types().collect::<Vec<_>>().join(", ");
+            format!("'{name}' is not one of {types} and the enumerations{nearest}")
         })?),
     })
 }
@@ -339,7 +350,7 @@ fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, 
     let of_parameter = matches!(causality, Causality::Parameter | Causality::CalculatedParameter);
     let default = match data_type {
         _ if of_parameter => Variability::Fixed,
-        DataType::Real => Variability::Continuous,
+        DataType::Real | DataType::Float32 => Variability::Continuous,
         _ => Variability::Discrete,
     };
     let variability = variable.variability.unwrap_or(default);
@@ -357,12 +368,13 @@ fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, 
         let reason = format!("FMI allows no variability '{variability}' with the causality '{causality}'");
         return Err(("variability", reason));
     }
-    if variability == Variability::Continuous && data_type != DataType::Real {
+    if variability == Variability::Continuous && !is_float(data_type) {
         return Err(("variability", format!("only a Real is continuous, not {}", variable.data_type)));
     }
     let is_state = variable.derivative.is_some();
     if is_state
-        && (variability != Variability::Continuous
+        && (data_type != DataType::Real
+            || variability != Variability::Continuous
             || !matches!(causality, Causality::Local | Causality::Output))
     {
         return Err(("derivative", "only a continuous Real that is local or an output has one".to_owned()));
@@ -443,9 +455,13 @@ fn reads(
     Err((blame.0, blame.1.to_owned()))
 }
 
+fn is_float(data_type: DataType) -> bool {
+    matches!(data_type, DataType::Real | DataType::Float32)
+}
+
 /// Unit, display unit and nominal are a Real's.
 fn unit(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Blame> {
-    if data_type != DataType::Real {
+    if !is_float(data_type) {
         let used = [
             ("unit", variable.unit.is_some()),
             ("display_unit", variable.display_unit.is_some()),
@@ -482,12 +498,18 @@ fn unit(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Blame
 fn bounds(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Blame> {
     for (key, bound) in [("min", variable.min), ("max", variable.max)] {
         let Some(bound) = bound else { continue };
-        let integers = f64::from(i32::MIN)..=f64::from(i32::MAX);
-        match data_type {
-            DataType::Real => {}
-            DataType::Integer if bound.fract() == 0.0 && integers.contains(&bound) => {}
-            DataType::Integer => return Err((key, format!("{bound} is not of type Integer"))),
-            _ => return Err((key, format!("it is for Real and Integer, not for {}", variable.data_type))),
+        let range = match data_type {
+            DataType::Real => continue,
+            DataType::Float32 => f64::from(f32::MIN)..=f64::from(f32::MAX),
+            DataType::Integer => f64::from(i32::MIN)..=f64::from(i32::MAX),
+            DataType::Whole(whole) => {
+                let (_, range) = whole.in_rust();
+                exact(*range.start())..=exact(*range.end())
+            }
+            _ => return Err((key, format!("it is for numbers, not for {}", variable.data_type))),
+        };
+        if !range.contains(&bound) || data_type != DataType::Float32 && bound.fract() != 0.0 {
+            return Err((key, format!("{bound} is not of type {}", variable.data_type)));
         }
     }
     if let (Some(min), Some(max)) = (variable.min, variable.max)
@@ -496,6 +518,13 @@ fn bounds(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Bla
         return Err(("min", format!("{min} is greater than max {max}")));
     }
     Ok(())
+}
+
+/// The nearest bound that a number of JSON gives exactly.
+#[expect(clippy::cast_precision_loss, reason = "every whole number up to 2 to the power of 53 is exact")]
+fn exact(bound: i128) -> f64 {
+    const LARGEST: i128 = 1 << f64::MANTISSA_DIGITS;
+    bound.clamp(-LARGEST, LARGEST) as f64
 }
 
 /// Walks through a start value of the given dimensions, row by row.
@@ -536,10 +565,32 @@ fn start_value(
             within(value)?;
             Ok(Start::Real(value))
         }
-        DataType::Integer => {
-            let integer = value.as_i64().and_then(|value| i32::try_from(value).ok()).ok_or_else(mismatch)?;
-            within(f64::from(integer))?;
-            Ok(Start::Integer(integer))
+        DataType::Float32 => {
+            let value = value.as_f64().filter(|value| value.abs() <= f32::MAX.into()).ok_or_else(mismatch)?;
+            within(value)?;
+            Ok(Start::Real(value))
+        }
+        DataType::Integer | DataType::Whole(_) => {
+            let range = match data_type {
+                DataType::Whole(whole) => whole.in_rust().1,
+                _ => i32::MIN.into()..=i32::MAX.into(),
+            };
+            let number = value.as_i64().map(i128::from).or_else(|| value.as_u64().map(i128::from));
+            let number = number.filter(|number| range.contains(number)).ok_or_else(mismatch)?;
+            within(value.as_f64().ok_or_else(mismatch)?)?;
+            Ok(Start::Integer(number))
+        }
+        DataType::Binary => {
+            let text = value.as_str().ok_or_else(mismatch)?;
+            let bytes = text.as_bytes().chunks(2).map(|digits| {
+                let digits = str::from_utf8(digits).ok().filter(|digits| digits.len() == 2)?;
+                let is_hexadecimal = digits.bytes().all(|digit| digit.is_ascii_hexdigit());
+                u8::from_str_radix(digits, 16).ok().filter(|_| is_hexadecimal)
+            });
+            let bytes = bytes.collect::<Option<_>>();
+            bytes
+                .map(Start::Binary)
+                .ok_or_else(|| format!("{value} is not made of two hexadecimal digits a byte"))
         }
         DataType::Boolean => value.as_bool().map(Start::Boolean).ok_or_else(mismatch),
         DataType::String => {
@@ -645,6 +696,26 @@ pub(crate) fn type_names(declaration: &Declaration, parts: &[Part<'_>], refusals
             refusals.add(key, format!("two generated types would be called '{name}'"));
         }
         names.insert(name);
+    }
+}
+
+/// FMI 2.0 has fewer types than FMI 3.0.
+pub(crate) fn types_of_version(scalars: &[Scalar], version: Version, refusals: &mut Refusals) {
+    if version == Version::Three {
+        return;
+    }
+    let mut seen = BTreeSet::new();
+    for Scalar { name, key, data_type, .. } in scalars {
+        let data_type = match data_type {
+            DataType::Float32 => "Float32",
+            DataType::Whole(whole) => whole.name(),
+            DataType::Binary => "Binary",
+            _ => continue,
+        };
+        if seen.insert(key) {
+            let reason = format!("{name}: FMI 2.0 has no type {data_type}; FMI 3.0 has it (--fmi 3)");
+            refusals.add(format!("{key}.type"), reason);
+        }
     }
 }
 

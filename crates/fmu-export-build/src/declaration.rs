@@ -11,6 +11,10 @@ use serde::de::{Error as _, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
+/// The types that FMI 3.0 alone has.
+pub(crate) const TYPES_OF_FMI3: [&str; 9] =
+    ["Float32", "Int8", "UInt8", "Int16", "UInt16", "UInt32", "Int64", "UInt64", "Binary"];
+
 /// A model: what it is called and which variables it has.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -77,6 +81,16 @@ pub(crate) struct Declaration {
 pub(crate) struct ClockDeclaration {
     pub(crate) name: String,
     pub(crate) description: Option<String>,
+}
+
+impl Declaration {
+    /// Whether a variable has a type that FMI 2.0 does not have.
+    pub(crate) fn needs_fmi3(&self) -> bool {
+        let of_components = self.components.iter().filter_map(|component| component.variables.as_ref());
+        let of_types = self.component_types.iter().map(|component_type| &component_type.variables);
+        let variables = [&self.variables].into_iter().chain(of_components).chain(of_types).flatten();
+        variables.map(|variable| variable.data_type.as_str()).any(|name| TYPES_OF_FMI3.contains(&name))
+    }
 }
 
 /// A group of variables that tools connect in one stroke (FMI 3.0.2, section 2.4.9).
@@ -193,7 +207,8 @@ pub(crate) struct VariableDeclaration {
     /// computes it (the default with `initial_reads`); and for other discrete variables that are calculated (the
     /// default): exact where they begin at a start value, and events change them.
     pub(crate) initial: Option<Initial>,
-    /// Real (the default), Integer, Boolean, String or the name of an enumeration.
+    /// Real (the default), Integer, Boolean, String or the name of an enumeration; in FMI 3.0 also `Float32`, `Int8`,
+    /// `UInt8`, `Int16`, `UInt16`, `UInt32`, `Int64`, `UInt64` and `Binary`.
     #[serde(rename = "type", default = "real")]
     pub(crate) data_type: String,
     /// The unit of a Real, such as kg/s, N.m, W/(m2.K) or %; 1 without dimension. For an array also a list.

@@ -86,7 +86,8 @@ pub struct Generated {
 }
 
 /// Generates the interface of a model into the folder of its name in `OUT_DIR`. For build scripts. The environment
-/// variables [`VERSION_VARIABLE`] and [`INTERFACES_VARIABLE`] choose the version of FMI and its interfaces.
+/// variables [`VERSION_VARIABLE`] and [`INTERFACES_VARIABLE`] choose the version of FMI and its interfaces; without the
+/// former it is 2.0, or 3.0 where a variable has a type that 2.0 does not have.
 ///
 /// When the declaration is refused, the build ends with what is wrong: an error for each finding, with file, line
 /// and key.
@@ -99,10 +100,18 @@ pub fn generate(declaration: impl AsRef<Path>) {
     println!("cargo::rerun-if-env-changed={VERSION_VARIABLE}");
     println!("cargo::rerun-if-env-changed={INTERFACES_VARIABLE}");
     let out_dir = env::var("OUT_DIR").expect("OUT_DIR is set for build scripts only");
-    let fmi = Fmi::of_environment().and_then(Fmi::check).unwrap_or_else(|reason| {
+    let mut fmi = Fmi::of_environment().unwrap_or_else(|reason| {
         println!("cargo::error={reason}");
         process::exit(1);
     });
+    // A file that cannot be read is reported below.
+    let needs_fmi3 = || {
+        let read = Source::read::<Declaration>(declaration);
+        read.is_ok_and(|(declaration, _)| declaration.needs_fmi3())
+    };
+    if env::var_os(VERSION_VARIABLE).is_none() && needs_fmi3() {
+        fmi.version = Version::Three;
+    }
     match generate_into(declaration, Path::new(&out_dir), &Package::of_build_script(), fmi) {
         Ok(generated) => {
             for source in generated.sources {

@@ -4,6 +4,7 @@
 //! whatever cannot be is refused on the way, here and in [`check`].
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::RangeInclusive;
 
 use serde_json::Value;
 
@@ -97,14 +98,64 @@ pub(crate) enum DataType {
     String,
     /// The position among the model's enumerations.
     Enumeration(usize),
+    /// In FMI 3.0 alone.
+    Float32,
+    /// In FMI 3.0 alone.
+    Whole(Whole),
+    /// In FMI 3.0 alone.
+    Binary,
+}
+
+/// The types of whole numbers that FMI 3.0 has beside `Int32`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Whole {
+    Int8,
+    UInt8,
+    Int16,
+    UInt16,
+    UInt32,
+    Int64,
+    UInt64,
+}
+
+impl Whole {
+    pub(crate) const ALL: [Self; 7] =
+        [Self::Int8, Self::UInt8, Self::Int16, Self::UInt16, Self::UInt32, Self::Int64, Self::UInt64];
+
+    /// The name in the standard, and in a declaration.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Int8 => "Int8",
+            Self::UInt8 => "UInt8",
+            Self::Int16 => "Int16",
+            Self::UInt16 => "UInt16",
+            Self::UInt32 => "UInt32",
+            Self::Int64 => "Int64",
+            Self::UInt64 => "UInt64",
+        }
+    }
+
+    /// The type of Rust, and its bounds.
+    pub(crate) fn in_rust(self) -> (&'static str, RangeInclusive<i128>) {
+        match self {
+            Self::Int8 => ("i8", i8::MIN.into()..=i8::MAX.into()),
+            Self::UInt8 => ("u8", u8::MIN.into()..=u8::MAX.into()),
+            Self::Int16 => ("i16", i16::MIN.into()..=i16::MAX.into()),
+            Self::UInt16 => ("u16", u16::MIN.into()..=u16::MAX.into()),
+            Self::UInt32 => ("u32", u32::MIN.into()..=u32::MAX.into()),
+            Self::Int64 => ("i64", i64::MIN.into()..=i64::MAX.into()),
+            Self::UInt64 => ("u64", u64::MIN.into()..=u64::MAX.into()),
+        }
+    }
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Start {
     Real(f64),
-    Integer(i32),
+    Integer(i128),
     Boolean(bool),
     String(String),
+    Binary(Vec<u8>),
     /// The position among the enumeration's items, from 0.
     Item(usize),
 }
@@ -216,6 +267,7 @@ impl<'a> Model<'a> {
         let Flattening { parts, mut scalars, mut refusals, .. } = flattening;
         check::state_groups(declaration, &parts, &scalars, &mut refusals);
         check::type_names(declaration, &parts, &mut refusals);
+        check::types_of_version(&scalars, fmi.version, &mut refusals);
         check::outputs(&scalars, &mut refusals);
         check::calculated_parameters(&scalars, &mut refusals);
         check::terminals(declaration, &scalars, &mut refusals);

@@ -435,7 +435,7 @@ impl<'m, 'a> Page<'m, 'a> {
 
     fn unit_or_type(&self, field: &Field<'_>) -> String {
         match field.data_type {
-            DataType::Real => {
+            DataType::Real | DataType::Float32 => {
                 let units = match &field.declaration.unit {
                     Some(UnitNames::All(unit)) => slice::from_ref(unit),
                     Some(UnitNames::Each(units)) => units,

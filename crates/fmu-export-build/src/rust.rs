@@ -160,6 +160,11 @@ use ::fmu_export::description as fmi;
     text + "}\n"
 }
 
+/// Whether values of a type are `Copy`.
+fn is_copy(data_type: DataType) -> bool {
+    !matches!(data_type, DataType::String | DataType::Binary)
+}
+
 fn enumeration_text(enumeration: &EnumerationDeclaration) -> String {
     let name = &enumeration.name;
     let (mut items, mut values) = (String::new(), Vec::new());
@@ -230,7 +235,7 @@ impl Generator<'_, '_> {
                 description: described(part.description, component),
                 data_type: format!("{part_name}{generic}"),
                 kind: if is_generic { Kind::Nested } else { Kind::Other },
-                is_copy: place.fields(part).all(|field| field.data_type != DataType::String),
+                is_copy: place.fields(part).all(|field| is_copy(field.data_type)),
             });
             let start = if self.has_default(&part_name, place) {
                 format!("{component}: {part_name}::default()")
@@ -258,6 +263,9 @@ impl Generator<'_, '_> {
             DataType::Boolean => "bool",
             DataType::String => "String",
             DataType::Enumeration(enumeration) => &self.model.declaration.enumerations[enumeration].name,
+            DataType::Float32 => "f32",
+            DataType::Whole(whole) => whole.in_rust().0,
+            DataType::Binary => "Vec<u8>",
         }
         .to_owned();
         for size in declaration.dimensions.iter().rev() {
@@ -272,7 +280,7 @@ impl Generator<'_, '_> {
             } else {
                 Kind::Other
             },
-            is_copy: field.data_type != DataType::String,
+            is_copy: is_copy(field.data_type),
         }
     }
 
@@ -284,11 +292,13 @@ impl Generator<'_, '_> {
             (Some(Start::Integer(value)), _) => value.to_string(),
             (Some(Start::Boolean(value)), _) => value.to_string(),
             (Some(Start::String(value)), _) => format!("String::from({value:?})"),
+            (Some(Start::Binary(bytes)), _) => format!("Vec::from({bytes:?})"),
             (Some(Start::Item(item)), DataType::Enumeration(enumeration)) => self.item(enumeration, *item),
-            (_, DataType::Real) => "0.0".to_owned(),
-            (_, DataType::Integer) => "0".to_owned(),
+            (_, DataType::Real | DataType::Float32) => "0.0".to_owned(),
+            (_, DataType::Integer | DataType::Whole(_)) => "0".to_owned(),
             (_, DataType::Boolean) => "false".to_owned(),
             (_, DataType::String) => "String::new()".to_owned(),
+            (_, DataType::Binary) => "Vec::new()".to_owned(),
             (_, DataType::Enumeration(enumeration)) => self.item(enumeration, 0),
         }
     }

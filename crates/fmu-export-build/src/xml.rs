@@ -7,6 +7,7 @@ mod fmi2;
 mod fmi3;
 pub(crate) mod terminals;
 
+use std::fmt::Write as _;
 use std::io;
 
 use uuid::Uuid;
@@ -120,6 +121,10 @@ pub(crate) fn start(start: &Start) -> String {
         Start::Integer(value) => value.to_string(),
         Start::Boolean(value) => value.to_string(),
         Start::String(value) => value.clone(),
+        Start::Binary(bytes) => bytes.iter().fold(String::new(), |mut text, byte| {
+            let _ = write!(text, "{byte:02x}");
+            text
+        }),
         Start::Item(item) => (item + 1).to_string(),
     }
 }

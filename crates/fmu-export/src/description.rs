@@ -88,7 +88,7 @@ pub enum Version {
     Three,
 }
 
-/// The data types by the names of FMI 2.0, and Clock.
+/// The data types, by the names of FMI 2.0 where it has them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]
 pub enum DataType {
@@ -96,8 +96,18 @@ pub enum DataType {
     Integer,
     Boolean,
     String,
-    /// Accessed through the Integer functions.
+    /// Accessed through the Integer functions, in FMI 3.0 through those of Int64.
     Enumeration,
+    // In FMI 3.0 alone.
+    Float32,
+    Int8,
+    UInt8,
+    Int16,
+    UInt16,
+    UInt32,
+    Int64,
+    UInt64,
+    Binary,
     /// Of FMI 3.0.
     Clock,
 }
@@ -114,6 +124,15 @@ impl DataType {
             (Self::Boolean, _) => "Boolean",
             (Self::String, _) => "String",
             (Self::Enumeration, _) => "Enumeration",
+            (Self::Float32, _) => "Float32",
+            (Self::Int8, _) => "Int8",
+            (Self::UInt8, _) => "UInt8",
+            (Self::Int16, _) => "Int16",
+            (Self::UInt16, _) => "UInt16",
+            (Self::UInt32, _) => "UInt32",
+            (Self::Int64, _) => "Int64",
+            (Self::UInt64, _) => "UInt64",
+            (Self::Binary, _) => "Binary",
             (Self::Clock, _) => "Clock",
         }
     }

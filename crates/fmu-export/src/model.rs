@@ -103,6 +103,33 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     fn string(&self, reference: ValueReference) -> &str;
     /// Sets a String variable.
     fn set_string(&mut self, reference: ValueReference, value: &str);
+    /// The value of a Float32 variable.
+    fn float32(&self, reference: ValueReference) -> f32 {
+        let _ = reference;
+        0.0
+    }
+    /// Sets a Float32 variable.
+    fn set_float32(&mut self, reference: ValueReference, value: f32) {
+        let _ = (reference, value);
+    }
+    /// The value of a variable of one of the types of whole numbers that FMI 3.0 has beside Int32.
+    fn whole(&self, reference: ValueReference) -> i128 {
+        let _ = reference;
+        0
+    }
+    /// Sets a variable of one of these types, if it holds the value.
+    fn set_whole(&mut self, reference: ValueReference, value: i128) {
+        let _ = (reference, value);
+    }
+    /// The value of a Binary variable.
+    fn binary(&self, reference: ValueReference) -> &[u8] {
+        let _ = reference;
+        &[]
+    }
+    /// Sets a Binary variable.
+    fn set_binary(&mut self, reference: ValueReference, value: &[u8]) {
+        let _ = (reference, value);
+    }
     /// The states take their start values. Without states there is nothing to do.
     fn states_from_start(&mut self) {}
     /// Variables whose Real ones are all 0: a direction in which nothing changes.

@@ -120,7 +120,7 @@ macro_rules! numbers {
     )*};
 }
 
-numbers!(u8, u32, u64, i32, i64, f64);
+numbers!(u8, u16, u32, u64, i8, i16, i32, i64, f32, f64);
 
 impl Persistent for bool {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {

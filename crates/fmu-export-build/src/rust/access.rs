@@ -40,33 +40,6 @@ impl ::fmu_export::Inputs for Inputs {{
     }
 
     pub(crate) fn variables_impl(&self) -> String {
-        let accessors: Vec<_> = [
-            ("real", "f64", "f64", "0.0"),
-            ("integer", "i32", "i32", "0"),
-            ("boolean", "bool", "bool", "false"),
-            ("string", "&str", "&str", "\"\""),
-        ]
-        .into_iter()
-        .map(|(name, value_type, argument_type, default)| {
-            let (getters, setters) = self.accessors(name);
-            format!(
-                "
-    fn {name}(&self, reference: fmi::ValueReference) -> {value_type} {{
-        match reference {{
-{getters}            _ => {default},
-        }}
-    }}
-
-    fn set_{name}(&mut self, reference: fmi::ValueReference, value: {argument_type}) {{
-        let _ = value;
-        match reference {{
-{setters}            _ => {{}}
-        }}
-    }}
-"
-            )
-        })
-        .collect();
         // What goes wrong first is a state; derivatives and outputs follow from it.
         let (mut sums, mut reals) = ([const { String::new() }; 4], String::new());
         for place in [Place::States, Place::Derivatives, Place::Outputs] {
@@ -139,7 +112,7 @@ impl ::fmu_export::Variables for Variables {{
             value_references = self.value_references(),
             dependencies = self.dependencies(),
             numbers = self.numbers(),
-            accessors = accessors.concat(),
+            accessors = self.all_accessors(),
             sums = sums.map(|sum| format!("            0.0{sum},\n")).concat(),
             zero_parameters = self.zero(Place::Parameters),
             zero_inputs = self.zero(Place::Inputs),
@@ -276,6 +249,45 @@ impl ::fmu_export::Variables for Variables {{
         if self.is_real(place) { format!("{name}.map(|_| 0.0)") } else { name }
     }
 
+    /// The getters and setters of all types.
+    fn all_accessors(&self) -> String {
+        let accessors: Vec<_> = [
+            ("real", "f64", "f64", "0.0"),
+            ("integer", "i32", "i32", "0"),
+            ("boolean", "bool", "bool", "false"),
+            ("string", "&str", "&str", "\"\""),
+            ("float32", "f32", "f32", "0.0"),
+            ("whole", "i128", "i128", "0"),
+            ("binary", "&[u8]", "&[u8]", "&[]"),
+        ]
+        .into_iter()
+        .map(|(name, value_type, argument_type, default)| {
+            let (getters, setters) = self.accessors(name);
+            // The types of FMI 3.0 alone have defaults in the trait.
+            if getters.is_empty() && matches!(name, "float32" | "whole" | "binary") {
+                return String::new();
+            }
+            format!(
+                "
+    fn {name}(&self, reference: fmi::ValueReference) -> {value_type} {{
+        match reference {{
+{getters}            _ => {default},
+        }}
+    }}
+
+    fn set_{name}(&mut self, reference: fmi::ValueReference, value: {argument_type}) {{
+        let _ = value;
+        match reference {{
+{setters}            _ => {{}}
+        }}
+    }}
+"
+            )
+        })
+        .collect();
+        accessors.concat()
+    }
+
     /// The arms of the getter and the setter of a type.
     fn accessors(&self, accessor: &str) -> (String, String) {
         let (mut getters, mut setters) = (String::new(), String::new());
@@ -287,6 +299,9 @@ impl ::fmu_export::Variables for Variables {{
                 DataType::Integer | DataType::Enumeration(_) => "integer",
                 DataType::Boolean => "boolean",
                 DataType::String => "string",
+                DataType::Float32 => "float32",
+                DataType::Whole(_) => "whole",
+                DataType::Binary => "binary",
             };
             if of_type != accessor {
                 continue;
@@ -307,7 +322,11 @@ impl ::fmu_export::Variables for Variables {{
                     let set = to.map(|to| format!("{{\n                {item} {{\n                    self.{to} = item;\n                }}\n            }}"));
                     (format!("self.{from} as i32"), set)
                 }
-                DataType::String => {
+                DataType::Whole(_) => {
+                    let set = to.map(|to| format!("{{\n                if let Ok(value) = value.try_into() {{\n                    self.{to} = value;\n                }}\n            }}"));
+                    (format!("self.{from}.into()"), set)
+                }
+                DataType::String | DataType::Binary => {
                     (format!("&self.{from}"), to.map(|to| format!("value.clone_into(&mut self.{to}),")))
                 }
                 _ => (format!("self.{from}"), to.map(|to| format!("self.{to} = value,"))),
@@ -343,6 +362,9 @@ impl ::fmu_export::Variables for Variables {{
                     DataType::Boolean => "Boolean",
                     DataType::String => "String",
                     DataType::Enumeration(_) => "Enumeration",
+                    DataType::Float32 => "Float32",
+                    DataType::Whole(whole) => whole.name(),
+                    DataType::Binary => "Binary",
                 },
                 super::pascal_case(xml::causality(scalar.causality)),
                 scalar.variability,

@@ -129,6 +129,9 @@ fn type_element(model: &Model<'_>, scalar: &Scalar) -> (&'static str, Attributes
             attributes.push(("declaredType", model.declaration.enumerations[enumeration].name.clone()));
             "Enumeration"
         }
+        DataType::Float32 | DataType::Whole(_) | DataType::Binary => {
+            unreachable!("the checks refuse types that FMI 2.0 does not have")
+        }
     };
     attributes.extend(scalar.start.as_ref().map(|value| ("start", start(value))));
     attributes.extend(scalar.state.map(|state| ("derivative", index(state).to_string())));

@@ -130,7 +130,7 @@ impl<'m, 'a> Variables<'m, 'a> {
         let mut attributes = [common, own].concat();
         let starts = elements.iter().map(|&element| self.model.scalars[element].start.as_ref().map(start));
         let starts: Option<Vec<_>> = starts.collect();
-        let is_text = scalar.data_type == DataType::String;
+        let is_text = matches!(scalar.data_type, DataType::String | DataType::Binary);
         if let Some(starts) = &starts
             && !is_text
         {
@@ -172,7 +172,7 @@ impl<'m, 'a> Variables<'m, 'a> {
     fn type_element(&self, scalar: &Scalar) -> (&'static str, Attributes) {
         let whole = |bound: f64| bound.to_string();
         match scalar.data_type {
-            DataType::Real => {
+            DataType::Real | DataType::Float32 => {
                 let attributes = [
                     ("unit", scalar.unit.clone()),
                     ("displayUnit", scalar.display_unit.clone()),
@@ -180,10 +180,15 @@ impl<'m, 'a> Variables<'m, 'a> {
                     ("max", scalar.max.map(float)),
                     ("nominal", scalar.nominal.map(float)),
                 ];
-                ("Float64", given(attributes))
+                let name = if scalar.data_type == DataType::Real { "Float64" } else { "Float32" };
+                (name, given(attributes))
             }
-            DataType::Integer => {
-                ("Int32", given([("min", scalar.min.map(whole)), ("max", scalar.max.map(whole))]))
+            DataType::Integer | DataType::Whole(_) => {
+                let name = match scalar.data_type {
+                    DataType::Whole(whole) => whole.name(),
+                    _ => "Int32",
+                };
+                (name, given([("min", scalar.min.map(whole)), ("max", scalar.max.map(whole))]))
             }
             // The interval is not declared, as it follows from parameters.
             _ if scalar.place == Place::Clock => {
@@ -193,6 +198,7 @@ impl<'m, 'a> Variables<'m, 'a> {
             }
             DataType::Boolean => ("Boolean", vec![]),
             DataType::String => ("String", vec![]),
+            DataType::Binary => ("Binary", vec![]),
             DataType::Enumeration(enumeration) => {
                 let name = self.model.declaration.enumerations[enumeration].name.clone();
                 ("Enumeration", vec![("declaredType", name)])

@@ -125,6 +125,41 @@ fn model_exchange_is_declared_with_what_belongs_to_it_and_nothing_else_changes()
     assert_eq!(description(Interfaces::CoSimulation), alone.replace(" reinit=\"true\"", ""));
 }
 
+/// The types that FMI 3.0 alone has, as numbers, arrays and texts.
+#[test]
+fn types_of_fmi_3_are_described_and_typed() {
+    let folder = folder("types");
+    let file = folder.join("types.json");
+    let declaration = r#"{"model_identifier": "types", "variables": [
+        {"name": "tiny", "causality": "parameter", "type": "Int8", "dimensions": [2], "start": [-128, 5], "min": -128},
+        {"name": "long", "causality": "parameter", "type": "UInt64", "start": 18446744073709551615},
+        {"name": "single", "causality": "input", "type": "Float32", "unit": "m", "start": 0.5, "max": 2},
+        {"name": "data", "causality": "output", "type": "Binary", "initial": "exact", "dimensions": [2], "start": ["0aFF", ""]}
+    ]}"#;
+    fs::write(&file, declaration).expect("the folder is writable");
+    let fmi = Fmi { version: Version::Three, interfaces: Interfaces::CoSimulation };
+    let generated = generate_into(&file, &folder, &package(), fmi).unwrap_or_else(|error| panic!("{error}"));
+    let (xml, rust) = (read(&generated.model_description), read(&generated.variables));
+    for text in [
+        r#"initial="exact" min="-128" start="-128 5">"#,
+        r#"<UInt64 name="long" valueReference="3""#,
+        r#"start="18446744073709551615"/>"#,
+        r#"variability="continuous" unit="m" max="2.0" start="0.5"/>"#,
+        r#"<Start value="0aff"/>"#,
+        r#"<Start value=""/>"#,
+    ] {
+        assert!(xml.contains(text), "{text} in {xml}");
+    }
+    for text in
+        ["tiny: [i8; 2]", "long: u64", "single: f32", "data: [Vec<u8>; 2]", "data_type: fmi::DataType::Int8"]
+    {
+        assert!(rust.contains(text), "{text} in {rust}");
+    }
+    let error = generate_into(&file, &folder, &package(), Interfaces::CoSimulation).unwrap_err().to_string();
+    assert_eq!(error.lines().count(), 4, "{error}");
+    assert!(error.contains("tiny[1]: FMI 2.0 has no type Int8; FMI 3.0 has it (--fmi 3)"), "{error}");
+}
+
 #[test]
 fn the_typed_interface_has_the_functions_and_the_table_of_the_interfaces() {
     let of_co_simulation = read(&sources().join("Vessels/variables.rs"));

@@ -19,7 +19,7 @@ use crate::description::DataType;
 use crate::error::Error;
 use crate::event_mode::EventMode;
 use crate::instance::activation::fraction;
-use crate::instance::{self, Answer, Preemption};
+use crate::instance::{self, Preemption};
 use crate::logger::{Logger, Recipient};
 use crate::model::{Experiment, Model, Variables};
 use crate::model_exchange::ModelExchange;
@@ -308,22 +308,29 @@ accessors! {
     get_int32: GetInt32, set_int32: SetInt32, i32,
         |instance, references, values| instance.get_integers(references, values, &[DataType::Integer]),
         |instance, references, values| instance.set_integers(references, values, &[DataType::Integer]);
-    get_int64: GetInt64, set_int64: SetInt64, i64,
-        |instance, references, values| instance.get_integers(references, values, &[DataType::Enumeration]),
-        set_items;
+    get_float32: GetFloat32, set_float32: SetFloat32, f32,
+        instance::Instance::get_float32, instance::Instance::set_float32;
 }
 
-/// Sets enumerations, which the functions for Int64 access.
-fn set_items<M: Model>(
-    instance: &mut instance::Instance<M>,
-    references: &[ValueReference],
-    values: &[i64],
-) -> Answer {
-    let item = |&value: &i64| {
-        i32::try_from(value).map_err(|_| Error::new(format!("{value} is not an item of an enumeration")))
+/// Defines functions for types of whole numbers, from the data types that each accesses.
+macro_rules! wholes {
+    ($($get:ident: $get_function:ident, $set:ident: $set_function:ident, $type:ty, [$($data_type:ident),*];)*) => {
+        accessors! { $(
+            $get: $get_function, $set: $set_function, $type,
+                |instance, references, values| instance.get_wholes(references, values, &[$(DataType::$data_type),*]),
+                |instance, references, values| instance.set_wholes(references, values, &[$(DataType::$data_type),*]);
+        )* }
     };
-    let items = values.iter().map(item).collect::<Result<Vec<_>, _>>()?;
-    instance.set_integers(references, &items, &[DataType::Enumeration])
+}
+
+wholes! {
+    get_int8: GetInt8, set_int8: SetInt8, i8, [Int8];
+    get_uint8: GetUInt8, set_uint8: SetUInt8, u8, [UInt8];
+    get_int16: GetInt16, set_int16: SetInt16, i16, [Int16];
+    get_uint16: GetUInt16, set_uint16: SetUInt16, u16, [UInt16];
+    get_uint32: GetUInt32, set_uint32: SetUInt32, u32, [UInt32];
+    get_int64: GetInt64, set_int64: SetInt64, i64, [Int64, Enumeration];
+    get_uint64: GetUInt64, set_uint64: SetUInt64, u64, [UInt64];
 }
 
 /// `fmi3GetFloat64` of an FMU that has Model Exchange, where event indicators are variables.
@@ -343,45 +350,6 @@ pub unsafe fn get_float64_with_indicators<M: ModelExchange>(
     }
 }
 
-/// Defines functions for types that no variable has.
-macro_rules! absent {
-    ($($get:ident: $get_function:ident, $set:ident: $set_function:ident, $type:ty;)*) => {$(
-        #[doc = concat!("`fmi3", stringify!($get_function), "`: no variable is of this type.")]
-        pub unsafe fn $get<M: Model>(
-            instance: Instance,
-            references: *const ValueReference,
-            count: usize,
-            _values: *mut $type,
-            _value_count: usize,
-        ) -> Status {
-            // SAFETY: the instance and the array are the importer's (see the module).
-            unsafe { refuse_all::<M>(instance, Function::$get_function, (references, count)) }
-        }
-
-        #[doc = concat!("`fmi3", stringify!($set_function), "`: no variable is of this type.")]
-        pub unsafe fn $set<M: Model>(
-            instance: Instance,
-            references: *const ValueReference,
-            count: usize,
-            _values: *const $type,
-            _value_count: usize,
-        ) -> Status {
-            // SAFETY: the instance and the array are the importer's (see the module).
-            unsafe { refuse_all::<M>(instance, Function::$set_function, (references, count)) }
-        }
-    )*};
-}
-
-absent! {
-    get_float32: GetFloat32, set_float32: SetFloat32, f32;
-    get_int8: GetInt8, set_int8: SetInt8, i8;
-    get_uint8: GetUInt8, set_uint8: SetUInt8, u8;
-    get_int16: GetInt16, set_int16: SetInt16, i16;
-    get_uint16: GetUInt16, set_uint16: SetUInt16, u16;
-    get_uint32: GetUInt32, set_uint32: SetUInt32, u32;
-    get_uint64: GetUInt64, set_uint64: SetUInt64, u64;
-}
-
 /// Refuses every variable, as none is of the function's type.
 ///
 /// # Safety
@@ -399,30 +367,58 @@ unsafe fn refuse_all<M: Model>(
     }
 }
 
-/// `fmi3GetBinary`: no variable is of this type.
+/// `fmi3GetBinary`. The values stay valid until the next call for this instance.
 pub unsafe fn get_binary<M: Model>(
     instance: Instance,
     references: *const ValueReference,
     count: usize,
-    _sizes: *mut usize,
-    _values: *mut Binary,
-    _value_count: usize,
+    sizes: *mut usize,
+    values: *mut Binary,
+    value_count: usize,
 ) -> Status {
-    // SAFETY: the instance and the array are the importer's (see the module).
-    unsafe { refuse_all::<M>(instance, Function::GetBinary, (references, count)) }
+    let (references, values) = ((references, count), (values, value_count));
+    // SAFETY: the instance and the arrays are the importer's (see the module).
+    unsafe {
+        get_values::<M, _, _>(
+            instance,
+            Function::GetBinary,
+            references,
+            values,
+            |instance, references, values| {
+                write_elements("valueSizes", sizes, value_count, |sizes| {
+                    instance.get_binary(references, sizes, values)
+                })
+            },
+        )
+    }
 }
 
-/// `fmi3SetBinary`: no variable is of this type.
+/// `fmi3SetBinary`. The values are copied.
 pub unsafe fn set_binary<M: Model>(
     instance: Instance,
     references: *const ValueReference,
     count: usize,
-    _sizes: *const usize,
-    _values: *const Binary,
-    _value_count: usize,
+    sizes: *const usize,
+    values: *const Binary,
+    value_count: usize,
 ) -> Status {
-    // SAFETY: the instance and the array are the importer's (see the module).
-    unsafe { refuse_all::<M>(instance, Function::SetBinary, (references, count)) }
+    let (references, values) = ((references, count), (values, value_count));
+    // SAFETY: the instance and the arrays are the importer's (see the module).
+    unsafe {
+        set_values::<M, _, _>(
+            instance,
+            Function::SetBinary,
+            references,
+            values,
+            |instance, references, values| {
+                let sizes = elements("valueSizes", sizes, value_count)?;
+                let values =
+                    values.iter().zip(sizes.iter()).map(|(&value, &size)| elements("values", value, size));
+                let values = values.collect::<Result<Vec<_>, _>>()?;
+                instance.set_binary(references, &values.iter().map(AsRef::as_ref).collect::<Vec<_>>())
+            },
+        )
+    }
 }
 
 /// Defines functions of clocks where there are none, or for clocks that they are not for.
@@ -1206,16 +1202,16 @@ macro_rules! fmi3_functions {
                     name: String, token: String, resource_path: String, visible: Boolean, logging_on: Boolean,
                     event_mode_used: Boolean, early_return_allowed: Boolean,
                     required_intermediate_variables: *const ValueReference, count: usize,
-                    environment: InstanceEnvironment, log_message: Option<LogMessageCallback>,
-                    intermediate_update: Option<IntermediateUpdateCallback>);
+                    environment: InstanceEnvironment, log_message: ::core::option::Option<LogMessageCallback>,
+                    intermediate_update: ::core::option::Option<IntermediateUpdateCallback>);
                 fmi3InstantiateModelExchange = instantiate_model_exchange(
                     name: String, token: String, resource_path: String, visible: Boolean, logging_on: Boolean,
-                    environment: InstanceEnvironment, log_message: Option<LogMessageCallback>);
+                    environment: InstanceEnvironment, log_message: ::core::option::Option<LogMessageCallback>);
                 fmi3InstantiateScheduledExecution = $scheduled::instantiate_scheduled_execution(
                     name: String, token: String, resource_path: String, visible: Boolean, logging_on: Boolean,
-                    environment: InstanceEnvironment, log_message: Option<LogMessageCallback>,
-                    clock_update: Option<ClockUpdateCallback>, lock_preemption: Option<PreemptionCallback>,
-                    unlock_preemption: Option<PreemptionCallback>);
+                    environment: InstanceEnvironment, log_message: ::core::option::Option<LogMessageCallback>,
+                    clock_update: ::core::option::Option<ClockUpdateCallback>, lock_preemption: ::core::option::Option<PreemptionCallback>,
+                    unlock_preemption: ::core::option::Option<PreemptionCallback>);
             }
 
             $crate::fmi3_functions! { @functions $model; $scheduled;

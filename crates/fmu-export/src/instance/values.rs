@@ -13,6 +13,7 @@ use crate::status::Status;
 pub(super) const REALS: &[DataType] = &[DataType::Real];
 const BOOLEANS: &[DataType] = &[DataType::Boolean];
 const STRINGS: &[DataType] = &[DataType::String];
+const BINARIES: &[DataType] = &[DataType::Binary];
 
 /// How values of a type are set.
 struct Setter<V, T> {
@@ -123,6 +124,53 @@ impl<M: Model> Instance<M> {
     ) -> Answer {
         self.get(references, BOOLEANS, |variables, index, reference| {
             values[index] = variables.boolean(reference).into();
+            Ok(())
+        })
+    }
+
+    pub(crate) fn get_float32(&mut self, references: &[ValueReference], values: &mut [f32]) -> Answer {
+        self.get(references, &[DataType::Float32], |variables, index, reference| {
+            let value = variables.float32(reference);
+            if !value.is_finite() {
+                let name = Self::checked(reference).name;
+                return Err(Error::new(format!("the variable {name} is {}", Shown(value.into()))));
+            }
+            values[index] = value;
+            Ok(())
+        })
+    }
+
+    /// Gets variables of a type of whole numbers that FMI 3.0 has beside Int32; enumerations are among those of Int64.
+    pub(crate) fn get_wholes<T: TryFrom<i128>>(
+        &mut self,
+        references: &[ValueReference],
+        values: &mut [T],
+        types: &[DataType],
+    ) -> Answer {
+        self.get(references, types, |variables, index, reference| {
+            let value = Self::whole(variables, reference);
+            values[index] = value.try_into().map_err(|_| Error::new(format!("{value} is too large")))?;
+            Ok(())
+        })
+    }
+
+    fn whole(variables: &M::Variables, reference: ValueReference) -> i128 {
+        match Self::checked(reference).data_type {
+            DataType::Enumeration => variables.integer(reference).into(),
+            _ => variables.whole(reference),
+        }
+    }
+
+    /// The values stay valid until a variable is set or computed.
+    pub(crate) fn get_binary(
+        &mut self,
+        references: &[ValueReference],
+        sizes: &mut [usize],
+        values: &mut [*const u8],
+    ) -> Answer {
+        self.get(references, BINARIES, |variables, index, reference| {
+            let value = variables.binary(reference);
+            (sizes[index], values[index]) = (value.len(), value.as_ptr());
             Ok(())
         })
     }
@@ -282,10 +330,14 @@ impl<M: Model> Instance<M> {
                 continue;
             }
             write(&mut memory.variables, reference, value);
-            if let Some(position) = variable.real_input
-                && memory.inputs.set_value(position, as_number(value))
-            {
-                status = self.warn_of_bounds(variable, as_number(value));
+            match variable.real_input {
+                Some(position) => {
+                    if memory.inputs.set_value(position, as_number(value)) {
+                        status = self.warn_of_bounds(variable, as_number(value));
+                    }
+                }
+                // A Float32.
+                None => memory.inputs.set_others(memory.variables.inputs()),
             }
         }
         Ok(status)
@@ -318,6 +370,56 @@ impl<M: Model> Instance<M> {
             }
         };
         self.set(references, values, types, setter)
+    }
+
+    pub(crate) fn set_float32(&mut self, references: &[ValueReference], values: &[f32]) -> Answer {
+        #[expect(clippy::float_cmp, reason = "whether it is the very value")]
+        let setter = const {
+            &Setter {
+                as_number: f64::from,
+                is_set: |variables: &M::Variables, reference, value| variables.float32(reference) == value,
+                write: M::Variables::set_float32,
+            }
+        };
+        self.set(references, values, &[DataType::Float32], setter)
+    }
+
+    /// Sets variables of a type of whole numbers that FMI 3.0 has beside Int32; enumerations are among those of Int64.
+    pub(crate) fn set_wholes<T: Copy + Into<i128>>(
+        &mut self,
+        references: &[ValueReference],
+        values: &[T],
+        types: &[DataType],
+    ) -> Answer {
+        let setter = Setter {
+            #[expect(
+                clippy::cast_precision_loss,
+                reason = "bounds are exact numbers, to which none is rounded across"
+            )]
+            as_number: |value: T| value.into() as f64,
+            is_set: |variables: &M::Variables, reference, value| {
+                Self::whole(variables, reference) == value.into()
+            },
+            write: |variables, reference, value| match (Self::checked(reference).data_type, value.into()) {
+                (DataType::Enumeration, value) => {
+                    // It was checked to be an item.
+                    variables.set_integer(reference, value.try_into().unwrap_or_default());
+                }
+                (_, value) => variables.set_whole(reference, value),
+            },
+        };
+        self.set(references, values, types, &setter)
+    }
+
+    pub(crate) fn set_binary(&mut self, references: &[ValueReference], values: &[&[u8]]) -> Answer {
+        let setter = const {
+            &Setter {
+                as_number: |_| 0.0,
+                is_set: |variables: &M::Variables, reference, value| variables.binary(reference) == value,
+                write: M::Variables::set_binary,
+            }
+        };
+        self.set(references, values, BINARIES, setter)
     }
 
     /// Any value but 0 is true.

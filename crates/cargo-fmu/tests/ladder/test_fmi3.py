@@ -1,0 +1,191 @@
+"""The ladder's FMUs of FMI 3.0 in FMPy: all types, against Reference-FMUs (reference/), and adjoint derivatives."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree
+from zipfile import ZipFile
+
+import fmpy
+import numpy as np
+import pytest
+from conftest import FMUS
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi3 import FMU3Model, FMU3Slave
+from fmpy.validation import validate_fmu
+
+REFERENCE = Path(__file__).parent / "reference"
+FMI3 = FMUS.parents[1] / "ladder-fmi3" / "fmu" / "fmi3"
+MODELS = ["Feedthrough", "VanDerPol"]
+WHOLE = {"Int8": 8, "UInt8": 8, "Int16": 16, "UInt16": 16, "Int32": 32, "UInt32": 32, "Int64": 64, "UInt64": 64}
+"""The types of whole numbers, with their bits."""
+OTHERS: dict[str, list[object]] = {
+    "Float64_continuous": [2.5, -1e300],
+    "Float64_discrete": [-3.5, 5e-324],
+    "Float32_continuous": [0.5, 2.0**-149],
+    "Float32_discrete": [-0.25, -3e38],
+    "Boolean": [True, False],
+    "String": ["größer als FMI", ""],
+    "Binary": [b"\0\xff\0", b"", bytes(range(256)) * 100],
+    "Enumeration": [2, 1],
+}
+
+
+def path_of(model: str) -> Path:
+    path = FMI3 / f"{model}.fmu"
+    assert path.is_file(), f"{path} is missing: bash tests/run exports it"
+    return path
+
+
+@pytest.fixture
+def make(tmp_path: Path) -> Callable[..., FMU3Slave]:
+    """Makes an instance."""
+
+    def make(model: str, interface: type) -> FMU3Slave:
+        path = path_of(model)
+        fmu = interface(
+            guid=fmpy.read_model_description(path).guid,
+            modelIdentifier=model,
+            unzipDirectory=fmpy.extract(path, tmp_path / interface.__name__),
+        )
+        fmu.instantiate()
+        return fmu
+
+    return make
+
+
+def references(model: str) -> dict[str, int]:
+    return {v.name: v.valueReference for v in fmpy.read_model_description(path_of(model)).modelVariables}
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_validators_find_nothing(model: str) -> None:
+    assert validate_fmu(path_of(model)) == []
+
+
+def interface_of(root: ElementTree.Element) -> dict[str, tuple[object, ...]]:
+    """The variables by their names: what importers know them by, and what they may do with them."""
+    variables = {}
+    for variable in root.findall("ModelVariables/*"):
+        continuous = "continuous" if variable.tag.startswith("Float") else "discrete"
+        start = variable.get("start")
+        texts = [text.get("value") for text in variable.findall("Start")]
+        variables[variable.get("name")] = (
+            variable.tag,
+            variable.get("valueReference"),
+            variable.get("causality", "local"),
+            variable.get("variability", continuous),
+            variable.get("declaredType"),
+            float(start) if variable.tag.startswith("Float") and start else start,
+            texts,
+        )
+    return variables
+
+
+def test_variables_are_those_of_the_reference_fmu() -> None:
+    with ZipFile(path_of("Feedthrough")) as archive:
+        ours = ElementTree.fromstring(archive.read("modelDescription.xml"))
+    theirs = ElementTree.parse(REFERENCE / "Feedthrough.fmi3.xml").getroot()
+    assert interface_of(ours) == interface_of(theirs)
+
+
+@pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
+def test_without_inputs_the_results_are_those_of_the_reference_fmu(kind: str) -> None:
+    theirs = np.genfromtxt(
+        REFERENCE / "Feedthrough_out.csv", delimiter=",", names=True, dtype=None, encoding="utf-8"
+    )
+    # FMPy records no strings, and bytes as objects.
+    outputs = [name for name in theirs.dtype.names if name not in ("time", "String_output", "Binary_output")]
+    result = fmpy.simulate_fmu(path_of("Feedthrough"), fmi_type=kind, output=outputs, output_interval=0.1)
+    assert len(result) == len(theirs) == 21
+    for name in outputs:
+        assert (result[name] == theirs[name]).all(), name
+
+
+def test_the_bounds_of_each_type_pass_through(make: Callable[..., FMU3Slave]) -> None:
+    by_name, fmu = references("Feedthrough"), make("Feedthrough", FMU3Slave)
+    with (REFERENCE / "Feedthrough_in.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["UInt64_input"]) for row in rows] == [0, 2**64 - 1]
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    for row in rows:
+        for name in WHOLE:
+            getattr(fmu, f"set{name}")([by_name[f"{name}_input"]], [int(row[f"{name}_input"])])
+        # Saved, and restored over other values; serialized for the sizes of all types.
+        state = fmu.getFMUState()
+        content = fmu.serializeFMUState(state)
+        for name in WHOLE:
+            getattr(fmu, f"set{name}")([by_name[f"{name}_input"]], [1])
+            assert getattr(fmu, f"get{name}")([by_name[f"{name}_output"]]) == [1]
+        fmu.setFMUState(fmu.deserializeFMUState(content))
+        for name in WHOLE:
+            assert getattr(fmu, f"get{name}")([by_name[f"{name}_output"]]) == [int(row[f"{name}_input"])], name
+    fmu.freeInstance()
+
+
+def test_values_of_the_other_types_pass_through(make: Callable[..., FMU3Slave]) -> None:
+    by_name, fmu = references("Feedthrough"), make("Feedthrough", FMU3Slave)
+    assert fmu.getBinary([by_name["Binary_input"]]) == [b"foo"]
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    for name, values in OTHERS.items():
+        kind = "Int64" if name == "Enumeration" else name.split("_")[0]
+        for value in values:
+            expected = float(np.float32(value)) if kind == "Float32" else value
+            getattr(fmu, f"set{kind}")([by_name[f"{name}_input"]], [value])
+            assert getattr(fmu, f"get{kind}")([by_name[f"{name}_output"]]) == [expected], name
+    # Several values of a kind, an enumeration among those of Int64.
+    both = [by_name["Int64_input"], by_name["Enumeration_input"]]
+    fmu.setInt64(both, [-5, 2])
+    assert fmu.getInt64(both) == [-5, 2]
+    fmu.freeInstance()
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_a_float32_that_is_not_finite_is_refused(make: Callable[..., FMU3Slave], value: float) -> None:
+    by_name, fmu = references("Feedthrough"), make("Feedthrough", FMU3Slave)
+    with pytest.raises(FMICallException):
+        fmu.setFloat32([by_name["Float32_continuous_input"]], [value])
+    fmu.freeInstance()
+
+
+def test_discrete_inputs_change_at_events_alone(make: Callable[..., FMU3Model]) -> None:
+    by_name, fmu = references("Feedthrough"), make("Feedthrough", FMU3Model)
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    fmu.updateDiscreteStates()
+    fmu.enterContinuousTimeMode()
+    fmu.setFloat32([by_name["Float32_continuous_input"]], [0.5])
+    assert fmu.getFloat32([by_name["Float32_continuous_output"]]) == [0.5]
+    # The value that it has, as FMPy sets it.
+    fmu.setBinary([by_name["Binary_input"]], [b"foo"])
+    with pytest.raises(FMICallException):
+        fmu.setInt8([by_name["Int8_input"]], [1])
+    fmu.freeInstance()
+
+
+def test_adjoint_derivatives_are_the_directional_ones(make: Callable[..., FMU3Model]) -> None:
+    by_name, fmu = references("VanDerPol"), make("VanDerPol", FMU3Model)
+    fmu.setFloat64([by_name["mu"]], [1.5])
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    fmu.updateDiscreteStates()
+    fmu.enterContinuousTimeMode()
+    knowns = [by_name["x0"], by_name["x1"]]
+    unknowns = [by_name["der(x0)"], by_name["der(x1)"], *knowns]
+    random = np.random.default_rng(3)
+    for _ in range(20):
+        x0, x1 = states = random.uniform(-2, 2, 2).tolist()
+        fmu.setFloat64(knowns, states)
+        columns = [fmu.getDirectionalDerivative(unknowns, [known], [1.0], len(unknowns)) for known in knowns]
+        jacobian = np.array(columns).T
+        # x1, and mu (1 - x0^2) x1 - x0, by hand; the states by themselves.
+        by_hand = np.array([[0, 1], [-3 * x0 * x1 - 1, 1.5 * (1 - x0**2)], [1, 0], [0, 1]])
+        assert jacobian == pytest.approx(by_hand, rel=1e-12, abs=1e-12)
+        weights = random.normal(size=len(unknowns))
+        found = fmu.getAdjointDerivative(unknowns, knowns, weights.tolist(), len(knowns))
+        assert (np.abs(found - weights @ jacobian) <= 1e-12 * (np.abs(weights) @ np.abs(jacobian))).all()
+    fmu.freeInstance()
