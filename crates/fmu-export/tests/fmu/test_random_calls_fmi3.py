@@ -126,7 +126,7 @@ class Importer:
             for array in guarded
             for value in array.array[: array.end // _size(array.array._type_)]
         ]
-        if short in ("GetFloat64", "GetContinuousStateDerivatives", "GetEventIndicators") and status <= 1:
+        if short in ("GetFloat64", "GetFloat32", "GetContinuousStateDerivatives", "GetEventIndicators") and status <= 1:
             assert all(
                 math.isfinite(value)
                 for value in guarded[-1].array[: sizes.get("nValues", max(sizes.values()))]
