@@ -134,7 +134,7 @@ pub(crate) struct Capabilities {
     pub(crate) serialize_state: bool,
     /// The model implements `Model::differentiate`.
     pub(crate) directional_derivatives: bool,
-    /// In Co-Simulation of FMI 3.0, importers may handle the model's events.
+    /// In Co-Simulation of FMI 3.0, importers may handle the model's events, and exchange values between internal steps.
     pub(crate) event_mode: bool,
 }
 
