@@ -150,7 +150,7 @@ pub(crate) struct Capabilities {
     pub(crate) directional_derivatives: bool,
     /// The model implements `Model::differentiate_backwards`. In FMI 3.0 alone.
     pub(crate) adjoint_derivatives: bool,
-    /// In Co-Simulation of FMI 3.0, importers may handle the model's events.
+    /// In Co-Simulation of FMI 3.0, importers may handle the model's events, and exchange values between internal steps.
     pub(crate) event_mode: bool,
 }
 

@@ -64,6 +64,15 @@ impl<M: Model> Exported<M> {
         (fmu == Self::FMU).then(|| unsafe { &mut *target })
     }
 
+    /// What a handle points to, if that is valid.
+    ///
+    /// # Safety
+    /// As for [`Exported::of`].
+    pub(crate) unsafe fn instance_of<'a>(handle: *mut c_void) -> Option<&'a mut Instance<M>> {
+        // SAFETY: the caller's promise.
+        unsafe { Self::of(handle) }.map(|target| &mut target.instance)
+    }
+
     /// The locks of an instance, unless the handle is null or another FMU's.
     ///
     /// # Safety

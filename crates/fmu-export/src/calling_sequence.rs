@@ -64,6 +64,8 @@ pub(crate) enum Phase {
     StepEventMode,
     /// Scheduled Execution: between activations.
     ClockActivationMode,
+    /// Co-Simulation of FMI 3.0: between two internal steps of a communication step.
+    IntermediateUpdateMode,
 }
 
 impl fmt::Display for Phase {
@@ -76,6 +78,7 @@ impl fmt::Display for Phase {
             Self::EventMode | Self::StepEventMode => "Event Mode",
             Self::ContinuousTimeMode => "Continuous-Time Mode",
             Self::ClockActivationMode => "Clock Activation Mode",
+            Self::IntermediateUpdateMode => "Intermediate Update Mode",
             Self::Terminated => "terminated",
             Self::Error => "error",
         })
@@ -95,12 +98,15 @@ impl Phase {
         Self::Error,
         Self::StepEventMode,
         Self::ClockActivationMode,
+        Self::IntermediateUpdateMode,
     ];
 
     /// The interface whose instances alone have the state.
     pub(crate) const fn interface(self) -> Option<Interface> {
         match self {
-            Self::StepComplete | Self::StepFailed | Self::StepEventMode => Some(Interface::CoSimulation),
+            Self::StepComplete | Self::StepFailed | Self::StepEventMode | Self::IntermediateUpdateMode => {
+                Some(Interface::CoSimulation)
+            }
             Self::EventMode | Self::ContinuousTimeMode => Some(Interface::ModelExchange),
             Self::ClockActivationMode => Some(Interface::ScheduledExecution),
             Self::Instantiated | Self::InitializationMode | Self::Terminated | Self::Error => None,

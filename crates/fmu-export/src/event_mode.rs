@@ -1,4 +1,5 @@
-//! Event Mode of Co-Simulation in FMI 3.0: what a model implements whose events the importer handles.
+//! Event Mode and Intermediate Update Mode of Co-Simulation in FMI 3.0: what a model implements whose events the importer
+//! handles, and with which it exchanges values between two internal steps.
 
 use crate::error::Error;
 use crate::events::Events;
@@ -12,7 +13,8 @@ use crate::model_exchange::ModelExchange;
     note = "models of `Equations` and `Sampled` models have it"
 )]
 pub trait EventMode: ModelExchange {
-    /// Advances over a communication step, or to the first event that is left to the importer: the time of that, in s.
+    /// Advances over a communication step, or to where it stops before its end. Where no `events` are given, the model has
+    /// its own.
     ///
     /// # Errors
     /// As [`Model::step`](crate::Model::step).
@@ -21,14 +23,38 @@ pub trait EventMode: ModelExchange {
         &mut self,
         variables: &mut Self::Variables,
         step: &Step<'_, InputsOf<Self>>,
-        events: &mut Events,
-        left: EventsLeft,
+        events: Option<&mut Events>,
+        stops: Stops,
         context: &mut Context<'_>,
-    ) -> Result<Option<f64>, Error>;
+    ) -> Result<Option<Stop>, Error>;
 
     /// The next step begins after an event.
     #[doc(hidden)]
     fn enter_step_mode(&mut self) {}
+}
+
+/// Where a communication step stops.
+#[doc(hidden)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stops {
+    pub(crate) events: EventsLeft,
+    /// Whether at the end of each internal step, too.
+    pub(crate) internal_steps: bool,
+}
+
+/// Why a communication step stops, and its time in s.
+#[doc(hidden)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stop {
+    Event(f64),
+    InternalStep(f64),
+}
+
+impl Stop {
+    pub(crate) fn time(self) -> f64 {
+        let (Self::Event(time) | Self::InternalStep(time)) = self;
+        time
+    }
 }
 
 /// Which of a step's events are left to the importer.
@@ -39,12 +65,18 @@ pub enum EventsLeft {
     All,
     /// The one at the end of the step. The model handles those before it.
     AtEnd,
+    /// None.
+    None,
 }
 
 impl EventsLeft {
     /// Whether an event at a time in s, in a step to an end, is among them.
     pub(crate) fn has(self, time: f64, end: f64) -> bool {
-        self == Self::All || time >= end
+        match self {
+            Self::All => true,
+            Self::AtEnd => time >= end,
+            Self::None => false,
+        }
     }
 }
 

@@ -6,11 +6,11 @@
 
 pub(crate) mod activation;
 mod derivatives;
-mod event_mode;
+pub(crate) mod event_mode;
 mod exchange;
 mod values;
 
-use core::ffi::CStr;
+use core::ffi::{CStr, c_void};
 use std::ffi::CString;
 
 use crate::calling_sequence::{Function, Interface, Phase};
@@ -152,6 +152,21 @@ pub(crate) struct Preemption {
     pub(crate) unlock: Option<unsafe extern "C" fn()>,
 }
 
+/// The importer's part in intermediate updates.
+#[derive(Clone, Debug)]
+pub(crate) struct IntermediateUpdate {
+    pub(crate) callback: IntermediateCallback,
+    /// The variables that the importer gets and sets in it.
+    pub(crate) registered: Box<[ValueReference]>,
+}
+
+/// `fmi3IntermediateUpdateCallback`, with its first argument.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct IntermediateCallback {
+    pub(crate) function: unsafe extern "C" fn(*mut c_void, f64, u8, u8, u8, u8, *mut u8, *mut f64),
+    pub(crate) environment: *mut c_void,
+}
+
 /// An instance of a model.
 pub(crate) struct Instance<M: Model> {
     pub(crate) logger: Logger,
@@ -165,6 +180,8 @@ pub(crate) struct Instance<M: Model> {
     pub(crate) early_return_allowed: bool,
     /// The importer's locks against preemption, in Scheduled Execution.
     pub(crate) preemption: Preemption,
+    /// The importer's part in intermediate updates.
+    pub(crate) intermediate_update: Option<IntermediateUpdate>,
 }
 
 impl<M: Model> Instance<M> {
@@ -178,6 +195,7 @@ impl<M: Model> Instance<M> {
             tape: Tape::new(),
             early_return_allowed: false,
             preemption: Preemption::default(),
+            intermediate_update: None,
         }
     }
 
@@ -326,7 +344,8 @@ impl<M: Model> Instance<M> {
             | Phase::ContinuousTimeMode
             | Phase::Terminated
             | Phase::StepEventMode
-            | Phase::ClockActivationMode => {
+            | Phase::ClockActivationMode
+            | Phase::IntermediateUpdateMode => {
                 memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.latest());
             }
             Phase::Instantiated | Phase::StepFailed | Phase::Error => {}

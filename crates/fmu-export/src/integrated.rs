@@ -5,7 +5,7 @@ use core::mem;
 
 use crate::equations::{Equations, VariablesOf};
 use crate::error::{Error, Shown};
-use crate::event_mode::{EventMode, EventsLeft, due_until};
+use crate::event_mode::{EventMode, EventsLeft, Stop, Stops, due_until};
 use crate::events::{Event, Events, MOST_ITERATIONS, Side};
 use crate::inputs::{InputSignal, Inputs as _};
 use crate::integrator::{Integrator, StepFailure, System, Tolerance};
@@ -101,7 +101,8 @@ impl<E: Equations> Model for Integrated<E> {
         let tolerance = context.experiment.tolerance.unwrap_or(DEFAULT_TOLERANCE);
         let mut states = mem::take(&mut self.states);
         let result = with_inputs(variables, step.inputs.initial(), |variables| {
-            self.advance::<false>(variables, step, tolerance, &mut states, EventsLeft::AtEnd, context)
+            let stops = Stops { events: EventsLeft::None, internal_steps: false };
+            self.advance::<false>(variables, step, tolerance, &mut states, stops, context)
         });
         self.states = states;
         result.map(|_| ())
@@ -208,18 +209,22 @@ impl<E: Equations> EventMode for Integrated<E> {
         &mut self,
         variables: &mut Self::Variables,
         step: &Step<'_, InputsOf<Self>>,
-        events: &mut Events,
-        left: EventsLeft,
+        mut events: Option<&mut Events>,
+        stops: Stops,
         context: &mut Context<'_>,
-    ) -> Result<Option<f64>, Error> {
+    ) -> Result<Option<Stop>, Error> {
         let tolerance = context.experiment.tolerance.unwrap_or(DEFAULT_TOLERANCE);
-        mem::swap(&mut self.events, events);
+        if let Some(events) = &mut events {
+            mem::swap(&mut self.events, events);
+        }
         let mut states = mem::take(&mut self.states);
         let result = with_inputs(variables, step.inputs.initial(), |variables| {
-            self.advance::<true>(variables, step, tolerance, &mut states, left, context)
+            self.advance::<true>(variables, step, tolerance, &mut states, stops, context)
         });
         self.states = states;
-        mem::swap(&mut self.events, events);
+        if let Some(events) = events {
+            mem::swap(&mut self.events, events);
+        }
         result
     }
 
@@ -280,17 +285,16 @@ impl<E: Equations> Integrated<E> {
             .combined(known, |_, known| if is_known(known) { derivatives.next().unwrap_or(0.0) } else { 0.0 })
     }
 
-    /// Goes through a communication step; with Event Mode, to the first event that is left to the importer, and returns
-    /// its time in s.
-    fn advance<const EVENT_MODE: bool>(
+    /// Goes through a communication step, or to where it stops before its end.
+    fn advance<const STOPS: bool>(
         &mut self,
         variables: &mut E::Variables,
         step: &Step<'_, InputsOf<Self>>,
         tolerance: f64,
         states: &mut [f64],
-        left: EventsLeft,
+        stops: Stops,
         context: &mut Context<'_>,
-    ) -> Result<Option<f64>, Error> {
+    ) -> Result<Option<Stop>, Error> {
         self.time = step.start;
         let end = step.end();
         let last_event = end + TIME_TOLERANCE * step.size + time_rounding(end);
@@ -300,15 +304,15 @@ impl<E: Equations> Integrated<E> {
         self.equations.evaluate::<f64>(self.time, variables);
         let mut crossed = self.find_changes(variables)?;
         loop {
-            let due = if EVENT_MODE {
+            let due = if STOPS {
                 due_until(end, self.events.next)
             } else {
                 self.events.next.filter(|&due| due <= last_event)
             };
             let is_due = due.is_some_and(|due| due <= self.time || self.time >= end);
             if crossed || is_due {
-                if EVENT_MODE && left.has(self.time, end) {
-                    return Ok(Some(self.time));
+                if STOPS && stops.events.has(self.time, end) {
+                    return Ok(Some(Stop::Event(self.time)));
                 }
                 trials += 1;
                 if let Some(due) = due.filter(|_| is_due) {
@@ -336,6 +340,9 @@ impl<E: Equations> Integrated<E> {
                     .step(&mut system, (self.time, target), states, &limits, &mut trials)
                     .map_err(|failure| self.not_integrable(failure, tolerance))?;
                 crossed = self.find_event(variables, step, reached, states)?;
+                if STOPS && stops.internal_steps && !crossed && self.time < end {
+                    return Ok(Some(Stop::InternalStep(self.time)));
+                }
             }
             if trials > MOST_TRIALS {
                 return Err(Error::new(format!(

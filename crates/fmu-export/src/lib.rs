@@ -58,7 +58,7 @@ pub use equations::{Equations, VariablesOf};
 pub use error::Error;
 pub use event_mode::EventMode;
 #[doc(hidden)]
-pub use event_mode::EventsLeft;
+pub use event_mode::{EventsLeft, Stop, Stops};
 pub use events::Event;
 #[cfg(feature = "derive")]
 pub use fmu_export_derive::Persistent;

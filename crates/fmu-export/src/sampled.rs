@@ -8,7 +8,7 @@
 //! such rounding can explain their difference.
 
 use crate::error::{Error, Shown};
-use crate::event_mode::{EventMode, EventsLeft, due_until};
+use crate::event_mode::{EventMode, Stop, Stops, due_until};
 use crate::events::{Event, Events};
 use crate::model::{Context, InputsOf, Model, Step, Variables};
 use crate::model_exchange::ModelExchange;
@@ -200,24 +200,32 @@ impl<S: Sampled> EventMode for SampledModel<S> {
         &mut self,
         variables: &mut Self::Variables,
         step: &Step<'_, InputsOf<Self>>,
-        events: &mut Events,
-        left: EventsLeft,
+        mut events: Option<&mut Events>,
+        stops: Stops,
         context: &mut Context<'_>,
-    ) -> Result<Option<f64>, Error> {
+    ) -> Result<Option<Stop>, Error> {
         let end = step.end();
-        while let Some(due) = due_until(end, events.next) {
-            if left.has(due, end) {
-                return Ok(Some(if due > step.start { due } else { step.start }));
-            }
+        loop {
             let sample = self.next_sample(S::period(variables));
+            // A sample at the end of a step belongs to the next one, unless it is an event of this one.
+            let Some(due) = due_until(end, Some(sample.time)) else { return Ok(None) };
+            let due = if due > step.start { due } else { step.start };
+            if stops.events.has(due, end) {
+                return Ok(Some(Stop::Event(due)));
+            } else if due >= end {
+                return Ok(None);
+            } else if stops.internal_steps && due > step.start {
+                return Ok(Some(Stop::InternalStep(due)));
+            }
             self.executed += 1;
             self.sampled.sample(sample, variables, step.inputs.initial(), context)?;
             if context.end.is_some() {
-                break;
+                return Ok(None);
             }
-            events.set_next(Some(self.next_sample(S::period(variables)).time), sample.time, false)?;
+            if let Some(events) = &mut events {
+                events.set_next(Some(self.next_sample(S::period(variables)).time), sample.time, false)?;
+            }
         }
-        Ok(None)
     }
 }
 

@@ -6,7 +6,7 @@ use std::io;
 use super::{
     causality, given, initial, start, variability, write_experiment, write_log_categories, write_units,
 };
-use crate::declaration::Declaration;
+use crate::declaration::{Causality, Declaration, Variability};
 use crate::dependencies::{Structure, Unknown};
 use crate::model::{DataType, Model, Place, Scalar};
 use fmu_xml::{Attributes, XmlWriter, document, element, empty, float};
@@ -56,6 +56,8 @@ fn write_interfaces(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()>
             ),
             ("maxOutputDerivativeOrder", u8::from(capabilities.directional_derivatives).to_string()),
             ("mightReturnEarlyFromDoStep", true.to_string()),
+            ("providesIntermediateUpdate", capabilities.event_mode.to_string()),
+            ("canReturnEarlyAfterIntermediateUpdate", capabilities.event_mode.to_string()),
             ("hasEventMode", capabilities.event_mode.to_string()),
         ];
         empty(writer, "CoSimulation", with(own))?;
@@ -139,6 +141,9 @@ impl<'m, 'a> Variables<'m, 'a> {
         if let Some(state) = scalar.state {
             attributes.push(("derivative", self.reference(self.variable_of(state))));
         }
+        if self.has_intermediate_update(scalar) {
+            attributes.push(("intermediateUpdate", true.to_string()));
+        }
         if scalar.is_clocked {
             let clocks = self.model.in_place(Place::Clock).map(|clock| self.reference(clock));
             attributes.push(("clocks", clocks.collect::<Vec<_>>().join(" ")));
@@ -204,6 +209,16 @@ impl<'m, 'a> Variables<'m, 'a> {
                 ("Enumeration", vec![("declaredType", name)])
             }
         }
+    }
+
+    /// Whether a variable can be exchanged between two internal steps of co-simulation, as
+    /// `fmu_export`'s runtime has it.
+    fn has_intermediate_update(&self, scalar: &Scalar) -> bool {
+        self.model.declaration.capabilities.event_mode
+            && self.model.fmi.interfaces.co_simulation()
+            && scalar.data_type == DataType::Real
+            && scalar.variability == Variability::Continuous
+            && matches!(scalar.causality, Some(Causality::Input | Causality::Output))
     }
 
     fn write_structure(&self, writer: &mut XmlWriter, structure: &Structure) -> io::Result<()> {

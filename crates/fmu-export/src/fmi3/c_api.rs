@@ -10,16 +10,19 @@ use core::ffi::{CStr, c_char};
 use super::c_types::{
     Binary, Boolean, Byte, Clock, ClockUpdateCallback, Enumeration, FALSE, FmuState, Instance,
     InstanceEnvironment, IntermediateUpdateCallback, LogMessageCallback, PreemptionCallback, Status, String,
-    ValueReference,
+    TRUE, ValueReference,
 };
 use super::calling_sequence::Function;
-use crate::c_boundary::{self, c_string, call, elements, get_values, not_null, set_values, write_elements};
+use crate::c_boundary::{
+    self, Exported, c_string, call, elements, get_values, not_null, set_values, write_elements,
+};
 use crate::calling_sequence::{Function as _, Interface};
 use crate::description::DataType;
 use crate::error::Error;
 use crate::event_mode::EventMode;
 use crate::instance::activation::fraction;
-use crate::instance::{self, Preemption};
+use crate::instance::event_mode::has_intermediate_update;
+use crate::instance::{self, IntermediateCallback, IntermediateUpdate, Preemption};
 use crate::logger::{Logger, Recipient};
 use crate::model::{Experiment, Model, Variables};
 use crate::model_exchange::ModelExchange;
@@ -47,9 +50,10 @@ impl Recipient for Callback {
 }
 
 /// What only instances for some interfaces are given.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Options {
     early_return_allowed: bool,
+    intermediate_update: Option<IntermediateUpdate>,
     preemption: Preemption,
 }
 
@@ -99,6 +103,7 @@ unsafe fn instantiate<M: Model>(
     c_boundary::instantiate::<M>(function, logger, check(), |instance| {
         instance.early_return_allowed = options.early_return_allowed;
         instance.preemption = options.preemption;
+        instance.intermediate_update = options.intermediate_update;
         if description.has_resources {
             // SAFETY: the caller's promise.
             let path = unsafe { c_string("resourcePath", resource_path) };
@@ -121,33 +126,31 @@ pub unsafe fn instantiate_co_simulation<M: Model>(
     required_intermediate_variable_count: usize,
     environment: InstanceEnvironment,
     log_message: Option<LogMessageCallback>,
-    _intermediate_update: Option<IntermediateUpdateCallback>,
+    intermediate_update: Option<IntermediateUpdateCallback>,
 ) -> Instance {
     let event_mode_used = event_mode_used != FALSE;
-    let interface = if event_mode_used && !M::Variables::DESCRIPTION.capabilities.event_mode {
-        Err(Error::new("eventModeUsed is true, but this FMU has no Event Mode (hasEventMode is false)"))
-    } else if required_intermediate_variable_count > 0 {
-        // SAFETY: the array is the importer's (see the module).
-        unsafe {
-            elements(
-                "requiredIntermediateVariables",
-                required_intermediate_variables,
-                required_intermediate_variable_count,
-            )
+    let has_event_mode = M::Variables::DESCRIPTION.capabilities.event_mode;
+    // SAFETY: the array is the importer's (see the module).
+    let registered = unsafe {
+        elements(
+            "requiredIntermediateVariables",
+            required_intermediate_variables,
+            required_intermediate_variable_count,
+        )
+    }
+    .and_then(|references| registered::<M>(&references));
+    let (interface, registered) = match registered {
+        Err(error) => (Err(error), Box::default()),
+        Ok(_) if event_mode_used && !has_event_mode => {
+            let error = "eventModeUsed is true, but this FMU has no Event Mode (hasEventMode is false)";
+            (Err(Error::new(error)), Box::default())
         }
-        .and_then(|references| {
-            let first = references[0];
-            let name = M::Variables::description(first).map_or("unknown", |variable| variable.name);
-            Err(Error::new(format!(
-                "requiredIntermediateVariables: the variable {name} with the value reference {first} is not \
-                 available in Intermediate Update Mode (intermediateUpdate is false)"
-            )))
-        })
-    } else if event_mode_used {
-        Ok(Interface::CoSimulationWithEvents)
-    } else {
-        Ok(Interface::CoSimulation)
+        Ok(registered) if event_mode_used => (Ok(Interface::CoSimulationWithEvents), registered),
+        Ok(registered) => (Ok(Interface::CoSimulation), registered),
     };
+    let intermediate_update = intermediate_update.filter(|_| has_event_mode).map(|function| {
+        IntermediateUpdate { callback: IntermediateCallback { function, environment }, registered }
+    });
     let strings = [instance_name, instantiation_token, resource_path];
     // SAFETY: the strings are the importer's (see the module).
     unsafe {
@@ -156,11 +159,34 @@ pub unsafe fn instantiate_co_simulation<M: Model>(
             interface,
             strings,
             logging_on,
-            Options { early_return_allowed: early_return_allowed != FALSE, ..Options::default() },
+            Options {
+                early_return_allowed: early_return_allowed != FALSE,
+                intermediate_update,
+                ..Options::default()
+            },
             environment,
             log_message,
         )
     }
+}
+
+/// The scalars of the variables that an importer registers for intermediate updates.
+fn registered<M: Model>(references: &[ValueReference]) -> Result<Box<[ValueReference]>, Error> {
+    let mut scalars = Vec::with_capacity(references.len());
+    for &reference in references {
+        let variable = M::Variables::description(reference).filter(|variable| {
+            M::Variables::DESCRIPTION.capabilities.event_mode && has_intermediate_update(variable)
+        });
+        if variable.is_none() {
+            let name = M::Variables::description(reference).map_or("unknown", |variable| variable.name);
+            return Err(Error::new(format!(
+                "requiredIntermediateVariables: the variable {name} with the value reference {reference} is not \
+                 available in Intermediate Update Mode (intermediateUpdate is false)"
+            )));
+        }
+        scalars.extend_from_slice(&Function::elements::<M::Variables>(reference)?);
+    }
+    Ok(scalars.into())
 }
 
 /// `fmi3InstantiateModelExchange`: null, and a message, when an argument is wrong.
@@ -346,6 +372,42 @@ pub unsafe fn get_float64_with_indicators<M: ModelExchange>(
     unsafe {
         get_values::<M, _, _>(instance, function, references, values, |instance, references, values| {
             instance.get_real_with_indicators(references, values)
+        })
+    }
+}
+
+/// `fmi3GetFloat64` of an FMU that has Event Mode, and so intermediate updates.
+pub unsafe fn get_float64_with_updates<M: EventMode>(
+    instance: Instance,
+    references: *const ValueReference,
+    count: usize,
+    values: *mut f64,
+    value_count: usize,
+) -> Status {
+    let (function, references, values) = (Function::GetFloat64, (references, count), (values, value_count));
+    // SAFETY: the instance and the arrays are the importer's (see the module).
+    unsafe {
+        get_values::<M, _, _>(instance, function, references, values, |instance, references, values| {
+            instance.check_registered(references)?;
+            instance.get_real_with_indicators(references, values)
+        })
+    }
+}
+
+/// `fmi3SetFloat64` likewise.
+pub unsafe fn set_float64_with_updates<M: EventMode>(
+    instance: Instance,
+    references: *const ValueReference,
+    count: usize,
+    values: *const f64,
+    value_count: usize,
+) -> Status {
+    let (function, references, values) = (Function::SetFloat64, (references, count), (values, value_count));
+    // SAFETY: the instance and the arrays are the importer's (see the module).
+    unsafe {
+        set_values::<M, _, _>(instance, function, references, values, |instance, references, values| {
+            instance.check_registered(references)?;
+            instance.set_real(references, values)
         })
     }
 }
@@ -629,7 +691,8 @@ pub unsafe fn do_step<M: Model>(
     }
 }
 
-/// `fmi3DoStep` of an FMU that has Event Mode: the step may also end at an event.
+/// `fmi3DoStep` of an FMU that has Event Mode: the step may also end at an event, and at the end of each internal step but
+/// the last one the importer exchanges values, and may ask for early return.
 pub unsafe fn do_step_to_event<M: EventMode>(
     instance: Instance,
     current_communication_point: f64,
@@ -640,12 +703,56 @@ pub unsafe fn do_step_to_event<M: EventMode>(
     early_return: *mut Boolean,
     last_successful_time: *mut f64,
 ) -> Status {
-    let step = (current_communication_point, communication_step_size);
     let flags = [event_handling_needed, terminate_simulation, early_return];
-    // SAFETY: the instance and the results are the importer's (see the module).
-    unsafe {
+    let (mut start, mut end) =
+        (current_communication_point, current_communication_point + communication_step_size);
+    let (mut size, asked_end) = (communication_step_size, end);
+    let mut status = Status::Ok;
+    loop {
         let do_step = instance::Instance::do_step_to_event;
-        step_by::<M>(instance, step, flags, last_successful_time, do_step)
+        // SAFETY: the instance and the results are the importer's (see the module).
+        status = status
+            .max(unsafe { step_by::<M>(instance, (start, size), flags, last_successful_time, do_step) });
+        // SAFETY: as above; the reference ends before the importer is called.
+        let interrupted = unsafe { Exported::<M>::instance_of(instance) }
+            .and_then(|instance| Some((instance.interruption()?, instance.early_return_allowed)));
+        let Some(((time, callback), can_return_early)) = interrupted else {
+            if end < asked_end && status <= Status::Warning {
+                // SAFETY: the results were checked by the step.
+                unsafe { early_return.write_unaligned(TRUE) };
+            }
+            return status;
+        };
+        let (mut is_asked, mut return_time) = (FALSE, end);
+        // SAFETY: the importer passed the callback for this purpose (section 4.2.2); the results outlive the call. No reference
+        // to an instance exists during the call.
+        unsafe {
+            (callback.function)(
+                callback.environment,
+                time,
+                TRUE,
+                TRUE,
+                TRUE,
+                Boolean::from(can_return_early),
+                &raw mut is_asked,
+                &raw mut return_time,
+            );
+        }
+        // SAFETY: as above.
+        if !unsafe { Exported::<M>::instance_of(instance) }.is_some_and(instance::Instance::resume) {
+            return Status::Error;
+        }
+        if is_asked != FALSE && can_return_early {
+            if return_time < end {
+                end = return_time;
+            }
+            if end <= time {
+                // SAFETY: the results were checked by the step.
+                unsafe { early_return.write_unaligned(TRUE) };
+                return status;
+            }
+        }
+        (start, size) = (time, end - time);
     }
 }
 
@@ -919,11 +1026,10 @@ pub mod without_scheduled_execution {
 /// The functions of Scheduled Execution.
 pub mod scheduled_execution {
     use super::{
-        Boolean, ClockUpdateCallback, Enumeration, Error, Function, Instance, InstanceEnvironment, Interface,
-        LogMessageCallback, Options, Preemption, PreemptionCallback, ScheduledExecution, Status, String,
-        ValueReference, call, elements, fraction, instance, instantiate, write_elements,
+        Boolean, ClockUpdateCallback, Enumeration, Error, Exported, Function, Instance, InstanceEnvironment,
+        Interface, LogMessageCallback, Options, Preemption, PreemptionCallback, ScheduledExecution, Status,
+        String, ValueReference, call, elements, fraction, instance, instantiate, write_elements,
     };
-    use crate::c_boundary::Exported;
 
     /// `fmi3InstantiateScheduledExecution`: null, and a message, when an argument is wrong. There is no clock to be updated.
     #[must_use]
@@ -1116,7 +1222,7 @@ pub mod scheduled_execution {
 macro_rules! fmi3_co_simulation {
     ($model:ty) => {
         $crate::fmi3_functions! {
-            $model; exit_initialization_mode; get_float64; enter_event_mode_of_co_simulation; refuse_step_mode; do_step;
+            $model; exit_initialization_mode; get_float64; set_float64; enter_event_mode_of_co_simulation; refuse_step_mode; do_step;
             without_scheduled_execution; without_model_exchange::
         }
     };
@@ -1129,7 +1235,7 @@ macro_rules! fmi3_co_simulation {
 macro_rules! fmi3_model_exchange {
     ($model:ty) => {
         $crate::fmi3_functions! {
-            $model; exit_initialization_mode_with_events; get_float64_with_indicators; enter_event_mode;
+            $model; exit_initialization_mode_with_events; get_float64_with_indicators; set_float64; enter_event_mode;
             refuse_step_mode; do_step; without_scheduled_execution;
         }
     };
@@ -1143,7 +1249,7 @@ macro_rules! fmi3_model_exchange {
 macro_rules! fmi3_event_mode {
     ($model:ty) => {
         $crate::fmi3_functions! {
-            $model; exit_initialization_mode_with_events; get_float64_with_indicators; enter_event_mode;
+            $model; exit_initialization_mode_with_events; get_float64_with_updates; set_float64_with_updates; enter_event_mode;
             enter_step_mode; do_step_to_event; without_scheduled_execution;
         }
     };
@@ -1156,7 +1262,7 @@ macro_rules! fmi3_event_mode {
 macro_rules! fmi3_scheduled_execution {
     ($model:ty) => {
         $crate::fmi3_functions! {
-            $model; exit_initialization_mode; get_float64; enter_event_mode_of_co_simulation; refuse_step_mode; do_step;
+            $model; exit_initialization_mode; get_float64; set_float64; enter_event_mode_of_co_simulation; refuse_step_mode; do_step;
             scheduled_execution; without_model_exchange::
         }
     };
@@ -1177,7 +1283,7 @@ macro_rules! fmi3_without_clock {
 #[doc(hidden)]
 #[macro_export]
 macro_rules! fmi3_functions {
-    ($model:ty; $exit_initialization_mode:ident; $get_float64:ident; $enter_event_mode:ident; $enter_step_mode:ident;
+    ($model:ty; $exit_initialization_mode:ident; $get_float64:ident; $set_float64:ident; $enter_event_mode:ident; $enter_step_mode:ident;
         $do_step:ident; $scheduled:ident; $($model_exchange:ident::)?) => {
         const _: () = {
             use $crate::fmi3::c_types::{
@@ -1298,7 +1404,7 @@ macro_rules! fmi3_functions {
             }
             $crate::fmi3_functions! { @accessors $model; $scheduled;
                 fmi3GetFloat32 = get_float32, fmi3SetFloat32 = set_float32, f32;
-                fmi3GetFloat64 = $get_float64, fmi3SetFloat64 = set_float64, f64;
+                fmi3GetFloat64 = $get_float64, fmi3SetFloat64 = $set_float64, f64;
                 fmi3GetInt8 = get_int8, fmi3SetInt8 = set_int8, i8;
                 fmi3GetUInt8 = get_uint8, fmi3SetUInt8 = set_uint8, u8;
                 fmi3GetInt16 = get_int16, fmi3SetInt16 = set_int16, i16;

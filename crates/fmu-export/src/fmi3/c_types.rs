@@ -26,6 +26,8 @@ pub type Enumeration = c_int;
 
 /// `fmi3False`.
 pub const FALSE: Boolean = 0;
+/// `fmi3True`.
+pub const TRUE: Boolean = 1;
 
 /// `fmi3LogMessageCallback`.
 pub type LogMessageCallback = unsafe extern "C" fn(InstanceEnvironment, Status, String, String);

@@ -1,7 +1,6 @@
 //! The order in which an importer may call: the state machines of FMI 3.0.2, sections 2.3, 3.2 and 4.2, as data.
 //!
-//! Configuration Mode and Reconfiguration Mode do not occur, as there are no structural parameters, and neither does
-//! Intermediate Update Mode.
+//! Configuration Mode and Reconfiguration Mode do not occur, as there are no structural parameters.
 
 use core::ops::Deref;
 use std::borrow::Cow;
@@ -13,11 +12,22 @@ use crate::model::Variables;
 
 use Phase::{
     ClockActivationMode, ContinuousTimeMode, Error, EventMode, InitializationMode, Instantiated,
-    StepComplete, StepEventMode, StepFailed, Terminated,
+    IntermediateUpdateMode, StepComplete, StepEventMode, StepFailed, Terminated,
 };
 
-/// Any state.
-const ANY: &[Phase] = Phase::ALL;
+/// Any state but Intermediate Update Mode, which lasts for a call of the importer's.
+const ANY: &[Phase] = &[
+    Instantiated,
+    InitializationMode,
+    StepComplete,
+    EventMode,
+    ContinuousTimeMode,
+    StepFailed,
+    Terminated,
+    Error,
+    StepEventMode,
+    ClockActivationMode,
+];
 /// The states in which values can be read; in the first one, start values.
 const READABLE: &[Phase] = ANY;
 /// The states in which values can be set; the standard restricts the variables further.
@@ -29,6 +39,17 @@ const WRITABLE: &[Phase] = &[
     ContinuousTimeMode,
     StepEventMode,
     ClockActivationMode,
+];
+/// The same for continuous variables.
+const WRITABLE_NUMBERS: &[Phase] = &[
+    Instantiated,
+    InitializationMode,
+    StepComplete,
+    EventMode,
+    ContinuousTimeMode,
+    StepEventMode,
+    ClockActivationMode,
+    IntermediateUpdateMode,
 ];
 /// The states in which derivatives can be read.
 const DIFFERENTIABLE: &[Phase] = &[
@@ -63,7 +84,7 @@ functions! {
         Terminate: &[StepComplete, StepFailed, EventMode, ContinuousTimeMode, StepEventMode, ClockActivationMode],
         Reset: ANY,
         GetFloat32: READABLE,
-        GetFloat64: READABLE,
+        GetFloat64: Phase::ALL,
         GetInt8: READABLE,
         GetUInt8: READABLE,
         GetInt16: READABLE,
@@ -77,7 +98,7 @@ functions! {
         GetBinary: READABLE,
         GetClock: AT_EVENTS,
         SetFloat32: WRITABLE,
-        SetFloat64: WRITABLE,
+        SetFloat64: WRITABLE_NUMBERS,
         SetInt8: WRITABLE,
         SetUInt8: WRITABLE,
         SetInt16: WRITABLE,
@@ -127,7 +148,7 @@ functions! {
     }
     Some(Interface::CoSimulation) => {
         EnterStepMode: &[StepEventMode],
-        GetOutputDerivatives: &[StepComplete, StepFailed, Terminated, Error],
+        GetOutputDerivatives: &[StepComplete, StepFailed, Terminated, Error, IntermediateUpdateMode],
         DoStep: &[StepComplete],
     }
     Some(Interface::ScheduledExecution) => {

@@ -1,24 +1,70 @@
-//! Co-Simulation with Event Mode (FMI 3.0.2, section 4.2).
+//! Co-Simulation with Event Mode and Intermediate Update Mode (FMI 3.0.2, section 4.2).
 
-use super::{Answer, Instance};
+use super::{Answer, Instance, IntermediateCallback};
 use crate::calling_sequence::{Interface, Phase};
-use crate::event_mode::{EventMode, EventsLeft};
+use crate::description::{Causality, DataType, ValueReference, Variability, VariableDescription};
+use crate::error::Error;
+use crate::event_mode::{EventMode, EventsLeft, Stop, Stops};
+use crate::model::Variables;
 use crate::status::Status;
 
 impl<M: EventMode> Instance<M> {
-    /// A communication step, which may end at an event. Whether the importer is to handle one.
-    pub(crate) fn do_step_to_event(&mut self, start: f64, size: f64) -> Result<(Status, bool), crate::Error> {
-        if self.memory.interface != Interface::CoSimulationWithEvents {
+    /// A communication step, which may end at an event, or be interrupted at the end of an internal step for an
+    /// intermediate update. Whether the importer is to handle an event.
+    pub(crate) fn do_step_to_event(&mut self, start: f64, size: f64) -> Result<(Status, bool), Error> {
+        let internal_steps = self.intermediate_update.is_some();
+        let has_event_mode = self.memory.interface == Interface::CoSimulationWithEvents;
+        if !has_event_mode && !internal_steps {
             return self.do_step(start, size).map(|status| (status, false));
         }
-        let left = if self.early_return_allowed { EventsLeft::All } else { EventsLeft::AtEnd };
-        let mut has_event = false;
+        let events = match (has_event_mode, self.early_return_allowed) {
+            (true, true) => EventsLeft::All,
+            (true, false) => EventsLeft::AtEnd,
+            (false, _) => EventsLeft::None,
+        };
+        let stops = Stops { events, internal_steps };
+        let mut stop = None;
         let status = self.advance(start, size, |model, variables, step, events, context| {
-            let event = model.step_to_event(variables, step, events, left, context)?;
-            has_event = event.is_some();
-            Ok(event)
+            stop = model.step_to_event(variables, step, has_event_mode.then_some(events), stops, context)?;
+            Ok(stop.map(Stop::time))
         })?;
-        Ok((status, has_event))
+        if let Some(Stop::InternalStep(_)) = stop
+            && self.memory.phase == Phase::StepComplete
+        {
+            self.memory.phase = Phase::IntermediateUpdateMode;
+        }
+        Ok((status, matches!(stop, Some(Stop::Event(_)))))
+    }
+
+    /// The time in s at which the communication step is interrupted for an intermediate update, if it is, and whom to call.
+    pub(crate) fn interruption(&self) -> Option<(f64, IntermediateCallback)> {
+        let update = self.intermediate_update.as_ref().filter(|_| self.is_interrupted())?;
+        Some((self.memory.time, update.callback))
+    }
+
+    /// Ends an intermediate update. Whether the step can go on: not after an error in it.
+    pub(crate) fn resume(&mut self) -> bool {
+        let goes_on = self.is_interrupted();
+        if goes_on {
+            self.memory.phase = Phase::StepComplete;
+        }
+        goes_on
+    }
+
+    fn is_interrupted(&self) -> bool {
+        self.memory.phase == Phase::IntermediateUpdateMode
+    }
+
+    /// Refuses, in an intermediate update, variables that the importer did not register for it.
+    pub(crate) fn check_registered(&self, references: &[ValueReference]) -> Result<(), Error> {
+        let registered = self.intermediate_update.as_ref().map_or(&[][..], |update| &update.registered);
+        match references.iter().find(|reference| !registered.contains(reference)) {
+            Some(&reference) if self.is_interrupted() => Err(Error::new(format!(
+                "the variable {} with the value reference {reference} is not one of requiredIntermediateVariables",
+                M::Variables::description(reference).map_or("unknown", |variable| variable.name)
+            ))),
+            _ => Ok(()),
+        }
     }
 
     pub(crate) fn enter_step_mode(&mut self) -> Answer {
@@ -28,4 +74,11 @@ impl<M: EventMode> Instance<M> {
         self.memory.phase = Phase::StepComplete;
         Ok(status)
     }
+}
+
+/// Whether a variable can be exchanged in intermediate updates: `intermediateUpdate`.
+pub(crate) fn has_intermediate_update(variable: &VariableDescription) -> bool {
+    variable.data_type == DataType::Real
+        && variable.variability == Variability::Continuous
+        && matches!(variable.causality, Causality::Input | Causality::Output)
 }

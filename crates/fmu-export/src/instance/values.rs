@@ -225,7 +225,7 @@ impl<M: Model> Instance<M> {
                 | Phase::StepEventMode
                 | Phase::ClockActivationMode => variable.variability == Variability::Tunable,
                 Phase::ContinuousTimeMode => variable.state.is_some(),
-                Phase::StepFailed | Phase::Terminated | Phase::Error => false,
+                Phase::StepFailed | Phase::Terminated | Phase::Error | Phase::IntermediateUpdateMode => false,
             }
     }
 

@@ -70,6 +70,11 @@ class Parameter(NamedTuple):
 LOGGER = CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)
 """`fmi3LogMessageCallback`."""
 
+INTERMEDIATE_UPDATE = CFUNCTYPE(
+    None, c_void_p, c_double, c_bool, c_bool, c_bool, c_bool, POINTER(c_bool), POINTER(c_double)
+)
+"""`fmi3IntermediateUpdateCallback`."""
+
 PREEMPTION = CFUNCTYPE(None)
 """`fmi3LockPreemptionCallback` and `fmi3UnlockPreemptionCallback`."""
 
@@ -98,7 +103,7 @@ TYPES = {
     "fmi3DependencyKind": c_int,
     "fmi3IntervalQualifier": c_int,
     "fmi3LogMessageCallback": LOGGER,
-    "fmi3IntermediateUpdateCallback": c_void_p,
+    "fmi3IntermediateUpdateCallback": INTERMEDIATE_UPDATE,
     "fmi3ClockUpdateCallback": c_void_p,
     "fmi3LockPreemptionCallback": PREEMPTION,
     "fmi3UnlockPreemptionCallback": PREEMPTION,

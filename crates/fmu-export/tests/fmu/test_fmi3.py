@@ -17,6 +17,7 @@ from fmi3 import (
     CO_SIMULATION,
     DECLARED,
     EVENT_MODE,
+    INTERMEDIATE_UPDATE,
     LOGGER,
     MODEL_EXCHANGE,
     PREEMPTION,
@@ -250,6 +251,42 @@ def test_each_function_in_each_state(make: Callable[..., Instance], interface: s
             instance.ok("fmi3SetFMUState", FMUState=saved)
             instance.ok("fmi3Reset")
             instance.initialize()
+
+
+@pytest.mark.parametrize("function", sorted(ALLOWED))
+def test_each_function_in_an_intermediate_update(make: Callable[..., Instance], function: str) -> None:
+    """Section 4.2.2: registered variables are got and set. After another call the step is an error."""
+    statuses: list[int] = []
+
+    def update(_environment: int, time: float, *_: object) -> None:
+        assert time == 0.25 * (1 + len(statuses))
+        name, values = f"fmi3{function}", {} if function.startswith("GetNumberOf") else COUNTS
+        statuses.append(instance.call(name, *instance.arguments(name, **values)))
+
+    callback = INTERMEDIATE_UPDATE(update)
+    instance = make(CO_SIMULATION, "step", model=SAMPLED, intermediateUpdate=callback)
+    status, (_, _, _, reached) = instance.step(0.0, 0.625)
+    allowed = function in ("GetFloat64", "SetFloat64")
+    assert (status, reached) == ((Status.OK, 0.625) if allowed else (Status.ERROR, 0.25))
+    assert statuses == ([Status.OK, Status.OK] if allowed else [Status.ERROR])
+
+
+def test_a_sample_takes_the_inputs_of_its_intermediate_update(make: Callable[..., Instance]) -> None:
+    """Those that the importer registered: the signal, but not the sum, which is discrete."""
+    signals = [10.0, 100.0]
+
+    def update(_environment: int, _time: float, *_: object) -> None:
+        assert instance.set("Float64", [1], [signals.pop(0)]) == Status.OK
+
+    registered = {"requiredIntermediateVariables": (c_uint32 * 1)(1), "nRequiredIntermediateVariables": 1}
+    callback = INTERMEDIATE_UPDATE(update)
+    instance = make(CO_SIMULATION, "step", model=SAMPLED, intermediateUpdate=callback, **registered)
+    assert instance.step(0.0, 0.625) == (Status.OK, (False, False, False, 0.625))
+    assert instance.get("Float64", [6]) == [111.0]
+    registered["requiredIntermediateVariables"] = (c_uint32 * 1)(6)
+    refused = make(CO_SIMULATION, model=SAMPLED, **registered)
+    assert refused.address is None
+    assert "the variable sum" in refused.messages[0].text
 
 
 def test_an_instance_of_another_interface_is_refused(
