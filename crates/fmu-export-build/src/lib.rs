@@ -141,7 +141,8 @@ pub fn generate_into(
     fmi: impl Into<Fmi>,
 ) -> Result<Generated, Error> {
     let file = declaration;
-    let (declaration, source) = Source::read::<Declaration>(file)?;
+    let (mut declaration, source) = Source::read::<Declaration>(file)?;
+    declaration.find_sizes().map_err(|refusal| source.error([refusal]))?;
     let beside = |key: &str, name: &Option<String>| match name.as_ref().map(|name| file.with_file_name(name))
     {
         Some(named) if !named.is_file() => {

@@ -46,6 +46,8 @@ pub(crate) enum Phase {
     Terminated,
     /// After a failed step or a panic, when the model's state is undefined.
     Error,
+    /// FMI 3.0: while structural parameters are set.
+    ConfigurationMode,
 }
 
 impl fmt::Display for Phase {
@@ -59,6 +61,7 @@ impl fmt::Display for Phase {
             Self::ContinuousTimeMode => "Continuous-Time Mode",
             Self::Terminated => "terminated",
             Self::Error => "error",
+            Self::ConfigurationMode => "Configuration Mode",
         })
     }
 }
@@ -74,6 +77,7 @@ impl Phase {
         Self::StepFailed,
         Self::Terminated,
         Self::Error,
+        Self::ConfigurationMode,
     ];
 
     /// The interface whose instances alone have the state.
@@ -81,7 +85,11 @@ impl Phase {
         match self {
             Self::StepComplete | Self::StepFailed => Some(Interface::CoSimulation),
             Self::EventMode | Self::ContinuousTimeMode => Some(Interface::ModelExchange),
-            Self::Instantiated | Self::InitializationMode | Self::Terminated | Self::Error => None,
+            Self::Instantiated
+            | Self::InitializationMode
+            | Self::Terminated
+            | Self::Error
+            | Self::ConfigurationMode => None,
         }
     }
 }

@@ -273,6 +273,8 @@ transitions! {
     Model: exit_initialization_mode: ExitInitializationMode;
     ModelExchange: exit_initialization_mode_with_events: ExitInitializationMode;
     ModelExchange: enter_continuous_time_mode: EnterContinuousTimeMode;
+    Model: enter_configuration_mode: EnterConfigurationMode;
+    Model: exit_configuration_mode: ExitConfigurationMode;
     Model: terminate: Terminate;
     Model: reset: Reset;
 }
@@ -824,8 +826,6 @@ macro_rules! of_nothing {
 }
 
 of_nothing! {
-    enter_configuration_mode(): EnterConfigurationMode, "this FMU has no structural parameters";
-    exit_configuration_mode(): ExitConfigurationMode, "this FMU has no structural parameters";
     activate_model_partition(ValueReference, f64): ActivateModelPartition, "this FMU has no model partitions";
 }
 

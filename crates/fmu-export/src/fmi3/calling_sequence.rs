@@ -1,7 +1,7 @@
 //! The order in which an importer may call: the state machines of FMI 3.0.2, sections 2.3, 3.2 and 4.2, as data.
 //!
-//! Configuration Mode and Reconfiguration Mode do not occur, as there are no structural parameters, and neither does
-//! Intermediate Update Mode.
+//! Reconfiguration Mode does not occur, as there are no tunable structural parameters, and neither does Intermediate Update
+//! Mode.
 
 use core::ops::Deref;
 use std::borrow::Cow;
@@ -12,8 +12,8 @@ use crate::error;
 use crate::model::Variables;
 
 use Phase::{
-    ContinuousTimeMode, Error, EventMode, InitializationMode, Instantiated, StepComplete, StepFailed,
-    Terminated,
+    ConfigurationMode, ContinuousTimeMode, Error, EventMode, InitializationMode, Instantiated, StepComplete,
+    StepFailed, Terminated,
 };
 
 /// Any state.
@@ -22,6 +22,9 @@ const ANY: &[Phase] = Phase::ALL;
 const READABLE: &[Phase] = ANY;
 /// The states in which values can be set; the standard restricts the variables further.
 const WRITABLE: &[Phase] = &[Instantiated, InitializationMode, StepComplete, EventMode, ContinuousTimeMode];
+/// The same for the type that structural parameters have.
+const CONFIGURABLE: &[Phase] =
+    &[Instantiated, InitializationMode, StepComplete, EventMode, ContinuousTimeMode, ConfigurationMode];
 /// The states in which derivatives can be read.
 const DIFFERENTIABLE: &[Phase] =
     &[InitializationMode, StepComplete, StepFailed, EventMode, ContinuousTimeMode, Terminated, Error];
@@ -64,7 +67,7 @@ functions! {
         SetInt32: WRITABLE,
         SetUInt32: WRITABLE,
         SetInt64: WRITABLE,
-        SetUInt64: WRITABLE,
+        SetUInt64: CONFIGURABLE,
         SetBoolean: WRITABLE,
         SetString: WRITABLE,
         SetBinary: WRITABLE,
@@ -79,8 +82,8 @@ functions! {
         DeserializeFMUState: ANY,
         GetDirectionalDerivative: DIFFERENTIABLE,
         GetAdjointDerivative: DIFFERENTIABLE,
-        EnterConfigurationMode: &[Instantiated, StepComplete, EventMode],
-        ExitConfigurationMode: &[],
+        EnterConfigurationMode: &[Instantiated],
+        ExitConfigurationMode: &[ConfigurationMode],
         GetIntervalDecimal: TIMED,
         GetIntervalFraction: TIMED,
         GetShiftDecimal: TIMED,
