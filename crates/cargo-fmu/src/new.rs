@@ -43,6 +43,8 @@ enum Template {
     /// The same with all types of FMI 3.0, and for it
     #[value(name = "feedthrough_3")]
     Feedthrough3,
+    /// A linear system of arrays, whose sizes are structural parameters, for FMI 3.0
+    StateSpace,
     /// Data from a file of the FMU
     Resource,
     /// A controller, which samples its inputs and remembers
@@ -83,6 +85,7 @@ impl Template {
             Self::Stair => files!("stair", plot "counter", features []),
             Self::Feedthrough => files!("feedthrough", plot "Float64_continuous_output", features []),
             Self::Feedthrough3 => files!("feedthrough_3", plot "Float64_continuous_output", features []),
+            Self::StateSpace => files!("state_space", plot "y", features []),
             Self::Resource => files!("resource", plot "y", features [], "resources/y.txt"),
             Self::Sampled => files!("sampled", plot "command", features ["derive"]),
         }

@@ -226,6 +226,7 @@ def test_the_other_templates_export_from_a_workspace(decay, folder):
         "stair": "stair",
         "feedthrough": "feedthrough",
         "feedthrough_3": "all-types",
+        "state_space": "state-space",
         "resource": "from-file",
         "sampled": "pi-controller",
     }

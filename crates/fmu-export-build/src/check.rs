@@ -291,7 +291,7 @@ pub(crate) fn variable(
     reads(variable, place, variability, initial)?;
     unit(variable, data_type)?;
     bounds(variable, data_type)?;
-    if variable.dimensions.contains(&0) {
+    if variable.sizes.contains(&0) {
         return Err(("dimensions", "a dimension is 0".to_owned()));
     }
     let has_start = matches!(place, Place::Inputs | Place::States) || initial == Some(Initial::Exact);
@@ -305,7 +305,7 @@ pub(crate) fn variable(
         None => None,
         Some(start) => {
             let mut starts = Vec::new();
-            let values = flatten(&variable.dimensions, start, &mut |value| {
+            let values = flatten(&variable.sizes, start, &mut |value| {
                 starts.push(start_value(declaration, variable, data_type, value)?);
                 Ok(())
             });
@@ -347,13 +347,24 @@ fn data_type(declaration: &Declaration, variable: &VariableDeclaration) -> Resul
 /// The combinations of causality and variability that FMI 2.0.5 allows (section 2.2.7).
 fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, Variability), Blame> {
     let causality = variable.causality;
-    let of_parameter = matches!(causality, Causality::Parameter | Causality::CalculatedParameter);
+    let is_structural = causality == Causality::StructuralParameter;
+    if is_structural && data_type != DataType::Whole(Whole::UInt64) {
+        return Err(("type", "a structuralParameter is of type UInt64".to_owned()));
+    }
+    let of_parameter =
+        is_structural || matches!(causality, Causality::Parameter | Causality::CalculatedParameter);
     let default = match data_type {
         _ if of_parameter => Variability::Fixed,
         DataType::Real | DataType::Float32 => Variability::Continuous,
         _ => Variability::Discrete,
     };
     let variability = variable.variability.unwrap_or(default);
+    if is_structural && variability != Variability::Fixed {
+        return Err((
+            "variability",
+            "the build fixes a structuralParameter, so that it is 'fixed'".to_owned(),
+        ));
+    }
     let changes = matches!(variability, Variability::Discrete | Variability::Continuous);
     let allowed = match causality {
         Causality::Parameter | Causality::CalculatedParameter => {
@@ -361,7 +372,7 @@ fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, 
         }
         Causality::Input => changes,
         Causality::Output => changes || variability == Variability::Constant,
-        Causality::Local => true,
+        Causality::Local | Causality::StructuralParameter => true,
     };
     if !allowed {
         let (causality, variability) = (xml::causality(Some(causality)), xml::variability(variability));
@@ -384,7 +395,7 @@ fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, 
     }
     let place = match causality {
         _ if is_state => Place::States,
-        Causality::Parameter => Place::Parameters,
+        Causality::Parameter | Causality::StructuralParameter => Place::Parameters,
         Causality::Input => Place::Inputs,
         Causality::Output => Place::Outputs,
         Causality::CalculatedParameter | Causality::Local => Place::Locals,
@@ -475,8 +486,8 @@ fn unit(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Blame
     match &variable.unit {
         None => return Err(("unit", "a Real needs one; '1' when it has no dimension".to_owned())),
         Some(UnitNames::Each(units)) => {
-            let elements: usize = variable.dimensions.iter().product();
-            if variable.dimensions.is_empty() {
+            let elements: usize = variable.sizes.iter().product();
+            if variable.sizes.is_empty() {
                 return Err(("unit", "a list of units is for an array".to_owned()));
             }
             if units.len() != elements {
@@ -729,7 +740,10 @@ pub(crate) fn outputs(scalars: &[Scalar], refusals: &mut Refusals) {
 /// A calculated parameter changes with parameters only.
 pub(crate) fn calculated_parameters(scalars: &[Scalar], refusals: &mut Refusals) {
     let of_parameter = |scalar: &Scalar| {
-        matches!(scalar.causality, Some(Causality::Parameter | Causality::CalculatedParameter))
+        matches!(
+            scalar.causality,
+            Some(Causality::Parameter | Causality::StructuralParameter | Causality::CalculatedParameter)
+        )
     };
     for scalar in scalars.iter().filter(|scalar| scalar.causality == Some(Causality::CalculatedParameter)) {
         for (list, reads) in [("reads", &scalar.reads), ("initial_reads", &scalar.initial_reads)] {

@@ -11,6 +11,8 @@ use serde::de::{Error as _, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
+use crate::error::Refusal;
+
 /// The types that FMI 3.0 alone has.
 pub(crate) const TYPES_OF_FMI3: [&str; 9] =
     ["Float32", "Int8", "UInt8", "Int16", "UInt16", "UInt32", "Int64", "UInt64", "Binary"];
@@ -84,6 +86,41 @@ pub(crate) struct ClockDeclaration {
 }
 
 impl Declaration {
+    /// Finds the sizes of arrays, of which some are structural parameters.
+    pub(crate) fn find_sizes(&mut self) -> Result<(), Refusal> {
+        let is_structural =
+            |variable: &&VariableDeclaration| variable.causality == Causality::StructuralParameter;
+        let structural = self.variables.iter().filter(is_structural);
+        let size = |start: &Option<Value>| usize::try_from(start.as_ref()?.as_u64()?).ok();
+        let sizes: BTreeMap<_, _> =
+            structural.map(|variable| (variable.name.clone(), size(&variable.start))).collect();
+        let of_components = self.components.iter_mut().enumerate().filter_map(|(number, component)| {
+            Some((format!("components[{number}].variables"), component.variables.as_mut()?))
+        });
+        let of_types = self.component_types.iter_mut().enumerate().map(|(number, component_type)| {
+            (format!("component_types[{number}].variables"), &mut component_type.variables)
+        });
+        let own = ("variables".to_owned(), &mut self.variables);
+        for (list, variables) in [own].into_iter().chain(of_components).chain(of_types) {
+            for (number, variable) in variables.iter_mut().enumerate() {
+                for dimension in &variable.dimensions {
+                    variable.sizes.push(match dimension {
+                        Dimension::Size(size) => *size,
+                        Dimension::Parameter(name) => {
+                            sizes.get(name).copied().flatten().ok_or_else(|| {
+                                let of = &variable.name;
+                                let reason =
+                                    format!("{of}: there is no structuralParameter '{name}' with a size");
+                                Refusal::new(format!("{list}[{number}].dimensions"), reason)
+                            })?
+                        }
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// Whether a variable has a type that FMI 2.0 does not have.
     pub(crate) fn needs_fmi3(&self) -> bool {
         let of_components = self.components.iter().filter_map(|component| component.variables.as_ref());
@@ -226,9 +263,12 @@ pub(crate) struct VariableDeclaration {
     #[serde(default)]
     #[cfg_attr(test, schemars(schema_with = "start_schema"))]
     pub(crate) start: Option<Value>,
-    /// The sizes of an array.
+    /// The sizes of an array; in FMI 3.0 also the names of structural parameters.
     #[serde(default)]
-    pub(crate) dimensions: Vec<usize>,
+    pub(crate) dimensions: Vec<Dimension>,
+    /// The same as numbers, by [`Declaration::find_sizes`].
+    #[serde(skip)]
+    pub(crate) sizes: Vec<usize>,
     /// Makes the variable a continuous-time state.
     #[serde(default, deserialize_with = "true_or_object")]
     #[cfg_attr(test, schemars(schema_with = "derivative_schema"))]
@@ -242,6 +282,15 @@ pub(crate) struct VariableDeclaration {
     pub(crate) initial_reads: Option<Vec<String>>,
     /// The number by which importers know it; of an array, the number of the first element. Default: the next free one.
     pub(crate) value_reference: Option<u32>,
+}
+
+/// A size of an array.
+#[derive(Debug, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(untagged, expecting = "expected a size, or the name of a structural parameter")]
+pub(crate) enum Dimension {
+    Size(usize),
+    Parameter(String),
 }
 
 /// The unit of a variable, or of each element of an array.
@@ -289,6 +338,8 @@ pub(crate) struct DerivativeDeclaration {
 #[serde(rename_all = "camelCase")]
 pub(crate) enum Causality {
     Parameter,
+    /// The size of arrays, which the build fixes at its start value. In FMI 3.0 alone.
+    StructuralParameter,
     CalculatedParameter,
     Input,
     Output,

@@ -306,7 +306,7 @@ impl<'a> Model<'a> {
         if self.fmi.version == Version::Three {
             for field in self.parts.iter().flat_map(|part| &part.fields) {
                 let declaration = field.declaration;
-                if declaration.dimensions.is_empty() || matches!(declaration.unit, Some(UnitNames::Each(_))) {
+                if declaration.sizes.is_empty() || matches!(declaration.unit, Some(UnitNames::Each(_))) {
                     continue;
                 }
                 arrays.push(field.positions.clone());
@@ -508,10 +508,13 @@ impl<'a> Flattening<'a> {
             None => text.to_owned(),
         };
         let mut positions = Vec::new();
-        for (number, (subscripts, indices)) in elements(&declaration.dimensions).into_iter().enumerate() {
+        for (number, (subscripts, indices)) in elements(&declaration.sizes).into_iter().enumerate() {
             let position = self.scalars.len();
             positions.push(position);
             let unit = declaration.unit.as_ref().map(|unit| unit.of(number).to_owned());
+            // The start value of a structural parameter is the only one.
+            let fixed = start.filter(|_| declaration.causality == Causality::StructuralParameter);
+            let fixed = fixed.and_then(Value::as_f64);
             let state = Scalar {
                 name: format!("{name}{subscripts}"),
                 key: key.clone(),
@@ -523,8 +526,8 @@ impl<'a> Flattening<'a> {
                 data_type: checked.data_type,
                 unit: unit.clone(),
                 display_unit: declaration.display_unit.clone(),
-                min: declaration.min,
-                max: declaration.max,
+                min: fixed.or(declaration.min),
+                max: fixed.or(declaration.max),
                 nominal: declaration.nominal,
                 reinit: declaration.reinit,
                 start: checked.starts.as_ref().map(|starts| starts[number].clone()),
@@ -571,7 +574,7 @@ impl<'a> Flattening<'a> {
                 });
             }
         }
-        if !declaration.dimensions.is_empty() {
+        if !declaration.sizes.is_empty() {
             if checked.place == Place::States {
                 let derivatives = positions.iter().map(|position| position + 1).collect();
                 self.names.insert(format!("der({name})"), derivatives);

@@ -41,10 +41,11 @@ impl Table {
 }
 
 /// The tables in their order.
-const TABLES: [Table; 6] = [
+const TABLES: [Table; 7] = [
     Table::new("page-inputs", "Inputs", Causality::Input),
     Table::new("page-outputs", "Outputs", Causality::Output),
     Table::new("page-parameters", "Parameters", Causality::Parameter),
+    Table::new("page-structural-parameters", "Structural parameters", Causality::StructuralParameter),
     Table::new("page-calculated-parameters", "Calculated parameters", Causality::CalculatedParameter),
     Table { of_states: true, ..Table::new("page-states", "States", Causality::Local) },
     Table::new("page-locals", "Local variables", Causality::Local),
@@ -304,7 +305,7 @@ impl<'m, 'a> Page<'m, 'a> {
     /// they would need quoted.
     fn typed_start(&self, field: &Field<'_>) -> Option<String> {
         let start = self.model.scalars[field.positions[0]].start.as_ref();
-        match start.filter(|_| field.declaration.dimensions.is_empty())? {
+        match start.filter(|_| field.declaration.sizes.is_empty())? {
             Start::Boolean(value) => Some(u8::from(*value).to_string()),
             Start::String(_) => None,
             Start::Real(value) => Some(number(*value)),
@@ -356,7 +357,7 @@ impl<'m, 'a> Page<'m, 'a> {
             }
             for field in fields {
                 text += &self.row(part, field, &columns);
-                if let [_, width] = field.declaration.dimensions[..]
+                if let [_, width] = field.declaration.sizes[..]
                     && self.has_start(field)
                 {
                     let matrix = self.matrix(field, width);
@@ -371,7 +372,7 @@ impl<'m, 'a> Page<'m, 'a> {
     fn row(&self, part: &Part<'_>, field: &Field<'_>, columns: &Columns) -> String {
         let name = name(part, field);
         let first = &self.model.scalars[field.positions[0]];
-        let dimensions: Vec<_> = field.declaration.dimensions.iter().map(usize::to_string).collect();
+        let dimensions: Vec<_> = field.declaration.sizes.iter().map(usize::to_string).collect();
         let dimensions =
             if dimensions.is_empty() { String::new() } else { format!("[{}]", dimensions.join(",")) };
         let mut text =
@@ -457,7 +458,7 @@ impl<'m, 'a> Page<'m, 'a> {
 
     /// The start values of a scalar or a list, in the display unit, too; a matrix has a table of its own.
     fn start(&self, field: &Field<'_>) -> String {
-        if let [_, _] = field.declaration.dimensions[..]
+        if let [_, _] = field.declaration.sizes[..]
             && self.has_start(field)
         {
             return "below".to_owned();

@@ -268,7 +268,7 @@ impl Generator<'_, '_> {
             DataType::Binary => "Vec<u8>",
         }
         .to_owned();
-        for size in declaration.dimensions.iter().rev() {
+        for size in declaration.sizes.iter().rev() {
             data_type = format!("[{data_type}; {size}]");
         }
         StructField {
@@ -276,7 +276,7 @@ impl Generator<'_, '_> {
             description: described(declaration.description.as_deref(), &declaration.name) + &unit,
             data_type,
             kind: if field.data_type == DataType::Real {
-                Kind::Number(declaration.dimensions.clone())
+                Kind::Number(declaration.sizes.clone())
             } else {
                 Kind::Other
             },
@@ -482,7 +482,7 @@ impl{of} {name}{to} {{
 fn values(place: Place, part: &Part<'_>, value: impl Fn(usize) -> String) -> String {
     let fields = place.fields(part).map(|field| {
         let values: Vec<_> = field.positions.iter().map(|&position| value(position)).collect();
-        format!("{}: {}", field.name(), nest(&field.declaration.dimensions, &values))
+        format!("{}: {}", field.name(), nest(&field.declaration.sizes, &values))
     });
     fields.collect::<Vec<_>>().join(", ")
 }

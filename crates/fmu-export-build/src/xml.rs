@@ -133,6 +133,7 @@ pub(crate) fn causality(causality: Option<Causality>) -> &'static str {
     match causality {
         None => "independent",
         Some(Causality::Parameter) => "parameter",
+        Some(Causality::StructuralParameter) => "structuralParameter",
         Some(Causality::CalculatedParameter) => "calculatedParameter",
         Some(Causality::Input) => "input",
         Some(Causality::Output) => "output",

@@ -66,6 +66,8 @@ pub(crate) enum Phase {
     ClockActivationMode,
     /// Co-Simulation of FMI 3.0: between two internal steps of a communication step.
     IntermediateUpdateMode,
+    /// FMI 3.0: while structural parameters are set.
+    ConfigurationMode,
 }
 
 impl fmt::Display for Phase {
@@ -81,6 +83,7 @@ impl fmt::Display for Phase {
             Self::IntermediateUpdateMode => "Intermediate Update Mode",
             Self::Terminated => "terminated",
             Self::Error => "error",
+            Self::ConfigurationMode => "Configuration Mode",
         })
     }
 }
@@ -99,6 +102,7 @@ impl Phase {
         Self::StepEventMode,
         Self::ClockActivationMode,
         Self::IntermediateUpdateMode,
+        Self::ConfigurationMode,
     ];
 
     /// The interface whose instances alone have the state.
@@ -109,7 +113,11 @@ impl Phase {
             }
             Self::EventMode | Self::ContinuousTimeMode => Some(Interface::ModelExchange),
             Self::ClockActivationMode => Some(Interface::ScheduledExecution),
-            Self::Instantiated | Self::InitializationMode | Self::Terminated | Self::Error => None,
+            Self::Instantiated
+            | Self::InitializationMode
+            | Self::Terminated
+            | Self::Error
+            | Self::ConfigurationMode => None,
         }
     }
 }

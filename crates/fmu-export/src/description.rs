@@ -143,6 +143,8 @@ impl DataType {
 #[allow(missing_docs)]
 pub enum Causality {
     Parameter,
+    /// In FMI 3.0 alone.
+    StructuralParameter,
     CalculatedParameter,
     Input,
     Output,
@@ -154,6 +156,7 @@ impl fmt::Display for Causality {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str(match self {
             Self::Parameter => "parameter",
+            Self::StructuralParameter => "structuralParameter",
             Self::CalculatedParameter => "calculatedParameter",
             Self::Input => "input",
             Self::Output => "output",

@@ -14,7 +14,7 @@ use core::ffi::{CStr, c_void};
 use std::ffi::CString;
 
 use crate::calling_sequence::{Function, Interface, Phase};
-use crate::description::{ModelDescription, ValueReference};
+use crate::description::{Causality, ModelDescription, ValueReference};
 use crate::error::{Error, Shown};
 use crate::events::Events;
 use crate::inputs::InputSignal;
@@ -302,6 +302,22 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
+    /// FMI 3.0.2, section 2.3.2.
+    pub(crate) fn enter_configuration_mode(&mut self) -> Answer {
+        let variables = Self::DESCRIPTION.variables;
+        if !variables.iter().any(|variable| variable.causality == Causality::StructuralParameter) {
+            return Err(Error::new("this FMU has no structural parameters"));
+        }
+        self.memory.phase = Phase::ConfigurationMode;
+        Ok(Status::Ok)
+    }
+
+    #[expect(clippy::unnecessary_wraps, reason = "returns what every callable function does")]
+    pub(crate) fn exit_configuration_mode(&mut self) -> Answer {
+        self.memory.phase = Phase::Instantiated;
+        Ok(Status::Ok)
+    }
+
     #[expect(clippy::unnecessary_wraps, reason = "returns what every callable function does")]
     pub(crate) fn terminate(&mut self) -> Answer {
         self.memory.phase = Phase::Terminated;
@@ -348,7 +364,7 @@ impl<M: Model> Instance<M> {
             | Phase::IntermediateUpdateMode => {
                 memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.latest());
             }
-            Phase::Instantiated | Phase::StepFailed | Phase::Error => {}
+            Phase::Instantiated | Phase::ConfigurationMode | Phase::StepFailed | Phase::Error => {}
         }
         memory.stale = false;
         Ok(status)

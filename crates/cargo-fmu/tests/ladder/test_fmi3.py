@@ -1,4 +1,4 @@
-"""The ladder's FMUs of FMI 3.0 in FMPy: all types, against Reference-FMUs (reference/), and adjoint derivatives."""
+"""The ladder's FMUs of FMI 3.0 in FMPy: all types and arrays, against Reference-FMUs (reference/), and adjoint derivatives."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from fmpy.validation import validate_fmu
 
 REFERENCE = Path(__file__).parent / "reference"
 FMI3 = FMUS.parents[1] / "ladder-fmi3" / "fmu" / "fmi3"
-MODELS = ["Feedthrough", "VanDerPol"]
+MODELS = ["Feedthrough", "StateSpace", "VanDerPol"]
 WHOLE = {"Int8": 8, "UInt8": 8, "Int16": 16, "UInt16": 16, "Int32": 32, "UInt32": 32, "Int64": 64, "UInt64": 64}
 """The types of whole numbers, with their bits."""
 OTHERS: dict[str, list[object]] = {
@@ -188,4 +188,89 @@ def test_adjoint_derivatives_are_the_directional_ones(make: Callable[..., FMU3Mo
         weights = random.normal(size=len(unknowns))
         found = fmu.getAdjointDerivative(unknowns, knowns, weights.tolist(), len(knowns))
         assert (np.abs(found - weights @ jacobian) <= 1e-12 * (np.abs(weights) @ np.abs(jacobian))).all()
+    fmu.freeInstance()
+
+
+def test_sizes_are_structural_parameters() -> None:
+    variables = {v.name: v for v in fmpy.read_model_description(path_of("StateSpace")).modelVariables}
+    for name, sizes in {"A": "nn", "B": "nm", "C": "rn", "D": "rm", "x0": "n", "u": "m", "y": "r", "x": "n"}.items():
+        assert [dimension.variable.name for dimension in variables[name].dimensions] == list(sizes)
+    with ZipFile(path_of("StateSpace")) as archive:
+        root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+    sizes = root.findall("ModelVariables/UInt64")
+    assert [size.get("name") for size in sizes] == ["m", "n", "r"]
+    for size in sizes:
+        found = [size.get(key) for key in ("causality", "variability", "start", "min", "max")]
+        assert found == ["structuralParameter", "fixed", "3", "3", "3"]
+
+
+def test_euler_gives_the_reference_results_of_state_space(make: Callable[..., FMU3Model]) -> None:
+    """With identity matrices, x is u ((1 + h)^n - 1) by explicit Euler's steps h, and y is x + u."""
+    by_name, fmu = references("StateSpace"), make("StateSpace", FMU3Model)
+    with (REFERENCE / "StateSpace_out.csv").open() as file:
+        theirs = [[float(y) for y in row["y"].split()] for row in csv.DictReader(file)]
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    fmu.updateDiscreteStates()
+    fmu.enterContinuousTimeMode()
+    steps, states = 1000, np.zeros(3)
+    for second, expected in enumerate(theirs):
+        found = fmu.getFloat64([by_name["y"]], 3)
+        # An addition and a multiplication for each step so far, whose roundings grow as the states do.
+        assert found == pytest.approx(expected, rel=2 * steps * (second + 1) * np.finfo(float).eps)
+        for step in range(steps):
+            states = states + np.array(fmu.getFloat64([by_name["der(x)"]], 3)) / steps
+            fmu.setTime(second + (step + 1) / steps)
+            fmu.setFloat64([by_name["x"]], states.tolist())
+    assert len(theirs) == 11
+    fmu.freeInstance()
+
+
+def test_matrices_are_parameters(make: Callable[..., FMU3Slave]) -> None:
+    by_name, fmu, random = references("StateSpace"), make("StateSpace", FMU3Slave), np.random.default_rng(5)
+    matrices = {name: random.normal(size=(3, 3)) for name in "ABCD"}
+    for name, matrix in matrices.items():
+        fmu.setFloat64([by_name[name]], matrix.ravel().tolist())
+    x, u = random.normal(size=3), random.normal(size=3)
+    fmu.setFloat64([by_name["x0"], by_name["u"]], [*x, *u])
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    a, b, c, d = matrices.values()
+    # Six products of numbers of order 1.
+    assert fmu.getFloat64([by_name["y"]], 3) == pytest.approx((c @ x + d @ u).tolist(), rel=1e-13, abs=1e-14)
+    rates = fmu.getFloat64([by_name["der(x)"]], 3)
+    assert rates == pytest.approx((a @ x + b @ u).tolist(), rel=1e-13, abs=1e-14)
+    weights, unknowns = random.normal(size=6), [by_name["y"], by_name["der(x)"]]
+    found = fmu.getAdjointDerivative(unknowns, [by_name["u"], by_name["x"]], weights.tolist(), 6)
+    expected = weights @ np.block([[d, c], [b, a]])
+    assert found == pytest.approx(expected.tolist(), rel=1e-13, abs=1e-14)
+    fmu.freeInstance()
+
+
+def test_configuration_mode_takes_the_sizes_of_the_build(make: Callable[..., FMU3Slave]) -> None:
+    by_name, fmu = references("StateSpace"), make("StateSpace", FMU3Slave)
+    with pytest.raises(FMICallException):
+        fmu.setUInt64([by_name["n"]], [3])
+    fmu.reset()
+    fmu.enterConfigurationMode()
+    fmu.setUInt64([by_name["n"], by_name["m"]], [3, 3])
+    fmu.exitConfigurationMode()
+    assert fmu.getUInt64([by_name["n"]]) == [3]
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    for forbidden in (
+        lambda: fmu.setUInt64([by_name["n"]], [4]),
+        lambda: fmu.setFloat64([by_name["u"]], [1.0, 2.0, 3.0]),
+        lambda: fmu.setFloat64([by_name["A"]], [1.0] * 9),
+        fmu.enterInitializationMode,
+    ):
+        fmu.reset()
+        fmu.enterConfigurationMode()
+        with pytest.raises(FMICallException):
+            forbidden()
+    fmu.reset()
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    with pytest.raises(FMICallException):
+        fmu.enterConfigurationMode()
     fmu.freeInstance()

@@ -6,7 +6,7 @@ use std::io;
 use super::{
     causality, given, initial, start, variability, write_experiment, write_log_categories, write_units,
 };
-use crate::declaration::{Causality, Declaration, Variability};
+use crate::declaration::{Causality, Declaration, Dimension, Variability};
 use crate::dependencies::{Structure, Unknown};
 use crate::model::{DataType, Model, Place, Scalar};
 use fmu_xml::{Attributes, XmlWriter, document, element, empty, float};
@@ -157,8 +157,17 @@ impl<'m, 'a> Variables<'m, 'a> {
         }
         element(writer, name, attributes, |writer| {
             if array.is_some() {
-                for size in self.dimensions(position) {
-                    empty(writer, "Dimension", vec![("start", size.to_string())])?;
+                for dimension in self.dimensions(position) {
+                    let attribute = match dimension {
+                        Dimension::Size(size) => ("start", size.to_string()),
+                        Dimension::Parameter(name) => {
+                            let mut scalars = self.model.scalars.iter();
+                            let scalar = scalars.find(|scalar| scalar.name == *name);
+                            let reference = scalar.expect("its size was found").value_reference;
+                            ("valueReference", reference.to_string())
+                        }
+                    };
+                    empty(writer, "Dimension", vec![attribute])?;
                 }
             }
             texts.into_iter().try_for_each(|text| empty(writer, "Start", vec![("value", text)]))
@@ -166,7 +175,7 @@ impl<'m, 'a> Variables<'m, 'a> {
     }
 
     /// The sizes of an array, from the position of its first element; a derivative has those of its state.
-    fn dimensions(&self, position: usize) -> &'m [usize] {
+    fn dimensions(&self, position: usize) -> &'m [Dimension] {
         let position = self.model.scalars[position].state.unwrap_or(position);
         let fields = self.model.parts.iter().flat_map(|part| &part.fields);
         let field = fields.into_iter().find(|field| field.positions.first() == Some(&position));

@@ -271,6 +271,8 @@ transitions! {
     Model: exit_initialization_mode: ExitInitializationMode;
     ModelExchange: exit_initialization_mode_with_events: ExitInitializationMode;
     ModelExchange: enter_continuous_time_mode: EnterContinuousTimeMode;
+    Model: enter_configuration_mode: EnterConfigurationMode;
+    Model: exit_configuration_mode: ExitConfigurationMode;
     Model: terminate: Terminate;
     Model: reset: Reset;
     EventMode: enter_step_mode: EnterStepMode;
@@ -939,11 +941,6 @@ macro_rules! of_nothing {
             unsafe { call::<M>(instance, Function::$function, |_| Err(Error::new($reason))) }
         }
     )*};
-}
-
-of_nothing! {
-    enter_configuration_mode(): EnterConfigurationMode, "this FMU has no structural parameters";
-    exit_configuration_mode(): ExitConfigurationMode, "this FMU has no structural parameters";
 }
 
 /// The functions of Model Exchange of an FMU that does not offer it; the calling sequence refuses them.

@@ -1,6 +1,6 @@
 //! The order in which an importer may call: the state machines of FMI 3.0.2, sections 2.3, 3.2 and 4.2, as data.
 //!
-//! Configuration Mode and Reconfiguration Mode do not occur, as there are no structural parameters.
+//! Reconfiguration Mode does not occur, as there are no tunable structural parameters.
 
 use core::ops::Deref;
 use std::borrow::Cow;
@@ -11,8 +11,8 @@ use crate::error;
 use crate::model::Variables;
 
 use Phase::{
-    ClockActivationMode, ContinuousTimeMode, Error, EventMode, InitializationMode, Instantiated,
-    IntermediateUpdateMode, StepComplete, StepEventMode, StepFailed, Terminated,
+    ClockActivationMode, ConfigurationMode, ContinuousTimeMode, Error, EventMode, InitializationMode,
+    Instantiated, IntermediateUpdateMode, StepComplete, StepEventMode, StepFailed, Terminated,
 };
 
 /// Any state but Intermediate Update Mode, which lasts for a call of the importer's.
@@ -27,6 +27,7 @@ const ANY: &[Phase] = &[
     Error,
     StepEventMode,
     ClockActivationMode,
+    ConfigurationMode,
 ];
 /// The states in which values can be read; in the first one, start values.
 const READABLE: &[Phase] = ANY;
@@ -50,6 +51,17 @@ const WRITABLE_NUMBERS: &[Phase] = &[
     StepEventMode,
     ClockActivationMode,
     IntermediateUpdateMode,
+];
+/// The same for the type that structural parameters have.
+const CONFIGURABLE: &[Phase] = &[
+    Instantiated,
+    InitializationMode,
+    StepComplete,
+    EventMode,
+    ContinuousTimeMode,
+    StepEventMode,
+    ClockActivationMode,
+    ConfigurationMode,
 ];
 /// The states in which derivatives can be read.
 const DIFFERENTIABLE: &[Phase] = &[
@@ -106,7 +118,7 @@ functions! {
         SetInt32: WRITABLE,
         SetUInt32: WRITABLE,
         SetInt64: WRITABLE,
-        SetUInt64: WRITABLE,
+        SetUInt64: CONFIGURABLE,
         SetBoolean: WRITABLE,
         SetString: WRITABLE,
         SetBinary: WRITABLE,
@@ -121,8 +133,8 @@ functions! {
         DeserializeFMUState: ANY,
         GetDirectionalDerivative: DIFFERENTIABLE,
         GetAdjointDerivative: DIFFERENTIABLE,
-        EnterConfigurationMode: &[Instantiated, StepComplete, EventMode],
-        ExitConfigurationMode: &[],
+        EnterConfigurationMode: &[Instantiated],
+        ExitConfigurationMode: &[ConfigurationMode],
         GetIntervalDecimal: TIMED,
         GetIntervalFraction: TIMED,
         GetShiftDecimal: &[InitializationMode],

@@ -161,6 +161,7 @@ impl<M: Model> Instance<M> {
                     || variable.initial == Initial::Calculated
             }
             Causality::Parameter
+            | Causality::StructuralParameter
             | Causality::CalculatedParameter
             | Causality::Input
             | Causality::Independent => false,

@@ -196,7 +196,7 @@ impl<M: Model> Instance<M> {
     /// Whether a variable may be set in the present state, and to this value (as a number).
     fn check_settable(&self, variable: &VariableDescription, value: f64) -> Result<(), Error> {
         let settable = match variable.causality {
-            Causality::Input => self.takes_input(variable),
+            Causality::Input if self.memory.phase != Phase::ConfigurationMode => self.takes_input(variable),
             _ => self.is_settable_now(variable),
         };
         // A solver tries states beyond their bounds, which are the model's to bear, as in fmi2SetContinuousStates.
@@ -216,8 +216,12 @@ impl<M: Model> Instance<M> {
 
     /// Whether a variable that is not an input may be set in the present state (sections 3.2.3 and 4.2.4).
     fn is_settable_now(&self, variable: &VariableDescription) -> bool {
+        let phase = self.memory.phase;
+        if variable.causality == Causality::StructuralParameter || phase == Phase::ConfigurationMode {
+            return variable.causality == Causality::StructuralParameter && phase == Phase::ConfigurationMode;
+        }
         variable.variability != Variability::Constant
-            && match self.memory.phase {
+            && match phase {
                 Phase::Instantiated => matches!(variable.initial, Initial::Exact | Initial::Approx),
                 Phase::InitializationMode => variable.initial == Initial::Exact,
                 Phase::StepComplete
@@ -225,7 +229,11 @@ impl<M: Model> Instance<M> {
                 | Phase::StepEventMode
                 | Phase::ClockActivationMode => variable.variability == Variability::Tunable,
                 Phase::ContinuousTimeMode => variable.state.is_some(),
-                Phase::StepFailed | Phase::Terminated | Phase::Error | Phase::IntermediateUpdateMode => false,
+                Phase::StepFailed
+                | Phase::Terminated
+                | Phase::Error
+                | Phase::IntermediateUpdateMode
+                | Phase::ConfigurationMode => false,
             }
     }
 
@@ -239,6 +247,13 @@ impl<M: Model> Instance<M> {
             )
         } else if !value.is_finite() {
             format!("{} for the variable {}", Shown(value), variable.name)
+        } else if variable.causality == Causality::StructuralParameter {
+            format!(
+                "{} for the size {}, which the build of this FMU has fixed at {}",
+                Shown(value),
+                variable.name,
+                Shown(variable.min)
+            )
         } else {
             format!(
                 "{} for the variable {} is outside its range {} to {}",
