@@ -25,7 +25,11 @@ impl Equations for {Type} {
     }
 
     fn evaluate<T: Number>(&self, _time: T, variables: &mut Variables<T>) {
-        let (p, x, u) = (&variables.parameters, &variables.states.x, &variables.inputs.u);
+        let (p, x, u) = (
+            &variables.parameters,
+            &variables.states.x,
+            &variables.inputs.u,
+        );
         variables.derivatives.x = sum((&p.a, x), (&p.b, u));
         variables.outputs.y = sum((&p.c, x), (&p.d, u));
     }
