@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
@@ -9,10 +10,12 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
+import documents
 import numpy as np
 import pytest
-from conftest import TARGET
-from experiments import BOOST_STEPS, BOOST_STEPS_END, couple, staircase
+import test_masters
+from conftest import TARGET, Run
+from experiments import BOOST_STEPS, BOOST_STEPS_END, SCENARIOS, couple, staircase
 from fmpy import __file__ as fmpy_file
 from fmpy.validation import validate_fmu
 from lxml import etree
@@ -201,3 +204,89 @@ def test_a_tool_connects_the_terminals_in_one_stroke(make: New, exports: Exports
     for versions, record in records.items():
         for name, column in record.items():
             assert equal(column, records[2, 2][name]), (versions, name)
+
+
+@pytest.mark.parametrize("versions", [(3, 3), (3, 2), (2, 3)], ids=str)
+def test_ecos_couples_both_versions(make: New, exports: Exports, tmp_path: Path, versions: tuple[int, int]) -> None:
+    """Boost pressure and duty after each step of Fig. 13 are those of the tests' master with the same order of steps."""
+    folder = tmp_path / "fmus"
+    folder.mkdir()
+    for name, version in zip(NAMES, versions, strict=True):
+        (folder / f"{name}.fmu").symlink_to(exports[name, version].path)
+    clone = documents.clone(folder, tmp_path / "clone")
+    (clone / "run.py").write_text(test_masters.RUN)
+    documents.run("python run.py examples/masters/with_ecos.py rows.json", clone, **test_masters.LIBRARIES)
+    rows = np.array(json.loads((clone / "rows.json").read_text()))
+
+    instances = [make(exports[name, version]) for name, version in zip(NAMES, versions, strict=True)]
+    record = test_masters.both_at_once(*instances).run(BOOST_STEPS_END)
+    expected = np.stack([record["boost_pressure"][1:], record["hp_wastegate_pwm"][1:]], axis=1)
+    assert rows.shape == expected.shape
+    assert equal(rows, expected)
+
+
+FIGURE_13 = SCENARIOS / "figure_13.toml"
+
+
+@pytest.fixture(scope="module")
+def parameter_set(boost_fmu: Run, exports: Exports, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The controller's parameters, with another strategy and schedule than by default."""
+    folder = tmp_path_factory.mktemp("parameters")
+    files = []
+    for version in VERSIONS:
+        files.append(folder / f"{version}.ssv")
+        done = boost_fmu("parameters", exports["BoostController", version].path, "--out", files[-1], folder=folder)
+        assert done.returncode == 0, done.stderr
+    # Elements of arrays are parameters in both.
+    text = files[0].read_text()
+    assert files[1].read_text() == text
+    tree = etree.fromstring(text.encode())
+    values = {parameter.get("name"): parameter[0] for parameter in tree.iter("{*}Parameter")}
+    values["strategy"].set("value", "by_speed")
+    element = values["schedule.feedforward[4,2]"]
+    element.set("value", str(0.8 * float(element.get("value"))))
+    changed = folder / "changed.ssv"
+    changed.write_bytes(etree.tostring(tree))
+    return changed
+
+
+@pytest.mark.parametrize("has_parameters", [False, True], ids=["default", "parameters"])
+def test_the_laboratory_couples_both_versions(
+    lab: Run, exports: Exports, parameter_set: Path, tmp_path: Path, has_parameters: bool
+) -> None:
+    """Fig. 13 by `simulate`: the same record, byte by byte, whatever versions plant and controller have."""
+    records = {}
+    for plant, controller in ((2, 2), (3, 3), (3, 2), (2, 3)):
+        fmus = [
+            f"--fmu={name}={exports[model, version].path}"
+            for name, model, version in (("plant", NAMES[0], plant), ("controller", NAMES[1], controller))
+        ]
+        parameters = ["--parameters", parameter_set] if has_parameters else []
+        out = tmp_path / f"{plant}{controller}.csv"
+        done = lab("simulate", FIGURE_13, *fmus, *parameters, "--out", out)
+        assert done.returncode == 0, done.stderr
+        records[plant, controller] = out.read_bytes()
+    assert len(records[2, 2].splitlines()) > 124 * 80
+    for versions, record in records.items():
+        assert record == records[2, 2], versions
+
+
+def test_check_and_ssp_take_both_versions(boost_fmu: Run, lab: Run, exports: Exports, tmp_path: Path) -> None:
+    """A system of both has the same results in the laboratory, byte by byte; its structure differs in nothing."""
+    systems = {}
+    for versions in ((2, 2), (3, 3), (3, 2)):
+        paths = [exports[name, version].path for name, version in zip(NAMES, versions, strict=True)]
+        for role, path in zip(("plant", "controller"), paths, strict=True):
+            done = boost_fmu("check", path, "--as", role, folder=tmp_path)
+            assert done.returncode == 0, done.stdout
+        out = tmp_path / f"{versions[0]}{versions[1]}.ssp"
+        done = boost_fmu("ssp", "--plant", paths[0], "--controller", paths[1], "--out", out, folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+        done = lab("simulate", out, "--out", out.with_suffix(".csv"))
+        assert done.returncode == 0, done.stderr
+        with zipfile.ZipFile(out) as archive:
+            structure = archive.read("SystemStructure.ssd")
+            assert archive.read("resources/BoostPlant.fmu") == paths[0].read_bytes()
+        systems[versions] = structure, out.with_suffix(".csv").read_bytes()
+    for versions, system in systems.items():
+        assert system == systems[2, 2], versions

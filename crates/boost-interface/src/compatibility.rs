@@ -5,7 +5,7 @@ use std::fmt::{self, Display, Formatter};
 
 use anyhow::{Result, bail};
 use fmu_package::terminal::{in_line, number};
-use fmu_package::{FmuDescription, FmuVariable, Kind, Linear};
+use fmu_package::{FmuDescription, FmuVariable, Kind, Linear, ValueType};
 
 use crate::name_map::{Entry, Meaning, NameMap};
 use crate::{Port, Role};
@@ -85,8 +85,8 @@ impl<'a> Compatibility<'a> {
         }
         let mut problems = vec![];
         let version = fmu.attribute("fmiVersion");
-        if version != "2.0" {
-            problems.push(format!("it is of FMI {version}; the couplings here are of FMI 2.0"));
+        if version != "2.0" && !fmu.is_fmi3() {
+            problems.push(format!("it is of FMI {version}; the couplings here are of FMI 2.0 and 3.0"));
         }
         if fmu.interface("CoSimulation").is_none() {
             problems.push("it is not for co-simulation".to_owned());
@@ -178,8 +178,11 @@ impl<'a> Match<'a> {
     ) -> Self {
         let mut problems = vec![];
         let mut notes = vec![];
-        if variable.data_type != "Real" {
+        if variable.value_type() != ValueType::Real {
             problems.push(format!("it is of the type {}, not Real", variable.data_type));
+        }
+        if !variable.dimensions.is_empty() {
+            problems.push("it is an array".to_owned());
         }
         let causality = match port.kind {
             Kind::Input => "input",
@@ -402,7 +405,7 @@ fn suggestions<'a>(port: &Port, name: &str, fmu: &'a FmuDescription) -> Vec<&'a 
     };
     let mut candidates: Vec<_> = fmu
         .of_causality(causality)
-        .filter(|variable| variable.data_type == "Real")
+        .filter(|variable| variable.value_type() == ValueType::Real && variable.dimensions.is_empty())
         .map(|variable| (likeness(variable), variable.name.as_str()))
         .filter(|(likeness, _)| *likeness >= LIKENESS)
         .collect();

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use fmu_package::{FmuVariable, Linear, like};
+use fmu_package::{FmuVariable, Linear, ValueType, like};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
@@ -583,9 +583,11 @@ impl Recorder {
     }
 }
 
-/// The outputs of an FMU that can be recorded: a text is not a number.
+/// The outputs of an FMU that can be recorded: those that are numbers.
 fn number_outputs(fmu: &Fmu) -> impl Iterator<Item = &FmuVariable> {
-    fmu.description().of_causality("output").filter(|variable| variable.data_type != "String")
+    let is_number =
+        |variable: &&FmuVariable| !matches!(variable.value_type(), ValueType::String | ValueType::Other);
+    fmu.description().of_causality("output").filter(is_number)
 }
 
 enum Found {

@@ -125,7 +125,8 @@ fn of_structure(folder: &Path, times: Times) -> Result<Scenario> {
             let set = location.locate(ParameterSet::read(&folder.join(source)).map_err(Into::into))?;
             member.parameters.push((set, location.clone()));
         }
-        descriptions.push(location.locate(FmuDescription::read(&file).map_err(Into::into))?);
+        let description = FmuDescription::read(&file).and_then(FmuDescription::scalars);
+        descriptions.push(location.locate(description.map_err(Into::into))?);
         scenario.fmus.push(member);
     }
     // The unit of a component's connector is the structure's, or else the FMU's.

@@ -415,7 +415,10 @@ fn documentation(
 ) -> Result<Vec<(String, Vec<u8>)>> {
     let mut platforms = PlatformList::default();
     for (platform, library) in libraries {
-        platforms.libraries.insert(*platform, Library::read(library)?);
+        let library = Library::read(library)?;
+        for folder in platform.folders(&library, is_fmi3(description)) {
+            platforms.libraries.entry(folder).or_insert_with(|| library.clone());
+        }
     }
     let mut files = vec![
         ("documentation/index.html".to_owned(), reading::bytes(&generated.join("index.html"))?),

@@ -96,6 +96,7 @@ struct JsonVariable<'a> {
     name: &'a str,
     value_reference: Option<u32>,
     r#type: &'a str,
+    dimensions: Option<Vec<usize>>,
     declared_type: Option<&'a str>,
     causality: Option<&'a str>,
     variability: Option<&'a str>,
@@ -121,7 +122,7 @@ fn json(file: &Path, description: &FmuDescription) -> Result<String> {
         file: file.display().to_string(),
         fmi_version: attribute("fmiVersion"),
         model_name: attribute("modelName"),
-        guid: attribute("guid").or_else(|| attribute("instantiationToken")),
+        guid: declared(description.guid()),
         attributes: by_name(&description.attributes),
         interfaces: description
             .interfaces
@@ -139,7 +140,7 @@ fn json(file: &Path, description: &FmuDescription) -> Result<String> {
                 items: enumeration.items.iter().map(|(name, value)| (name.as_str(), *value)).collect(),
             })
             .collect(),
-        variables: description.variables.iter().map(variable).collect(),
+        variables: description.variables.iter().map(|it| variable(it, description)).collect(),
     };
     Ok(serde_json::to_string_pretty(&json)? + "\n")
 }
@@ -168,11 +169,12 @@ fn unit(unit: &Unit) -> JsonUnit<'_> {
     JsonUnit { name: &unit.name, display_units }
 }
 
-fn variable(variable: &FmuVariable) -> JsonVariable<'_> {
+fn variable<'a>(variable: &'a FmuVariable, description: &FmuDescription) -> JsonVariable<'a> {
     JsonVariable {
         name: &variable.name,
         value_reference: variable.value_reference.trim().parse().ok(),
         r#type: &variable.data_type,
+        dimensions: description.sizes(variable).ok().filter(|sizes| !sizes.is_empty()),
         declared_type: declared(&variable.declared_type),
         causality: declared(&variable.causality),
         variability: declared(&variable.variability),
@@ -206,7 +208,10 @@ fn table(description: &FmuDescription) -> String {
     let header = ["name", "causality", "variability", "type", "unit", "start", "range"].map(str::to_owned);
     let rows: Vec<_> = std::iter::once((header, "description".to_owned()))
         .chain(
-            description.variables.iter().map(|variable| (columns(variable), in_line(&variable.description))),
+            description
+                .variables
+                .iter()
+                .map(|variable| (columns(variable, description), in_line(&variable.description))),
         )
         .collect();
     let width = |column: usize| rows.iter().map(|(row, _)| row[column].chars().count()).max().unwrap_or(0);
@@ -221,11 +226,14 @@ fn table(description: &FmuDescription) -> String {
 }
 
 /// The columns that are aligned; the description follows them.
-fn columns(variable: &FmuVariable) -> [String; 7] {
+fn columns(variable: &FmuVariable, description: &FmuDescription) -> [String; 7] {
     let range = match (variable.min.as_str(), variable.max.as_str()) {
         ("", "") => String::new(),
         (min, max) => format!("{min}..{max}"),
     };
+    let sizes = description.sizes(variable).unwrap_or_default();
+    let sizes = sizes.iter().map(usize::to_string).collect::<Vec<_>>().join(",");
     let FmuVariable { name, causality, variability, data_type, unit, start, .. } = variable;
-    [name, causality, variability, data_type, unit, start, &range].map(|text| in_line(text))
+    let data_type = if sizes.is_empty() { data_type.clone() } else { format!("{data_type}[{sizes}]") };
+    [name, causality, variability, &data_type, unit, start, &range].map(|text| in_line(text))
 }

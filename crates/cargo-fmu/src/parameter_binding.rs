@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, bail};
 use fmu_package::{
     Connection, Connector, End, FmuDescription, FmuVariable, Kind, ParameterSet, Placement, System,
-    SystemComponent, SystemPackage, SystemStructure, reading, writing,
+    SystemComponent, SystemPackage, SystemStructure, ValueType, reading, writing,
 };
 
 use super::export::{Plan, say};
@@ -21,12 +21,12 @@ pub fn export(plan: &Plan, files: &[PathBuf]) -> Result<()> {
     let sets: Vec<_> =
         files.iter().map(|file| Ok((file, ParameterSet::read(file)?))).collect::<Result<_>>()?;
     let systems: Vec<_> = plan.models().map(|model| plan.folder().join(format!("{model}.ssp"))).collect();
-    plan.run(files, if files.is_empty() { &[] } else { &systems })?;
+    let written = plan.run(files, if files.is_empty() { &[] } else { &systems })?;
 
     let mut bound: BTreeMap<PathBuf, (FmuDescription, Vec<(String, ParameterSet)>)> = BTreeMap::new();
     for (file, set) in sets {
         let failed = || format!("the parameter set {} cannot be bound", file.display());
-        let (fmu, description) = owner(plan, &set).with_context(failed)?;
+        let (fmu, description) = owner(&written, &set).with_context(failed)?;
         let set = set.fit(&description).with_context(failed)?;
         let name = file.file_name().and_then(|name| name.to_str()).context("the file's name is not text")?;
         bound.entry(fmu).or_insert_with(|| (description, vec![])).1.push((name.to_owned(), set));
@@ -46,17 +46,18 @@ pub fn export(plan: &Plan, files: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-/// The FMU that has the parameters of a set, and its description.
-fn owner(plan: &Plan, set: &ParameterSet) -> Result<(PathBuf, FmuDescription)> {
+/// The FMU that has the parameters of a set, the first of those that were written, and its description.
+fn owner(written: &[PathBuf], set: &ParameterSet) -> Result<(PathBuf, FmuDescription)> {
     let first = set.parameters.first().context("it holds no parameter")?;
-    for model in plan.models() {
-        let fmu = plan.fmu(model);
-        let description = FmuDescription::read(&fmu)?;
+    let mut names = vec![];
+    for fmu in written {
+        let description = FmuDescription::read(fmu)?;
         if description.variable(&first.name).is_some() {
-            return Ok((fmu, description));
+            return Ok((fmu.clone(), description));
         }
+        names.push(description.attribute("modelName").to_owned());
     }
-    bail!("none of {} has a variable {}", plan.models().collect::<Vec<_>>().join(", "), first.name)
+    bail!("none of {} has a variable {}", names.join(", "), first.name)
 }
 
 /// The package of an FMU with parameter sets.
@@ -64,8 +65,10 @@ fn package(fmu: &FmuDescription, bytes: Vec<u8>, sets: Vec<(String, ParameterSet
     let name = fmu.co_simulation_identifier().unwrap_or("Model").to_owned();
     let of_kind = |kind| {
         let causality = if kind == Kind::Input { "input" } else { "output" };
-        let variables: Vec<_> =
-            fmu.of_causality(causality).filter(|variable| variable.data_type == "Real").collect();
+        let variables: Vec<_> = fmu
+            .of_causality(causality)
+            .filter(|variable| variable.value_type() == ValueType::Real && variable.dimensions.is_empty())
+            .collect();
         let pitch = 1.0 / (variables.len() + 1) as f64;
         let connectors: Vec<_> = variables
             .into_iter()

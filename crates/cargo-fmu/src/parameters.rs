@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use fmu_package::terminal::print;
-use fmu_package::{FmuDescription, FmuVariable, Parameter, ParameterSet, Value, writing};
+use fmu_package::{FmuDescription, FmuVariable, Parameter, ParameterSet, Value, ValueType, writing};
 
 /// Write an FMU's parameters, as they are by default, to a parameter set to be edited
 #[derive(Args, Debug)]
@@ -24,8 +24,9 @@ impl Parameters {
     /// # Errors
     /// When the FMU cannot be read, or the file is there already or cannot be written.
     pub fn run(&self) -> Result<()> {
-        let description = FmuDescription::read(&self.file)?;
-        let set = defaults(&description).with_context(|| {
+        let set =
+            FmuDescription::read(&self.file)?.scalars().map_err(Into::into).and_then(|it| defaults(&it));
+        let set = set.with_context(|| {
             format!("modelDescription.xml in {} is not as it should be", self.file.display())
         })?;
         let name = format!("{}.ssv", set.name);
@@ -56,20 +57,20 @@ fn defaults(description: &FmuDescription) -> Result<ParameterSet> {
 
 fn start(variable: &FmuVariable, description: &FmuDescription) -> Result<Value> {
     let text = variable.start.trim();
-    Ok(match variable.data_type.as_str() {
-        "Real" => {
+    Ok(match variable.value_type() {
+        ValueType::Real => {
             let unit = Some(variable.unit.clone()).filter(|unit| !unit.is_empty());
             Value::Real(text.parse()?, unit)
         }
-        "Integer" => Value::Integer(text.parse()?),
-        "Boolean" => Value::Boolean(matches!(text, "true" | "1")),
-        "Enumeration" => {
+        ValueType::Integer => Value::Integer(text.parse()?),
+        ValueType::Boolean => Value::Boolean(matches!(text, "true" | "1")),
+        ValueType::Enumeration => {
             let value: i32 = text.parse()?;
             let enumeration = description.enumeration(&variable.declared_type);
             let item = enumeration.and_then(|known| known.items.iter().find(|(_, item)| *item == value));
             Value::Enumeration(item.context("no item has this value")?.0.clone())
         }
-        "String" => Value::String(variable.start.clone()),
-        other => bail!("values of the type {other} are not known"),
+        ValueType::String => Value::String(variable.start.clone()),
+        ValueType::Other => bail!("values of the type {} are not known", variable.data_type),
     })
 }

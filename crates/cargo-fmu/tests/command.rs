@@ -281,6 +281,81 @@ fn libraries_of_several_fmus_are_merged() {
     assert_eq!(merge([again, again], &[]).0, bytes);
 }
 
+/// The description of an FMU of FMI 3.0 with variables.
+fn description_3(variables: &str) -> String {
+    description(variables).replace("2.0", "3.0").replace("guid", "instantiationToken")
+}
+
+#[test]
+fn libraries_of_fmi_3_are_merged() {
+    let text = description_3("");
+    let fmu = |name: &str, libraries: &[(&str, &[u8])]| {
+        archive_of(name, &[&[("modelDescription.xml", text.as_bytes())], libraries].concat())
+    };
+    let (intel, apple) = (mach_o(MACH_O_X86_64, "intel"), mach_o(MACH_O_ARM64, "apple"));
+    let x86 = elf(ELF_X86_64, "x86");
+    let macos = fmu("macos.fmu", &[("binaries/x86_64-darwin/Other.dylib", &intel)]);
+    let others =
+        [("binaries/x86_64-linux/Other.so", x86.as_slice()), ("binaries/aarch64-darwin/Other.dylib", &apple)];
+    let others = fmu("others.fmu", &others);
+    let out = scratch("merged_3.fmu");
+    let options =
+        ["--out", out.to_str().unwrap(), "--ran", "x86_64-linux=Debian 12", "--ran", "darwin64=macOS 15"];
+    let output = cargo_fmu(&[&["merge", &macos, &others], &options[..]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let list = String::from_utf8(output.stdout).unwrap();
+    let lines: Vec<_> = list.lines().skip(2).collect();
+    assert_eq!(
+        lines,
+        [
+            "aarch64-darwin: Mach-O for aarch64; only built",
+            "x86_64-darwin: Mach-O for x86-64; run: macOS 15",
+            "x86_64-linux: ELF for x86-64; run: Debian 12",
+        ]
+    );
+    let files = files_of(out.to_str().unwrap());
+    assert_eq!(files["binaries/aarch64-darwin/Other.dylib"], apple);
+    assert_eq!(files["binaries/x86_64-darwin/Other.dylib"], intel);
+
+    let wrong = fmu("wrong_tuple.fmu", &[("binaries/aarch64-linux/Other.so", &x86)]);
+    let refused =
+        |options: &[&str]| refusal(&[&["merge", &macos, &wrong, "--out", "never.fmu"], options].concat());
+    let message = refused(&[]);
+    assert!(
+        message.contains("the library for aarch64-linux in") && message.contains("it is ELF for x86-64"),
+        "{message}"
+    );
+    let other = archive("other_token.fmu", "modelDescription.xml", &text.replace("\"g\"", "\"h\""));
+    let message = refusal(&["merge", &macos, &other, "--out", "never.fmu"]);
+    assert!(message.contains("are different models, with the GUIDs g and h"), "{message}");
+}
+
+#[test]
+fn arrays_of_fmi_3_have_sizes_and_their_elements_are_parameters() {
+    let text = description_3(
+        r#"<Float64 name="map" valueReference="1" causality="parameter" variability="fixed" start="1 2 3 4 5 6">
+             <Dimension valueReference="2"/><Dimension start="3"/></Float64>
+           <UInt64 name="rows" valueReference="2" causality="structuralParameter" variability="fixed" start="2"/>"#,
+    );
+    let fmu = archive("arrays.fmu", "modelDescription.xml", &text);
+    let shown = String::from_utf8(cargo_fmu(&["info", &fmu]).stdout).unwrap();
+    assert!(shown.contains("Float64[2,3]"), "{shown}");
+    let json = cargo_fmu(&["info", &fmu, "--format", "json"]).stdout;
+    let json: serde_json::Value = serde_json::from_slice(&json).unwrap();
+    assert_eq!(json["guid"], "g");
+    assert_eq!(json["variables"][0]["dimensions"], serde_json::json!([2, 3]));
+    assert!(json["variables"][1]["dimensions"].is_null());
+
+    let set = empty("arrays").join("arrays.ssv");
+    assert!(cargo_fmu(&["parameters", &fmu, "--out", set.to_str().unwrap()]).status.success());
+    let set = fs::read_to_string(set).unwrap();
+    for (name, value) in [("map[1,1]", 1), ("map[1,3]", 3), ("map[2,1]", 4), ("map[2,3]", 6)] {
+        let parameter = format!("name=\"{name}\">\n      <ssv:Real value=\"{value}.0\"/>");
+        assert!(set.contains(&parameter), "{parameter}: {set}");
+    }
+    assert_eq!(set.matches("<ssv:Parameter ").count(), 6, "{set}");
+}
+
 #[test]
 fn fmus_that_do_not_belong_together_are_not_merged() {
     let library = elf(ELF_X86_64, "");

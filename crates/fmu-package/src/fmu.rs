@@ -55,8 +55,13 @@ impl Fmu<'_> {
         if !self.model_description.contains(" fmiVersion=\"3.") {
             return Ok(vec![platform.folder().to_owned()]);
         }
-        let architectures = Library::read(library)?.architectures;
-        Ok(architectures.into_iter().map(|architecture| platform.tuple(architecture)).collect())
+        let mut folders = platform.folders(&Library::read(library)?, true);
+        // A library for this processor alone goes before the universal one, which would be in the same folder.
+        let own = Platform::Aarch64Darwin;
+        if platform != own && self.libraries.iter().any(|(platform, _)| *platform == own) {
+            folders.retain(|folder| folder != own.folder());
+        }
+        Ok(folders)
     }
 }
 

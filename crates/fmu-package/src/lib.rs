@@ -29,7 +29,7 @@ pub use fmu::Fmu;
 pub use library::Library;
 pub use likeness::like;
 pub use merge::{Merged, Part};
-pub use model_description::{Enumeration, FmuDescription, FmuVariable};
+pub use model_description::{Dimension, Element, Enumeration, FmuDescription, FmuVariable, ValueType};
 pub use parameter_set::{Parameter, ParameterSet, Value};
 pub use platform::Platform;
 pub use platform_list::PlatformList;

@@ -56,6 +56,16 @@ pub enum Architecture {
 }
 
 impl Architecture {
+    /// The one that this program runs on.
+    pub(crate) fn host() -> Option<Self> {
+        match std::env::consts::ARCH {
+            "aarch64" => Some(Self::Aarch64),
+            "x86" => Some(Self::X86),
+            "x86_64" => Some(Self::X86_64),
+            _ => None,
+        }
+    }
+
     fn name(self) -> &'static str {
         match self {
             Self::Aarch64 => "aarch64",

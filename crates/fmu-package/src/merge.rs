@@ -38,6 +38,8 @@ impl<'a> Merged<'a> {
     /// When the parts are of different models, or do not fit together; the message names them.
     pub fn new(parts: &'a [Part], runs: &BTreeMap<Platform, String>) -> io::Result<Self> {
         let (first, others) = parts.split_first().ok_or_else(|| broken("there is nothing to merge"))?;
+        let description = first.description()?;
+        let is_fmi3 = description.is_fmi3();
         let mut all_runs = first.runs();
         let of_part = |part: &'a Part| {
             part.files
@@ -59,33 +61,47 @@ impl<'a> Merged<'a> {
                     }
                 }
             }
-            for (platform, run) in other.runs() {
-                let known: &mut String = all_runs.entry(platform).or_default();
+            for (folder, run) in other.runs() {
+                let known: &mut String = all_runs.entry(folder).or_default();
                 if !known.contains(&run) {
                     *known = if known.is_empty() { run } else { format!("{known}, {run}") };
                 }
             }
         }
-        all_runs.extend(runs.clone());
 
-        let description = first.description()?;
-        let mut platforms = PlatformList { libraries: BTreeMap::new(), runs: all_runs };
+        let mut libraries = BTreeMap::new();
         for (_, attributes) in &description.interfaces {
             let identifier = attributes.iter().find(|(name, _)| name == "modelIdentifier");
-            for platform in Platform::ALL {
-                let path = identifier.map(|(_, identifier)| platform.library_path(identifier));
-                if let Some((part, content)) = path.and_then(|path| files.get(path.as_str())) {
-                    let library = Library::read(content).and_then(|it| it.fits(platform).map(|()| it));
-                    let library = library.map_err(|error| {
-                        broken(format!("the library for {} in {}: {error}", platform.folder(), part.name))
-                    })?;
-                    platforms.libraries.insert(platform, library);
-                }
+            let identifier = identifier.map_or("", |(_, identifier)| identifier);
+            for (path, (part, content)) in &files {
+                let Some((platform, folder)) = library_at(path, identifier, is_fmi3) else { continue };
+                let library = Library::read(content).and_then(|library| {
+                    let is_for_it = |own: &String| own == folder && library.format == platform.format();
+                    if is_fmi3 && platform.folders(&library, true).iter().any(is_for_it) {
+                        return Ok(library);
+                    }
+                    library.fits(platform).map(|()| library)
+                });
+                let library = library
+                    .map_err(|error| broken(format!("the library for {folder} in {}: {error}", part.name)))?;
+                libraries.insert((*folder).to_owned(), library);
             }
         }
-        if let Some(platform) = platforms.runs.keys().find(|run| !platforms.libraries.contains_key(run)) {
-            return Err(broken(format!("there is no library for {} that was run", platform.folder())));
+        // A platform may have a folder for each processor.
+        for (&platform, run) in runs {
+            let folders: Vec<_> = libraries
+                .keys()
+                .filter(|folder| Platform::of_folder(folder, is_fmi3) == Some(platform))
+                .collect();
+            if folders.is_empty() {
+                return Err(broken(format!("there is no library for {} that was run", platform.folder())));
+            }
+            all_runs.extend(folders.into_iter().map(|folder| (folder.clone(), run.clone())));
         }
+        if let Some(folder) = all_runs.keys().find(|run| !libraries.contains_key(*run)) {
+            return Err(broken(format!("there is no library for {folder} that was run")));
+        }
+        let platforms = PlatformList { libraries, runs: all_runs };
         let mut files: BTreeMap<_, _> =
             files.into_iter().map(|(path, (_, content))| (path, content)).collect();
         files.insert(PlatformList::PATH, Cow::Owned(platforms.to_string().into_bytes()));
@@ -115,7 +131,7 @@ impl Part {
             .map_err(|error| broken(format!("{MODEL_DESCRIPTION} in {} is broken: {error}", self.name)))
     }
 
-    fn runs(&self) -> BTreeMap<Platform, String> {
+    fn runs(&self) -> BTreeMap<String, String> {
         let text = self.files.get(PlatformList::PATH).map(|bytes| String::from_utf8_lossy(bytes));
         text.map(|text| PlatformList::read_runs(&text)).unwrap_or_default()
     }
@@ -123,7 +139,7 @@ impl Part {
     fn refuse_another_model(&self, other: &Self) -> io::Result<()> {
         let [own, others] = [self, other].map(Self::description);
         let (own, others) = (own?, others?);
-        let guids = [own.attribute("guid"), others.attribute("guid")];
+        let guids = [own.guid(), others.guid()];
         let refuse = |what: String| Err(broken(format!("{} and {} {what}", self.name, other.name)));
         if guids[0] != guids[1] {
             return refuse(format!("are different models, with the GUIDs {} and {}", guids[0], guids[1]));
@@ -152,6 +168,13 @@ impl Part {
         }
         Ok(())
     }
+}
+
+/// The platform and the folder of a library of a model.
+fn library_at<'a>(path: &'a str, identifier: &str, is_fmi3: bool) -> Option<(Platform, &'a str)> {
+    let folder = path.strip_prefix("binaries/")?.split('/').next()?;
+    let platform = Platform::of_folder(folder, is_fmi3)?;
+    (platform.path_in(folder, identifier) == path).then_some((platform, folder))
 }
 
 /// Joins two libraries of the same path.

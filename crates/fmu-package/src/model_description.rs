@@ -1,7 +1,8 @@
 //! Reads the modelDescription.xml of an FMU of any maker and any version of FMI.
 //!
 //! The schemas are not checked here; validators do that. Values whose meaning differs between versions are kept as
-//! text, and errors in the XML are refused with their location.
+//! text, and errors in the XML are refused with their location. [`FmuDescription::scalars`] turns arrays and aliases of
+//! FMI 3.0 into variables as FMI 2.0 has them.
 
 use std::fs::File;
 use std::io::{self, BufReader};
@@ -21,6 +22,9 @@ pub(crate) const DEEPEST: usize = 100;
 pub(crate) const MOST_ELEMENTS: usize = 2_000_000;
 /// The most attributes of an element; schemas of FMI and SSP need a fifth.
 pub(crate) const MOST_ATTRIBUTES: usize = 100;
+
+/// The most elements of all arrays as variables.
+const MOST_SCALARS: usize = 2_000_000;
 
 /// The attribute with the name of the FMU's library.
 const IDENTIFIER: &str = "modelIdentifier";
@@ -89,6 +93,47 @@ pub struct FmuVariable {
     pub max: String,
     /// Empty when the FMU gives none.
     pub description: String,
+    /// The sizes of an array (FMI 3.0).
+    pub dimensions: Vec<Dimension>,
+    /// Other names of the variable, each with its description (FMI 3.0).
+    pub aliases: Vec<(String, String)>,
+    /// Where [`FmuDescription::scalars`] found it in an array.
+    pub element: Option<Element>,
+}
+
+/// A size of an array.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Dimension {
+    /// A number.
+    Fixed(usize),
+    /// The start value of the structural parameter or constant with this value reference.
+    Variable(String),
+}
+
+/// An element of an array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Element {
+    /// Its position among the array's values, the last index running fastest (FMI 3.0.2, section 2.2.7).
+    pub position: usize,
+    /// The number of the array's values.
+    pub size: usize,
+}
+
+/// What a variable's values are, in any version of FMI.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ValueType {
+    /// `Real`, `Float64`, `Float32`.
+    Real,
+    /// `Integer`, and those of 8 to 64 bits of FMI 3.0.
+    Integer,
+    /// `Boolean`.
+    Boolean,
+    /// `String`.
+    String,
+    /// `Enumeration`.
+    Enumeration,
+    /// `Binary`, `Clock`.
+    Other,
 }
 
 /// A declared type's attributes for its variables.
@@ -181,6 +226,19 @@ impl FmuDescription {
                         variable.start += &format!("{before}{}", attributes.text("value"));
                     }
                 }
+                [_, "ModelVariables", _] if name == "Dimension" => {
+                    if let Some(variable) = description.variables.last_mut() {
+                        variable.dimensions.push(match attributes.get("valueReference") {
+                            Some(reference) => Dimension::Variable(reference.to_owned()),
+                            None => Dimension::Fixed(attributes.number("start", 1)?),
+                        });
+                    }
+                }
+                [_, "ModelVariables", _] if name == "Alias" => {
+                    if let Some(variable) = description.variables.last_mut() {
+                        variable.aliases.push((attributes.text("name"), attributes.text("description")));
+                    }
+                }
                 [_, "ModelVariables", "ScalarVariable"] => {
                     if let Some(variable) = description.variables.last_mut()
                         && variable.data_type.is_empty()
@@ -205,6 +263,66 @@ impl FmuDescription {
         Ok(description)
     }
 
+    /// The description with a variable for each element of an array, `name[1,1]` and so on, and for each alias, as FMI 2.0
+    /// has them. A structural parameter counts with its start value.
+    ///
+    /// # Errors
+    /// When a size is not known, or there are more than two million elements.
+    pub fn scalars(mut self) -> io::Result<Self> {
+        let mut scalars = vec![];
+        for variable in &self.variables {
+            let sizes = self.sizes(variable)?;
+            let size = sizes.iter().try_fold(1_usize, |product, size| product.checked_mul(*size));
+            let size = size.filter(|size| *size <= MOST_SCALARS.saturating_sub(scalars.len()));
+            let Some(size) = size else {
+                return Err(broken(format!("its arrays have more than {MOST_SCALARS} elements")));
+            };
+            let own = [(variable.name.clone(), variable.description.clone())];
+            for (name, description) in own.into_iter().chain(variable.aliases.iter().cloned()) {
+                let named = FmuVariable { name, description, aliases: vec![], ..variable.clone() };
+                if sizes.is_empty() {
+                    scalars.push(named);
+                } else {
+                    scalars
+                        .extend((0..size).map(|position| named.element(&sizes, Element { position, size })));
+                }
+            }
+        }
+        self.variables = scalars;
+        Ok(self)
+    }
+
+    /// The sizes of an array; none of a single variable.
+    ///
+    /// # Errors
+    /// When there is no number for one of them.
+    pub fn sizes(&self, variable: &FmuVariable) -> io::Result<Vec<usize>> {
+        let size = |dimension: &Dimension| match dimension {
+            Dimension::Fixed(size) => Some(*size),
+            Dimension::Variable(reference) => {
+                let of = self.variables.iter().find(|of| of.value_reference == *reference);
+                of.and_then(|of| of.start.trim().parse().ok())
+            }
+        };
+        let sizes = variable.dimensions.iter().map(size).collect::<Option<_>>();
+        sizes.ok_or_else(|| broken(format!("{} has a dimension without a size", variable.name)))
+    }
+
+    /// Whether it is one of FMI 3.0.
+    #[must_use]
+    pub fn is_fmi3(&self) -> bool {
+        self.attribute("fmiVersion").starts_with("3.")
+    }
+
+    /// What tells the model from others: the GUID, in FMI 3.0 the instantiation token.
+    #[must_use]
+    pub fn guid(&self) -> &str {
+        match self.attribute("guid") {
+            "" => self.attribute("instantiationToken"),
+            guid => guid,
+        }
+    }
+
     /// An attribute of the root element; empty when there is none.
     #[must_use]
     pub fn attribute(&self, name: &str) -> &str {
@@ -223,12 +341,14 @@ impl FmuDescription {
         self.interface("CoSimulation").map(|attributes| text_of(attributes, IDENTIFIER))
     }
 
-    /// Whether the FMU declares a capability flag for co-simulation, as `canGetAndSetFMUstate`. An XML boolean is
-    /// a word or a digit.
+    /// Whether the FMU declares a capability flag for co-simulation, as `canGetAndSetFMUstate`, which in FMI 3.0 is
+    /// `canGetAndSetFMUState`. An XML boolean is a word or a digit.
     #[must_use]
     pub fn has_capability(&self, flag: &str) -> bool {
-        self.interface("CoSimulation")
-            .is_some_and(|attributes| matches!(text_of(attributes, flag), "true" | "1"))
+        self.interface("CoSimulation").is_some_and(|attributes| {
+            let value = attributes.iter().find(|(name, _)| name.eq_ignore_ascii_case(flag));
+            value.is_some_and(|(_, value)| matches!(value.as_str(), "true" | "1"))
+        })
     }
 
     /// A variable by its name.
@@ -283,6 +403,49 @@ impl FmuVariable {
         self.unit = own_or("unit", declared.map(|declared| &declared.unit));
         self.min = own_or("min", declared.map(|declared| &declared.min));
         self.max = own_or("max", declared.map(|declared| &declared.max));
+    }
+
+    /// What its values are.
+    #[must_use]
+    pub fn value_type(&self) -> ValueType {
+        match self.data_type.as_str() {
+            "Real" | "Float64" | "Float32" => ValueType::Real,
+            "Integer" | "Int8" | "UInt8" | "Int16" | "UInt16" | "Int32" | "UInt32" | "Int64" | "UInt64" => {
+                ValueType::Integer
+            }
+            "Boolean" => ValueType::Boolean,
+            "String" => ValueType::String,
+            "Enumeration" => ValueType::Enumeration,
+            _ => ValueType::Other,
+        }
+    }
+
+    /// An element of this array, whose sizes are given.
+    fn element(&self, sizes: &[usize], element: Element) -> Self {
+        let mut rest = element.position;
+        let mut indices: Vec<_> = sizes
+            .iter()
+            .rev()
+            .map(|size| {
+                let index = rest % size + 1;
+                rest /= size;
+                index.to_string()
+            })
+            .collect();
+        indices.reverse();
+        // One start value for all, or each its own.
+        let starts: Vec<_> = match self.value_type() {
+            ValueType::String => self.start.split('\n').collect(),
+            _ => self.start.split_whitespace().collect(),
+        };
+        let start = if starts.len() == 1 { starts.first() } else { starts.get(element.position) };
+        Self {
+            name: format!("{}[{}]", self.name, indices.join(",")),
+            start: start.copied().unwrap_or_default().to_owned(),
+            dimensions: vec![],
+            element: Some(element),
+            ..self.clone()
+        }
     }
 
     /// Smallest and largest value as numbers; infinite where none is declared.
@@ -465,6 +628,54 @@ mod tests {
         let xml = r#"<fmiModelDescription><ModelVariables><String name="a"><Start value="b"/><Start value="c"/>
             </String></ModelVariables></fmiModelDescription>"#;
         assert_eq!(FmuDescription::parse(xml).unwrap().variables[0].start, "b\nc");
+    }
+
+    #[test]
+    fn arrays_and_aliases_of_fmi_3_become_variables() {
+        let scalars = |variables: &str| {
+            let xml = format!(
+                "<fmiModelDescription><ModelVariables>{variables}</ModelVariables></fmiModelDescription>"
+            );
+            let scalars =
+                FmuDescription::parse(&xml).unwrap().scalars().map_err(|error| error.to_string())?;
+            let shown = |variable: &FmuVariable| {
+                let element = variable.element.map(|element| (element.position, element.size));
+                (variable.name.clone(), variable.start.clone(), variable.description.clone(), element)
+            };
+            Ok::<_, String>(scalars.variables.iter().map(shown).collect::<Vec<_>>())
+        };
+        let row = |name: &str, start: &str, description: &str, element| {
+            (name.to_owned(), start.to_owned(), description.to_owned(), element)
+        };
+        let found = scalars(
+            r#"<Float64 name="a" start="1 2	3  4 5 6" description="of a"><Dimension valueReference="7"/><Dimension start="3"/>
+            <Alias name="b" description="of b"/></Float64><UInt64 name="rows" valueReference="7" start="2"/>
+            <String name="texts"><Dimension start="2"/><Start value="one"/><Start value=""/></String>
+            <Int32 name="same" start="4"><Dimension start="2"/></Int32>"#,
+        )
+        .unwrap();
+        let mut expected = vec![];
+        for array in ["a", "b"] {
+            for (position, index) in ["1,1", "1,2", "1,3", "2,1", "2,2", "2,3"].into_iter().enumerate() {
+                let start = (position + 1).to_string();
+                let name = format!("{array}[{index}]");
+                expected.push(row(&name, &start, &format!("of {array}"), Some((position, 6))));
+            }
+        }
+        expected.push(row("rows", "2", "", None));
+        expected.push(row("texts[1]", "one", "", Some((0, 2))));
+        expected.push(row("texts[2]", "", "", Some((1, 2))));
+        expected.push(row("same[1]", "4", "", Some((0, 2))));
+        expected.push(row("same[2]", "4", "", Some((1, 2))));
+        assert_eq!(found, expected);
+
+        let refusal =
+            |dimension: &str| scalars(&format!(r#"<Int8 name="a">{dimension}</Int8>"#)).unwrap_err();
+        assert_eq!(refusal(r#"<Dimension valueReference="9"/>"#), "a has a dimension without a size");
+        let large = r#"<Dimension start="4000000000"/>"#;
+        for dimensions in [large.to_owned(), large.repeat(3)] {
+            assert_eq!(refusal(&dimensions), "its arrays have more than 2000000 elements");
+        }
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::io;
 
 use super::archive::broken;
 use super::likeness::like;
-use super::model_description::{FmuDescription, FmuVariable};
+use super::model_description::{FmuDescription, FmuVariable, ValueType};
 use super::parameter_set::{Parameter, ParameterSet, Value};
 use super::terminal;
 use super::units::{Linear, Unit};
@@ -49,8 +49,11 @@ impl Value {
     /// # Errors
     /// When type or unit do not fit; the message names variable and value, and what was expected.
     pub fn fit(&self, variable: &FmuVariable, units: &[Unit], fmu: &FmuDescription) -> io::Result<Self> {
-        match (variable.data_type.as_str(), self) {
-            ("Real", Self::Real(value, unit)) => {
+        if !variable.dimensions.is_empty() {
+            return Err(self.refused(variable, "it is an array of FMI 3.0"));
+        }
+        match (variable.value_type(), self) {
+            (ValueType::Real, Self::Real(value, unit)) => {
                 let value = match unit {
                     Some(unit) if *unit != variable.unit => conversion(unit, variable, units, fmu)
                         .map_err(|reason| self.refused(variable, &reason))?
@@ -59,11 +62,13 @@ impl Value {
                 };
                 Ok(Self::Real(value, Some(variable.unit.clone()).filter(|unit| !unit.is_empty())))
             }
-            ("Real", Self::Integer(value)) => Self::Real(f64::from(*value), None).fit(variable, units, fmu),
-            ("Integer", Self::Integer(_)) | ("Boolean", Self::Boolean(_)) | ("String", Self::String(_)) => {
-                Ok(self.clone())
+            (ValueType::Real, Self::Integer(value)) => {
+                Self::Real(f64::from(*value), None).fit(variable, units, fmu)
             }
-            ("Enumeration", Self::Enumeration(_) | Self::String(_) | Self::Integer(_)) => {
+            (ValueType::Integer, Self::Integer(_))
+            | (ValueType::Boolean, Self::Boolean(_))
+            | (ValueType::String, Self::String(_)) => Ok(self.clone()),
+            (ValueType::Enumeration, Self::Enumeration(_) | Self::String(_) | Self::Integer(_)) => {
                 let enumeration = fmu.enumeration(&variable.declared_type).ok_or_else(|| {
                     self.refused(variable, &format!("its type {} is not defined", variable.declared_type))
                 })?;
@@ -78,7 +83,8 @@ impl Value {
                 })?;
                 Ok(Self::Enumeration(item.clone()))
             }
-            (wanted, _) => {
+            _ => {
+                let wanted = &variable.data_type;
                 Err(self.refused(variable, &format!("it is of the type {}, not {wanted}", self.type_name())))
             }
         }

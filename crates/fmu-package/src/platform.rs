@@ -6,7 +6,7 @@
 use std::io;
 use std::str::FromStr;
 
-use super::library::{Architecture, Format};
+use super::library::{Architecture, Format, Library};
 
 /// A platform that FMI 2.0 has a folder for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -52,7 +52,7 @@ impl Platform {
         }
     }
 
-    /// Its folder below `binaries/`.
+    /// Its folder below `binaries/` in FMI 2.0.
     #[must_use]
     pub fn folder(self) -> &'static str {
         match self {
@@ -83,6 +83,30 @@ impl Platform {
         format!("{processor}-{system}")
     }
 
+    /// The folders below `binaries/` in an FMU of FMI 2.0 or 3.0 for a library: in FMI 3.0 one for each of its
+    /// processors.
+    #[must_use]
+    pub fn folders(self, library: &Library, is_fmi3: bool) -> Vec<String> {
+        if is_fmi3 {
+            library.architectures.iter().map(|&architecture| self.tuple(architecture)).collect()
+        } else {
+            vec![self.folder().to_owned()]
+        }
+    }
+
+    /// The platform of a folder below `binaries/` in an FMU of FMI 2.0 or 3.0.
+    #[must_use]
+    pub fn of_folder(folder: &str, is_fmi3: bool) -> Option<Self> {
+        Self::ALL
+            .into_iter()
+            .find(|platform| if is_fmi3 { platform.is_tuple(folder) } else { platform.folder() == folder })
+    }
+
+    /// Whether a text is the platform tuple for one of its processors.
+    fn is_tuple(self, text: &str) -> bool {
+        self.architectures().iter().any(|&architecture| self.tuple(architecture) == text)
+    }
+
     /// The format of libraries there.
     #[must_use]
     pub fn format(self) -> Format {
@@ -104,10 +128,12 @@ impl Platform {
         }
     }
 
-    /// The path of a library in the archive of an FMU of FMI 2.0.
+    /// The path of the library for this program's processor in the archive of an FMU of FMI 2.0 or 3.0.
     #[must_use]
-    pub fn library_path(self, model_identifier: &str) -> String {
-        self.path_in(self.folder(), model_identifier)
+    pub fn library_path(self, model_identifier: &str, is_fmi3: bool) -> String {
+        let own = Architecture::host().filter(|own| is_fmi3 && self.architectures().contains(own));
+        let folder = own.map_or_else(|| self.folder().to_owned(), |own| self.tuple(own));
+        self.path_in(&folder, model_identifier)
     }
 
     /// The path of a library in a folder below `binaries/`.
@@ -116,12 +142,12 @@ impl Platform {
     }
 }
 
-/// From its folder.
+/// From its folder in FMI 2.0, or its platform tuple.
 impl FromStr for Platform {
     type Err = io::Error;
 
     fn from_str(folder: &str) -> io::Result<Self> {
-        Self::ALL.into_iter().find(|platform| platform.folder() == folder).ok_or_else(|| {
+        [false, true].into_iter().find_map(|is_fmi3| Self::of_folder(folder, is_fmi3)).ok_or_else(|| {
             let known = Self::ALL.map(Self::folder).join(", ");
             let message = format!("FMI 2.0 has no platform '{folder}'; it has {known}");
             io::Error::new(io::ErrorKind::InvalidInput, message)

@@ -9,13 +9,13 @@ use super::platform::Platform;
 /// Begins the part of a line with the systems where the library was run.
 const RUN: &str = "; run: ";
 
-/// The platforms of an FMU.
+/// The platforms of an FMU, by their folders below `binaries/`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PlatformList {
     /// The library of each.
-    pub libraries: BTreeMap<Platform, Library>,
+    pub libraries: BTreeMap<String, Library>,
     /// The systems or emulators in which the library of a platform was run.
-    pub runs: BTreeMap<Platform, String>,
+    pub runs: BTreeMap<String, String>,
 }
 
 impl PlatformList {
@@ -24,12 +24,13 @@ impl PlatformList {
 
     /// Reads from a list where the libraries were run.
     #[must_use]
-    pub fn read_runs(text: &str) -> BTreeMap<Platform, String> {
+    pub fn read_runs(text: &str) -> BTreeMap<String, String> {
         text.lines()
             .filter_map(|line| {
                 let (folder, rest) = line.split_once(": ")?;
                 let (_, run) = rest.split_once(RUN)?;
-                Some((folder.parse().ok()?, run.to_owned()))
+                folder.parse::<Platform>().ok()?;
+                Some((folder.to_owned(), run.to_owned()))
             })
             .collect()
     }
@@ -39,9 +40,9 @@ impl PlatformList {
 impl Display for PlatformList {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(formatter, "The libraries of this FMU by their folders below binaries/\n")?;
-        for (platform, library) in &self.libraries {
-            write!(formatter, "{}: {library}", platform.folder())?;
-            match self.runs.get(platform) {
+        for (folder, library) in &self.libraries {
+            write!(formatter, "{folder}: {library}")?;
+            match self.runs.get(folder) {
                 Some(run) => writeln!(formatter, "{RUN}{run}")?,
                 None => writeln!(formatter, "; only built")?,
             }

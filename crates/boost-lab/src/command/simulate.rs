@@ -16,7 +16,7 @@ use anyhow::{Context, Error, Result, bail};
 use clap::Args;
 use fmu_package::temporary::Folder;
 use fmu_package::terminal::{complain, print};
-use fmu_package::{FmuVariable, ParameterSet, Value, like, writing};
+use fmu_package::{FmuVariable, ParameterSet, Value, ValueType, like, writing};
 
 /// Steps between two updates of the progress bar.
 const STEPS_PER_LOOK: u32 = 256;
@@ -240,21 +240,23 @@ fn not_found(scenario: &Scenario, loaded: &mut LoadedFmus, name: &str) -> Result
 /// The value of a text for a variable: a number may have a unit after a space.
 fn value(variable: &FmuVariable, text: &str) -> Result<Value> {
     let number = |text: &str| text.parse().ok().filter(|number: &f64| number.is_finite());
-    Ok(match variable.data_type.as_str() {
-        "Real" => match text.split_once(' ') {
+    Ok(match variable.value_type() {
+        ValueType::Real => match text.split_once(' ') {
             Some((value, unit)) => {
                 let value = number(value).context("expected a number and its unit")?;
                 Value::Real(value, Some(unit.trim().to_owned()))
             }
             None => Value::Real(number(text).context("expected a number")?, None),
         },
-        "Integer" => Value::Integer(text.parse().ok().context("expected a whole number")?),
-        "Boolean" => match text {
+        ValueType::Integer => Value::Integer(text.parse().ok().context("expected a whole number")?),
+        ValueType::Boolean => match text {
             "true" | "1" => Value::Boolean(true),
             "false" | "0" => Value::Boolean(false),
             _ => bail!("expected true or false"),
         },
-        "Enumeration" => text.parse().map_or_else(|_| Value::Enumeration(text.to_owned()), Value::Integer),
+        ValueType::Enumeration => {
+            text.parse().map_or_else(|_| Value::Enumeration(text.to_owned()), Value::Integer)
+        }
         _ => Value::String(text.to_owned()),
     })
 }

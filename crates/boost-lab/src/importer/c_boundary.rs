@@ -1,8 +1,8 @@
 //! The C side: the functions of an FMU's library, and the calls that go through it. All of the laboratory's
 //! `unsafe` is here.
 //!
-//! A library is foreign code, and cannot be verified. This module keeps the importer's side of FMI 2.0: signatures
-//! as the standard declares them, valid pointers with their lengths, callbacks that outlive the instance (FMUs keep
+//! A library is foreign code, and cannot be verified. This module keeps the importer's side of FMI: signatures
+//! as the standard declares them in each version, valid pointers with their lengths, callbacks that outlive the instance (FMUs keep
 //! the pointer to them), no call after a fatal error, and no instance in two threads. A status is a plain number,
 //! since a careless FMU returns any.
 #![allow(unsafe_code)]
@@ -15,9 +15,7 @@ use std::ptr;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context, Result, anyhow};
-use fmu_export::fmi2::c_types::{
-    Boolean, CO_SIMULATION, Component, FALSE, FmuState, Integer, TRUE, ValueReference,
-};
+use fmu_export::fmi2::c_types::{Boolean, CO_SIMULATION, Component, FALSE, FmuState, TRUE, ValueReference};
 use libloading::Library;
 
 use super::messages::{Message, Status};
@@ -72,6 +70,23 @@ unsafe extern "C" fn receive(receiver: *const Receiver, status: c_int, text: *co
     messages.push_back(Message { status: Status(status), text });
 }
 
+/// The `fmi3LogMessageCallback`.
+///
+/// # Safety
+/// The environment is null or the instance's receiver; the text is null or ends with a zero byte.
+unsafe extern "C" fn log_message(
+    receiver: *const Receiver,
+    status: c_int,
+    _category: *const c_char,
+    text: *const c_char,
+) {
+    // Some FMUs forget the environment.
+    if !receiver.is_null() {
+        // SAFETY: the callers' promise.
+        unsafe { receive(receiver, status, text) };
+    }
+}
+
 /// A copy of a C text; empty where there is none.
 ///
 /// # Safety
@@ -97,70 +112,341 @@ fn not_loaded(error: libloading::Error) -> anyhow::Error {
     anyhow!("its library cannot be loaded: {text}{remedy}")
 }
 
-/// Declares the functions of a library: the required ones and the optional ones.
-macro_rules! functions {
-    (
-        required { $($name:ident: $symbol:literal ($($argument:ty),*) $(-> $result:ty)?;)* }
-        optional { $($other:ident: $other_symbol:literal ($($other_argument:ty),*) -> $other_result:ty;)* }
-    ) => {
-        /// The functions of an FMU's library, which stays loaded as long as this exists.
-        pub struct Functions {
-            $($name: unsafe extern "C" fn($($argument),*) $(-> $result)?,)*
-            $($other: Option<unsafe extern "C" fn($($other_argument),*) -> $other_result>,)*
-            _library: Library,
+/// Declares a type of numbers for each kind of memory that an FMU reads and writes.
+macro_rules! numbers {
+    ($($memory:ident($number:ty)),*) => {
+        /// Numbers of one type, as an FMU reads and writes them.
+        pub enum Numbers {
+            $($memory(Vec<$number>)),*
         }
 
-        impl Functions {
-            pub fn load(path: &Path) -> Result<Self> {
-                // SAFETY: loading runs the library's initializers; the user chose to run this FMU's code.
-                let library = unsafe { Library::new(path) }.map_err(not_loaded)?;
-                Ok(Self {
-                    $(
-                        // SAFETY: the standard declares this signature for this name.
-                        $name: *unsafe { library.get($symbol) }.with_context(|| {
-                            format!("its library has no {}", concat!($symbol))
-                        })?,
-                    )*
-                    $(
-                        // SAFETY: as above.
-                        $other: unsafe { library.get($other_symbol) }.ok().map(|symbol| *symbol),
-                    )*
-                    _library: library,
-                })
+        /// Their type.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        enum Memory {
+            $($memory),*
+        }
+
+        impl Numbers {
+            fn new(memory: Memory) -> Self {
+                match memory {
+                    $(Memory::$memory => Self::$memory(vec![])),*
+                }
+            }
+
+            fn memory(&self) -> Memory {
+                match self {
+                    $(Self::$memory(_) => Memory::$memory),*
+                }
+            }
+
+            pub fn len(&self) -> usize {
+                match self {
+                    $(Self::$memory(values) => values.len()),*
+                }
+            }
+
+            /// Appends zeros.
+            pub fn extend(&mut self, count: usize) {
+                match self {
+                    $(Self::$memory(values) => values.resize(values.len() + count, <$number>::default())),*
+                }
+            }
+
+            pub fn get(&self, index: usize) -> f64 {
+                match self {
+                    $(Self::$memory(values) => values[index].to_real()),*
+                }
+            }
+
+            pub fn set(&mut self, index: usize, value: f64) {
+                match self {
+                    $(Self::$memory(values) => values[index] = <$number>::of_real(value)),*
+                }
+            }
+
+            fn address(&self) -> *const c_void {
+                match self {
+                    $(Self::$memory(values) => values.as_ptr().cast()),*
+                }
+            }
+
+            fn address_to_write(&mut self) -> *mut c_void {
+                match self {
+                    $(Self::$memory(values) => values.as_mut_ptr().cast()),*
+                }
             }
         }
     };
 }
 
-functions! {
-    required {
-        instantiate: "fmi2Instantiate" (
-            *const c_char, c_int, *const c_char, *const c_char, *const CallbackFunctions, Boolean, Boolean
-        ) -> Component;
-        free_instance: "fmi2FreeInstance" (Component);
-        setup_experiment: "fmi2SetupExperiment" (Component, Boolean, f64, f64, Boolean, f64) -> c_int;
-        enter_initialization_mode: "fmi2EnterInitializationMode" (Component) -> c_int;
-        exit_initialization_mode: "fmi2ExitInitializationMode" (Component) -> c_int;
-        terminate: "fmi2Terminate" (Component) -> c_int;
-        get_real: "fmi2GetReal" (Component, *const ValueReference, usize, *mut f64) -> c_int;
-        get_integer: "fmi2GetInteger" (Component, *const ValueReference, usize, *mut Integer) -> c_int;
-        get_boolean: "fmi2GetBoolean" (Component, *const ValueReference, usize, *mut Boolean) -> c_int;
-        set_real: "fmi2SetReal" (Component, *const ValueReference, usize, *const f64) -> c_int;
-        set_integer: "fmi2SetInteger" (Component, *const ValueReference, usize, *const Integer) -> c_int;
-        set_boolean: "fmi2SetBoolean" (Component, *const ValueReference, usize, *const Boolean) -> c_int;
-        set_string: "fmi2SetString" (Component, *const ValueReference, usize, *const *const c_char) -> c_int;
-        do_step: "fmi2DoStep" (Component, f64, f64, Boolean) -> c_int;
+numbers! {
+    F64(f64), F32(f32), I8(i8), U8(u8), I16(i16), U16(u16), I32(i32), U32(u32), I64(i64), U64(u64)
+}
+
+/// A number that is exchanged as a Real; a whole one becomes the nearest that the type has.
+trait Number {
+    fn to_real(self) -> f64;
+    fn of_real(value: f64) -> Self;
+}
+
+impl Number for f64 {
+    fn to_real(self) -> f64 {
+        self
     }
-    optional {
-        get_state: "fmi2GetFMUstate" (Component, *mut FmuState) -> c_int;
-        set_state: "fmi2SetFMUstate" (Component, FmuState) -> c_int;
-        free_state: "fmi2FreeFMUstate" (Component, *mut FmuState) -> c_int;
-        get_real_status: "fmi2GetRealStatus" (Component, c_int, *mut f64) -> c_int;
+
+    fn of_real(value: f64) -> Self {
+        value
     }
 }
 
-type Get<T> = unsafe extern "C" fn(Component, *const ValueReference, usize, *mut T) -> c_int;
-type Set<T> = unsafe extern "C" fn(Component, *const ValueReference, usize, *const T) -> c_int;
+/// Implements [`Number`] by casts, after rounding for whole numbers. Casts saturate.
+macro_rules! number_by_cast {
+    ($round:expr, $($number:ty),*) => {
+        $(
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
+            #[allow(clippy::cast_lossless)]
+            impl Number for $number {
+                fn to_real(self) -> f64 {
+                    self as f64
+                }
+
+                fn of_real(value: f64) -> Self {
+                    let round: fn(f64) -> f64 = $round;
+                    round(value) as Self
+                }
+            }
+        )*
+    };
+}
+
+number_by_cast!(|value| value, f32);
+number_by_cast!(f64::round, i8, u8, i16, u16, i32, u32, i64, u64);
+
+/// The types of numbers that FMI 2.0 has functions for, with their memory: an `fmi2Boolean` is an int.
+const NUMBERS_OF_FMI2: [(&str, Memory); 3] =
+    [("Real", Memory::F64), ("Integer", Memory::I32), ("Boolean", Memory::I32)];
+
+/// Those of FMI 3.0: an `fmi3Boolean` is a C `bool`, which a careless FMU gives any value.
+const NUMBERS_OF_FMI3: [(&str, Memory); 11] = [
+    ("Float64", Memory::F64),
+    ("Float32", Memory::F32),
+    ("Int8", Memory::I8),
+    ("UInt8", Memory::U8),
+    ("Int16", Memory::I16),
+    ("UInt16", Memory::U16),
+    ("Int32", Memory::I32),
+    ("UInt32", Memory::U32),
+    ("Int64", Memory::I64),
+    ("UInt64", Memory::U64),
+    ("Boolean", Memory::U8),
+];
+
+type Instantiate2 = unsafe extern "C" fn(
+    *const c_char,
+    c_int,
+    *const c_char,
+    *const c_char,
+    *const CallbackFunctions,
+    Boolean,
+    Boolean,
+) -> Component;
+type Instantiate3 = unsafe extern "C" fn(
+    *const c_char,
+    *const c_char,
+    *const c_char,
+    bool,
+    bool,
+    bool,
+    bool,
+    *const ValueReference,
+    usize,
+    *const Receiver,
+    LogMessage,
+    *const c_void,
+) -> Component;
+/// `fmi3LogMessageCallback`.
+type LogMessage = unsafe extern "C" fn(*const Receiver, c_int, *const c_char, *const c_char);
+type OfInstance = unsafe extern "C" fn(Component) -> c_int;
+type SetupExperiment2 = unsafe extern "C" fn(Component, Boolean, f64, f64, Boolean, f64) -> c_int;
+type EnterInitializationMode3 = unsafe extern "C" fn(Component, bool, f64, f64, bool, f64) -> c_int;
+type DoStep2 = unsafe extern "C" fn(Component, f64, f64, Boolean) -> c_int;
+type DoStep3 = unsafe extern "C" fn(Component, f64, f64, bool, *mut u8, *mut u8, *mut u8, *mut f64) -> c_int;
+type Get2 = unsafe extern "C" fn(Component, *const ValueReference, usize, *mut c_void) -> c_int;
+type Get3 = unsafe extern "C" fn(Component, *const ValueReference, usize, *mut c_void, usize) -> c_int;
+type Set2 = unsafe extern "C" fn(Component, *const ValueReference, usize, *const c_void) -> c_int;
+type Set3 = unsafe extern "C" fn(Component, *const ValueReference, usize, *const c_void, usize) -> c_int;
+type GetRealStatus2 = unsafe extern "C" fn(Component, c_int, *mut f64) -> c_int;
+/// Of a state, `fmi2FMUstate` or `fmi3FMUState`.
+type Save = unsafe extern "C" fn(Component, *mut FmuState) -> c_int;
+type Restore = unsafe extern "C" fn(Component, FmuState) -> c_int;
+
+/// A library that its functions are looked up in.
+struct Symbols {
+    library: Library,
+    /// `fmi2` or `fmi3`.
+    prefix: &'static str,
+}
+
+impl Symbols {
+    fn state(&self) -> &'static str {
+        if self.prefix == "fmi3" { "FMUState" } else { "FMUstate" }
+    }
+
+    /// A function, if the library has it.
+    ///
+    /// # Safety
+    /// `Function` is the type that the standard declares for this name.
+    unsafe fn find<Function: Copy>(&self, name: &str) -> Option<Function> {
+        let name = format!("{}{name}", self.prefix);
+        // SAFETY: the caller's promise.
+        unsafe { self.library.get::<Function>(name) }.ok().map(|symbol| *symbol)
+    }
+
+    /// A function that the library must have.
+    ///
+    /// # Safety
+    /// As [`Symbols::find`].
+    unsafe fn get<Function: Copy>(&self, name: &str) -> Result<Function> {
+        // SAFETY: the caller's promise.
+        unsafe { self.find(name) }.with_context(|| format!("its library has no {}{name}", self.prefix))
+    }
+}
+
+/// The functions whose arguments differ between the versions.
+enum OfVersion {
+    Two {
+        instantiate: Instantiate2,
+        setup_experiment: SetupExperiment2,
+        enter_initialization_mode: OfInstance,
+        do_step: DoStep2,
+        get_real_status: Option<GetRealStatus2>,
+        /// By the position in [`NUMBERS_OF_FMI2`].
+        numbers: Vec<(Get2, Set2)>,
+        set_string: Set2,
+    },
+    Three {
+        instantiate: Instantiate3,
+        enter_initialization_mode: EnterInitializationMode3,
+        do_step: DoStep3,
+        /// By the position in [`NUMBERS_OF_FMI3`].
+        numbers: Vec<(Get3, Set3)>,
+        set_string: Set3,
+    },
+}
+
+/// The functions of an FMU's library, which stays loaded as long as this exists.
+pub struct Functions {
+    of_version: OfVersion,
+    exit_initialization_mode: OfInstance,
+    terminate: OfInstance,
+    free_instance: unsafe extern "C" fn(Component),
+    get_state: Option<Save>,
+    set_state: Option<Restore>,
+    free_state: Option<Save>,
+    symbols: Symbols,
+}
+
+impl Functions {
+    pub fn load(path: &Path, is_fmi3: bool) -> Result<Self> {
+        // SAFETY: loading runs the library's initializers; the user chose to run this FMU's code.
+        let library = unsafe { Library::new(path) }.map_err(not_loaded)?;
+        let symbols = Symbols { library, prefix: if is_fmi3 { "fmi3" } else { "fmi2" } };
+        let state = symbols.state();
+        // SAFETY: the standard declares these types for these names.
+        unsafe {
+            let of_version = if is_fmi3 { OfVersion::three(&symbols) } else { OfVersion::two(&symbols) }?;
+            Ok(Self {
+                of_version,
+                exit_initialization_mode: symbols.get("ExitInitializationMode")?,
+                terminate: symbols.get("Terminate")?,
+                free_instance: symbols.get("FreeInstance")?,
+                get_state: symbols.find(&format!("Get{state}")),
+                set_state: symbols.find(&format!("Set{state}")),
+                free_state: symbols.find(&format!("Free{state}")),
+                symbols,
+            })
+        }
+    }
+
+    /// The word for a state in the names of functions.
+    pub fn state(&self) -> &'static str {
+        self.symbols.state()
+    }
+
+    /// What the names of the functions begin with.
+    pub fn prefix(&self) -> &'static str {
+        self.symbols.prefix
+    }
+
+    fn numbers(&self) -> &'static [(&'static str, Memory)] {
+        match self.of_version {
+            OfVersion::Two { .. } => &NUMBERS_OF_FMI2,
+            OfVersion::Three { .. } => &NUMBERS_OF_FMI3,
+        }
+    }
+
+    /// The functions for a variable's type, if its values are numbers: which they are, and the memory for values.
+    pub fn number_type(&self, data_type: &str) -> Option<(NumberType, Numbers)> {
+        let wanted = match (data_type, self.prefix()) {
+            ("Enumeration", "fmi2") => "Integer",
+            ("Enumeration", _) => "Int64",
+            (other, _) => other,
+        };
+        let position = self.numbers().iter().position(|(name, _)| *name == wanted)?;
+        Some((NumberType(position), Numbers::new(self.numbers()[position].1)))
+    }
+
+    /// The name of a type in those of its functions.
+    pub fn name(&self, number_type: NumberType) -> &'static str {
+        self.numbers()[number_type.0].0
+    }
+}
+
+/// A type that a library has functions for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NumberType(usize);
+
+impl OfVersion {
+    /// # Safety
+    /// The library is one of FMI 2.0.
+    unsafe fn two(symbols: &Symbols) -> Result<Self> {
+        let numbers = NUMBERS_OF_FMI2.iter().map(|(name, _)| {
+            // SAFETY: the standard declares these types for these names; a pointer to numbers is one to bytes.
+            unsafe { Ok((symbols.get(&format!("Get{name}"))?, symbols.get(&format!("Set{name}"))?)) }
+        });
+        // SAFETY: the standard declares these types for these names.
+        unsafe {
+            Ok(Self::Two {
+                instantiate: symbols.get("Instantiate")?,
+                setup_experiment: symbols.get("SetupExperiment")?,
+                enter_initialization_mode: symbols.get("EnterInitializationMode")?,
+                do_step: symbols.get("DoStep")?,
+                get_real_status: symbols.find("GetRealStatus"),
+                numbers: numbers.collect::<Result<_>>()?,
+                set_string: symbols.get("SetString")?,
+            })
+        }
+    }
+
+    /// # Safety
+    /// The library is one of FMI 3.0.
+    unsafe fn three(symbols: &Symbols) -> Result<Self> {
+        let numbers = NUMBERS_OF_FMI3.iter().map(|(name, _)| {
+            // SAFETY: as above.
+            unsafe { Ok((symbols.get(&format!("Get{name}"))?, symbols.get(&format!("Set{name}"))?)) }
+        });
+        // SAFETY: as above.
+        unsafe {
+            Ok(Self::Three {
+                instantiate: symbols.get("InstantiateCoSimulation")?,
+                enter_initialization_mode: symbols.get("EnterInitializationMode")?,
+                do_step: symbols.get("DoStep")?,
+                numbers: numbers.collect::<Result<_>>()?,
+                set_string: symbols.get("SetString")?,
+            })
+        }
+    }
+}
 
 /// `fmi2LastSuccessfulTime` of `fmi2StatusKind`.
 const LAST_SUCCESSFUL_TIME: c_int = 2;
@@ -170,13 +456,26 @@ pub struct Handle {
     component: Component,
     functions: Arc<Functions>,
     receiver: Box<Receiver>,
-    /// Whether `fmi2Terminate` is due before the instance is freed.
+    /// When the experiment starts and stops (s), which FMI 3.0 takes with the initialization.
+    experiment: Cell<(f64, Option<f64>)>,
+    /// In FMI 3.0, what the last step said.
+    last_step: Cell<LastStep>,
+    /// Whether `Terminate` is due before the instance is freed.
     steps: Cell<bool>,
     /// Whether a fatal error occurred, after which the standard forbids any call.
     is_dead: Cell<bool>,
     // The FMU may keep pointers to these.
     _callbacks: Box<CallbackFunctions>,
     _texts: [CString; 3],
+}
+
+/// What a step of FMI 3.0 returns beside its status.
+#[derive(Clone, Copy, Default)]
+struct LastStep {
+    /// The time that it has reached (s).
+    time: f64,
+    /// Whether the FMU asks for the end.
+    terminates: bool,
 }
 
 impl Handle {
@@ -190,17 +489,37 @@ impl Handle {
             component_environment: &raw const *receiver,
         });
         let [name, guid, resources] = &texts;
-        // SAFETY: the texts and the callbacks, in boxes that do not move, live as long as the instance.
-        let component = unsafe {
-            (functions.instantiate)(
-                name.as_ptr(),
-                CO_SIMULATION,
-                guid.as_ptr(),
-                resources.as_ptr(),
-                &raw const *callbacks,
-                FALSE,
-                TRUE,
-            )
+        let component = match functions.of_version {
+            // SAFETY: the texts and the callbacks, in boxes that do not move, live as long as the instance.
+            OfVersion::Two { instantiate, .. } => unsafe {
+                instantiate(
+                    name.as_ptr(),
+                    CO_SIMULATION,
+                    guid.as_ptr(),
+                    resources.as_ptr(),
+                    &raw const *callbacks,
+                    FALSE,
+                    TRUE,
+                )
+            },
+            // SAFETY: as above. Neither visible, nor with Event Mode, early return or intermediate updates, but with
+            // messages.
+            OfVersion::Three { instantiate, .. } => unsafe {
+                instantiate(
+                    name.as_ptr(),
+                    guid.as_ptr(),
+                    resources.as_ptr(),
+                    false,
+                    true,
+                    false,
+                    false,
+                    ptr::null(),
+                    0,
+                    &raw const *receiver,
+                    log_message,
+                    ptr::null(),
+                )
+            },
         };
         if component.is_null() {
             return Err(receiver.take());
@@ -209,6 +528,8 @@ impl Handle {
             component,
             functions: Arc::clone(functions),
             receiver,
+            experiment: Cell::default(),
+            last_step: Cell::default(),
             steps: Cell::new(false),
             is_dead: Cell::new(false),
             _callbacks: callbacks,
@@ -233,17 +554,33 @@ impl Handle {
         status
     }
 
+    /// Sets when the experiment starts and stops (s).
     pub fn setup_experiment(&self, start_time: f64, stop_time: Option<f64>) -> Status {
+        self.experiment.set((start_time, stop_time));
+        let OfVersion::Two { setup_experiment, .. } = self.functions.of_version else { return Status::OK };
         let (is_defined, stop_time) = stop_time.map_or((FALSE, 0.0), |time| (TRUE, time));
         // SAFETY: the component is alive.
         self.call(|component| unsafe {
-            (self.functions.setup_experiment)(component, FALSE, 0.0, start_time, is_defined, stop_time)
+            setup_experiment(component, FALSE, 0.0, start_time, is_defined, stop_time)
         })
     }
 
     pub fn enter_initialization_mode(&self) -> Status {
+        let (start_time, stop_time) = self.experiment.get();
         // SAFETY: the component is alive.
-        self.call(|component| unsafe { (self.functions.enter_initialization_mode)(component) })
+        self.call(|component| unsafe {
+            match self.functions.of_version {
+                OfVersion::Two { enter_initialization_mode, .. } => enter_initialization_mode(component),
+                OfVersion::Three { enter_initialization_mode, .. } => enter_initialization_mode(
+                    component,
+                    false,
+                    0.0,
+                    start_time,
+                    stop_time.is_some(),
+                    stop_time.unwrap_or(0.0),
+                ),
+            }
+        })
     }
 
     pub fn exit_initialization_mode(&self) -> Status {
@@ -253,75 +590,105 @@ impl Handle {
         status
     }
 
-    /// Calls `fmi2DoStep`. A state that was saved may be restored after it.
+    /// Steps. A state that was saved may be restored after it.
     pub fn do_step(&self, time: f64, size: f64) -> Status {
-        // SAFETY: the component is alive.
-        let status = self.call(|component| unsafe { (self.functions.do_step)(component, time, size, FALSE) });
+        let (mut flags, mut reached) = ([0_u8; 3], f64::NAN);
+        let [event, terminates, early] = &mut flags;
+        // SAFETY: the component is alive, the places to write to are ours; a C `bool` is a byte.
+        let status = self.call(|component| unsafe {
+            match self.functions.of_version {
+                OfVersion::Two { do_step, .. } => do_step(component, time, size, FALSE),
+                OfVersion::Three { do_step, .. } => {
+                    do_step(component, time, size, false, event, terminates, early, &raw mut reached)
+                }
+            }
+        });
+        self.last_step.set(LastStep { time: reached, terminates: flags[1] != 0 });
         self.steps.set(status.succeeded());
         status
     }
 
-    /// After a discarded step: the time up to which it succeeded, if the FMU tells.
+    /// After a step: whether the FMU asks for the end. In FMI 2.0 it discards the step instead.
+    pub fn terminates(&self) -> bool {
+        self.last_step.get().terminates
+    }
+
+    /// After a step that was discarded or asks for the end: the time that was reached, if the FMU tells.
     pub fn last_successful_time(&self) -> Option<f64> {
-        let get = self.functions.get_real_status?;
-        let mut time = f64::NAN;
-        // SAFETY: the component is alive, the place to write to is ours.
-        let status = self.call(|component| unsafe { get(component, LAST_SUCCESSFUL_TIME, &raw mut time) });
-        status.succeeded().then_some(time).filter(|time| time.is_finite())
+        let mut time = self.last_step.get().time;
+        if let OfVersion::Two { get_real_status, .. } = self.functions.of_version {
+            let get = get_real_status?;
+            // SAFETY: the component is alive, the place to write to is ours.
+            let status =
+                self.call(|component| unsafe { get(component, LAST_SUCCESSFUL_TIME, &raw mut time) });
+            if !status.succeeded() {
+                return None;
+            }
+        }
+        Some(time).filter(|time| time.is_finite())
     }
 
-    /// Calls one of the instance's functions that get numbers.
-    fn get<T>(&self, function: Get<T>, references: &[ValueReference], values: &mut [T]) -> Status {
-        assert_eq!(references.len(), values.len(), "each value has its reference");
-        // SAFETY: the component is alive, both arrays have this length.
+    /// Gets numbers of a type.
+    pub fn get(
+        &self,
+        number_type: NumberType,
+        references: &[ValueReference],
+        values: &mut Numbers,
+    ) -> Status {
+        self.refuse_other_memory(number_type, references, values);
+        let (count, size, address) = (references.len(), values.len(), values.address_to_write());
+        // SAFETY: the component is alive, the values have the type's memory; each reference has its value, or in FMI 3.0
+        // the array's, by whose number an FMU tells whether they are all.
         self.call(|component| unsafe {
-            function(component, references.as_ptr(), references.len(), values.as_mut_ptr())
+            match &self.functions.of_version {
+                OfVersion::Two { numbers, .. } => {
+                    numbers[number_type.0].0(component, references.as_ptr(), count, address)
+                }
+                OfVersion::Three { numbers, .. } => {
+                    numbers[number_type.0].0(component, references.as_ptr(), count, address, size)
+                }
+            }
         })
     }
 
-    /// Calls one of the instance's functions that set numbers.
-    fn set<T>(&self, function: Set<T>, references: &[ValueReference], values: &[T]) -> Status {
-        assert_eq!(references.len(), values.len(), "each value has its reference");
-        // SAFETY: the component is alive, both arrays have this length.
+    /// Sets numbers of a type.
+    pub fn set(&self, number_type: NumberType, references: &[ValueReference], values: &Numbers) -> Status {
+        self.refuse_other_memory(number_type, references, values);
+        let (count, size, address) = (references.len(), values.len(), values.address());
+        // SAFETY: as in `get`.
         self.call(|component| unsafe {
-            function(component, references.as_ptr(), references.len(), values.as_ptr())
+            match &self.functions.of_version {
+                OfVersion::Two { numbers, .. } => {
+                    numbers[number_type.0].1(component, references.as_ptr(), count, address)
+                }
+                OfVersion::Three { numbers, .. } => {
+                    numbers[number_type.0].1(component, references.as_ptr(), count, address, size)
+                }
+            }
         })
     }
 
-    pub fn get_real(&self, references: &[ValueReference], values: &mut [f64]) -> Status {
-        self.get(self.functions.get_real, references, values)
+    fn refuse_other_memory(&self, number_type: NumberType, references: &[ValueReference], values: &Numbers) {
+        assert_eq!(values.memory(), self.functions.numbers()[number_type.0].1, "values of this type");
+        assert!(references.len() <= values.len(), "each reference has its value");
     }
 
-    pub fn get_integer(&self, references: &[ValueReference], values: &mut [Integer]) -> Status {
-        self.get(self.functions.get_integer, references, values)
-    }
-
-    pub fn get_boolean(&self, references: &[ValueReference], values: &mut [Boolean]) -> Status {
-        self.get(self.functions.get_boolean, references, values)
-    }
-
-    pub fn set_real(&self, references: &[ValueReference], values: &[f64]) -> Status {
-        self.set(self.functions.set_real, references, values)
-    }
-
-    pub fn set_integer(&self, references: &[ValueReference], values: &[Integer]) -> Status {
-        self.set(self.functions.set_integer, references, values)
-    }
-
-    pub fn set_boolean(&self, references: &[ValueReference], values: &[Boolean]) -> Status {
-        self.set(self.functions.set_boolean, references, values)
-    }
-
-    /// Calls `fmi2SetString` for one variable.
+    /// Sets one text.
     pub fn set_string(&self, reference: ValueReference, value: &CStr) -> Status {
         let text = value.as_ptr();
+        let texts: *const c_void = (&raw const text).cast();
         // SAFETY: the component is alive, both arrays have one element.
         self.call(|component| unsafe {
-            (self.functions.set_string)(component, &raw const reference, 1, &raw const text)
+            match self.functions.of_version {
+                OfVersion::Two { set_string, .. } => set_string(component, &raw const reference, 1, texts),
+                OfVersion::Three { set_string, .. } => {
+                    set_string(component, &raw const reference, 1, texts, 1)
+                }
+            }
         })
     }
 
-    /// Calls `fmi2GetFMUstate`; none where the FMU has no such function.
+    /// Saves the state; none where the FMU has no such function.
     pub fn get_state(&self) -> Option<(Status, FmuState)> {
         let get = self.functions.get_state?;
         let mut state = ptr::null_mut();
@@ -330,7 +697,7 @@ impl Handle {
         Some((status, state))
     }
 
-    /// Calls `fmi2SetFMUstate`; none where the FMU has no such function.
+    /// Restores a state; none where the FMU has no such function.
     pub fn set_state(&self, state: FmuState) -> Option<Status> {
         let set = self.functions.set_state?;
         // SAFETY: the component is alive, and the state is one that it gave and that is not freed.

@@ -3,14 +3,15 @@
 use std::ffi::c_int;
 use std::fmt;
 
-use fmu_package::FmuDescription;
 use fmu_package::terminal::number;
+use fmu_package::{FmuDescription, FmuVariable};
 
 /// A status, as the FMU returned it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Status(pub c_int);
 
 impl Status {
+    pub const OK: Self = Self(0);
     pub const WARNING: Self = Self(1);
     pub const DISCARD: Self = Self(2);
     pub const FATAL: Self = Self(4);
@@ -20,14 +21,13 @@ impl Status {
         // fmi2OK or fmi2Warning.
         matches!(self.0, 0 | 1)
     }
-}
 
-impl fmt::Display for Status {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let known = ["fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending"];
+    /// The standard's name, which begins with `fmi2` or `fmi3`.
+    fn name(self, prefix: &str) -> String {
+        let known = ["OK", "Warning", "Discard", "Error", "Fatal", "Pending"];
         match usize::try_from(self.0).ok().and_then(|status| known.get(status)) {
-            Some(name) => formatter.write_str(name),
-            None => write!(formatter, "{}, which is not a status of FMI", self.0),
+            Some(name) => format!("{prefix}{name}"),
+            None => format!("{}, which is not a status of FMI", self.0),
         }
     }
 }
@@ -51,7 +51,8 @@ pub(super) fn telling(mut messages: Vec<Message>, description: &FmuDescription) 
     messages.into_iter().map(|message| with_names(message, description)).collect()
 }
 
-/// A message with references such as `#r12#` replaced by names, and `##` by `#` (FMI 2.0.5, section 2.1.5).
+/// A message with references such as `#r12#`, in FMI 3.0 `#12#`, replaced by names, and `##` by `#` (FMI 2.0.5, section
+/// 2.1.5; FMI 3.0.2, section 2.3.1).
 pub(super) fn with_names(message: Message, description: &FmuDescription) -> Message {
     if !message.text.contains('#') {
         return message;
@@ -69,11 +70,19 @@ pub(super) fn with_names(message: Message, description: &FmuDescription) -> Mess
             _ => &[],
         };
         let named = description.variables.iter().find(|variable| {
+            if description.is_fmi3() {
+                return reference == variable.value_reference;
+            }
             types.contains(&variable.data_type.as_str())
                 && reference.get(1..) == Some(&variable.value_reference)
         });
-        match (named, parts.next()) {
-            (Some(variable), Some(rest)) => text += &format!("{}{rest}", variable.name),
+        // The reference of an element is the array's.
+        let array = |variable: &FmuVariable| match (variable.element, variable.name.rfind('[')) {
+            (Some(_), Some(end)) => variable.name[..end].to_owned(),
+            _ => variable.name.clone(),
+        };
+        match (named.map(array), parts.next()) {
+            (Some(name), Some(rest)) => text += &format!("{name}{rest}"),
             (None, Some(rest)) if reference.is_empty() => text += &format!("#{rest}"),
             (_, Some(rest)) => text += &format!("#{reference}#{rest}"),
             (_, None) => text += &format!("#{reference}"),
@@ -87,12 +96,12 @@ pub(super) fn with_names(message: Message, description: &FmuDescription) -> Mess
 pub struct CallFailed {
     pub instance: String,
     /// The C function of FMI.
-    pub function: &'static str,
+    pub function: String,
     /// The variables in the call, if they are few.
     pub variables: Vec<String>,
-    /// The time that the instance had reached (s); none before `fmi2SetupExperiment`.
+    /// The time that the instance had reached (s); none before the experiment is set up.
     pub time: Option<f64>,
-    /// None if `fmi2Instantiate` returned null.
+    /// None if the function to instantiate returned null.
     pub status: Option<Status>,
     /// The time up to which a discarded step succeeded (s), if the FMU gives it.
     pub last_successful_time: Option<f64>,
@@ -114,7 +123,10 @@ impl fmt::Display for CallFailed {
             write!(formatter, " at {} s", number(time))?;
         }
         match self.status {
-            Some(status) => write!(formatter, " gave {status}")?,
+            Some(status) => {
+                let prefix = self.function.get(..4).unwrap_or_default();
+                write!(formatter, " gave {}", status.name(prefix))?;
+            }
             None => write!(formatter, " made no instance")?,
         }
         if let Some(time) = self.last_successful_time {

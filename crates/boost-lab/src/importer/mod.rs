@@ -1,10 +1,10 @@
-//! Imports FMUs for co-simulation, FMI 2.0, from any tool.
+//! Imports FMUs for co-simulation, FMI 2.0 and 3.0, from any tool.
 //!
 //! An [`Fmu`] is extracted and loaded; it makes [`Instance`]s in any thread, and each of them stays in its thread.
 //! Variables are addressed by names, which are resolved once: a [`Selection`] gets or sets numbers of any type at
-//! once and allocates nothing. A failed call is a [`CallFailed`]: the function, the time, and the FMU's messages.
+//! once and allocates nothing. Elements of arrays are variables. A failed call is a [`CallFailed`]: the function, the time, and the FMU's messages.
 //!
-//! Only this module calls FMUs. Of the crates that import FMI 2.0, `fmi` needs libclang to be built and crashes on
+//! Only this module calls FMUs. Of the crates that import FMI, `fmi` needs libclang to be built and crashes on
 //! messages without a category, and `fmi-rs` (0.3.4) crashes with FMUs that keep the pointer to the callbacks, as
 //! many do, and with a status that the standard does not define.
 
@@ -16,18 +16,22 @@ mod tests;
 
 use std::collections::BTreeMap;
 use std::ffi::CString;
-use std::path::{Path, PathBuf};
+use std::fmt;
+use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 
-use self::c_boundary::{Functions, Handle};
+use self::c_boundary::{Functions, Handle, NumberType, Numbers};
 pub use self::messages::{CallFailed, Message, Status};
 use anyhow::{Context, Result, bail};
 use boost_interface::Translation;
 use fmu_export::fmi2::c_types::{FmuState, ValueReference};
 use fmu_package::library::refuse_cut_short;
 use fmu_package::temporary::Folder;
-use fmu_package::{FmuDescription, FmuVariable, Linear, ParameterSet, Platform, Value, like, reading};
+use fmu_package::terminal::number;
+use fmu_package::{
+    Element, FmuDescription, FmuVariable, Linear, ParameterSet, Platform, Value, like, reading,
+};
 
 /// The capability flag for a single instance per process.
 pub(crate) const ONLY_ONCE: &str = "canBeInstantiatedOnlyOncePerProcess";
@@ -74,22 +78,24 @@ impl Fmu {
             bail!("there is no modelDescription.xml in it");
         }
         let description = FmuDescription::parse(&reading::text(&description)?)
+            .and_then(FmuDescription::scalars)
             .context("its modelDescription.xml is broken")?;
         let version = description.attribute("fmiVersion");
-        if !version.starts_with("2.") {
-            bail!("it is one of FMI {version}; only FMI 2.0 is supported");
+        let is_fmi3 = description.is_fmi3();
+        if !version.starts_with("2.") && !is_fmi3 {
+            bail!("it is one of FMI {version}; only FMI 2.0 and 3.0 are supported");
         }
         let Some(identifier) = description.co_simulation_identifier() else {
             bail!("it is not for co-simulation");
         };
-        let Some(platform) = Platform::host() else { bail!("FMI 2.0 does not support this platform") };
-        let name = platform.library_path(identifier);
+        let Some(platform) = Platform::host() else { bail!("FMI does not support this platform") };
+        let name = platform.library_path(identifier, is_fmi3);
         let library = folder.path().join(&name);
         if !library.is_file() {
             bail!("it has no {name}: it is not for this platform");
         }
         refuse_cut_short(&reading::bytes(&library)?).with_context(|| format!("its {name}"))?;
-        let functions = Functions::load(&library)?;
+        let functions = Functions::load(&library, is_fmi3)?;
         Ok(Self {
             path: path.to_owned(),
             description,
@@ -133,28 +139,39 @@ impl Fmu {
         let mut selection = Selection::default();
         for name in names {
             let variable = self.variable(name)?;
-            let reference = reference(variable)?;
-            let position = selection.names.len();
-            match variable.data_type.as_str() {
-                "Real" => {
-                    if let Some(&to_seen) = self.conversions.get(name) {
-                        let slot = selection.reals.references.len();
-                        selection.conversions.push(Conversion { slot, to_seen, to_own: to_seen.inverse() });
-                    }
-                    selection.reals.push(reference, position);
-                }
-                "Integer" | "Enumeration" => selection.integers.push(reference, position),
-                "Boolean" => selection.booleans.push(reference, position),
-                other => bail!("{name} is of the type {other}, which is not a number"),
-            }
+            let (reference, position) = (reference(variable)?, selection.names.len());
+            let Some((number_type, values)) = self.functions.number_type(&variable.data_type) else {
+                bail!("{name} is of the type {}, which is not a number", variable.data_type);
+            };
+            let groups = &mut selection.groups;
+            let known = groups.iter().position(|group| group.number_type == number_type);
+            let group = known.unwrap_or_else(|| {
+                let function = self.functions.name(number_type);
+                groups.push(Group {
+                    number_type,
+                    function,
+                    references: vec![],
+                    values,
+                    slots: vec![],
+                    arrays: vec![],
+                });
+                groups.len() - 1
+            });
+            let conversion = self.conversions.get(name).map(|to_seen| (*to_seen, to_seen.inverse()));
+            groups[group].push(reference, variable.element, position, conversion);
             selection.names.push(name.to_owned());
         }
         Ok(selection)
     }
 
     pub fn instantiate(self: &Arc<Self>, name: &str) -> Result<Instance> {
-        let resources = folder::uri(&self.folder.path().join("resources"));
-        let texts = [name, self.description.attribute("guid"), &resources].map(CString::new);
+        let resources = self.folder.path().join("resources");
+        let (function, resources) = if self.description.is_fmi3() {
+            ("fmi3InstantiateCoSimulation", format!("{}{MAIN_SEPARATOR}", resources.display()))
+        } else {
+            ("fmi2Instantiate", folder::uri(&resources))
+        };
+        let texts = [name, self.description.guid(), &resources].map(CString::new);
         let [Ok(name_text), Ok(guid), Ok(resources)] = texts else {
             bail!("the name {name:?} holds a zero byte")
         };
@@ -171,7 +188,7 @@ impl Fmu {
             }
             Err(messages) => bail!(CallFailed {
                 instance: name.to_owned(),
-                function: "fmi2Instantiate",
+                function: function.to_owned(),
                 variables: vec![],
                 time: None,
                 status: None,
@@ -192,50 +209,84 @@ fn reference(variable: &FmuVariable) -> Result<ValueReference> {
 #[derive(Default)]
 pub struct Selection {
     names: Vec<String>,
-    reals: Group<f64>,
-    integers: Group<i32>,
-    /// An `fmi2Boolean` is an int.
-    booleans: Group<i32>,
-    conversions: Vec<Conversion>,
-}
-
-/// The conversion of one of a selection's reals.
-struct Conversion {
-    /// Its index among them.
-    slot: usize,
-    /// From the FMU's value.
-    to_seen: Linear,
-    /// To the FMU's value.
-    to_own: Linear,
+    groups: Vec<Group>,
 }
 
 /// Those of a type.
-#[derive(Default)]
-struct Group<T> {
+struct Group {
+    number_type: NumberType,
+    /// The type's name in its functions.
+    function: &'static str,
     references: Vec<ValueReference>,
-    positions: Vec<usize>,
-    values: Vec<T>,
+    /// Of all references, arrays as a whole.
+    values: Numbers,
+    slots: Vec<Slot>,
+    /// The arrays among the references, each with its first value.
+    arrays: Vec<(ValueReference, usize)>,
 }
 
-impl<T: Copy + Default> Group<T> {
-    fn push(&mut self, reference: ValueReference, position: usize) {
-        self.references.push(reference);
-        self.positions.push(position);
-        self.values.push(T::default());
+/// One of a group's variables.
+struct Slot {
+    /// Its index among the group's values.
+    value: usize,
+    /// Its index among the selection's.
+    position: usize,
+    /// From the FMU's value, and to it.
+    conversion: Option<(Linear, Linear)>,
+}
+
+impl Group {
+    fn push(
+        &mut self,
+        reference: ValueReference,
+        element: Option<Element>,
+        position: usize,
+        conversion: Option<(Linear, Linear)>,
+    ) {
+        let known = self.arrays.iter().find(|(array, _)| *array == reference).map(|(_, first)| *first);
+        let first = known.unwrap_or_else(|| {
+            let first = self.values.len();
+            self.references.push(reference);
+            self.values.extend(element.map_or(1, |element| element.size));
+            if element.is_some() {
+                self.arrays.push((reference, first));
+            }
+            first
+        });
+        let value = first + element.map_or(0, |element| element.position);
+        self.slots.push(Slot { value, position, conversion });
     }
 
-    fn gather(&mut self, values: &[f64], convert: impl Fn(f64) -> T) {
-        for (own, &position) in self.values.iter_mut().zip(&self.positions) {
-            *own = convert(values[position]);
+    /// Takes the values to set. A Boolean is true from 0.5 on.
+    fn gather(&mut self, values: &[f64]) {
+        for Slot { value, position, conversion } in &self.slots {
+            let given = values[*position];
+            self.values.set(
+                *value,
+                match conversion {
+                    Some((_, to_own)) => to_own.apply(given),
+                    None if self.function == BOOLEAN => f64::from(given >= 0.5),
+                    None => given,
+                },
+            );
         }
     }
 
-    fn scatter(&self, values: &mut [f64], convert: impl Fn(T) -> f64) {
-        for (&own, &position) in self.values.iter().zip(&self.positions) {
-            values[position] = convert(own);
+    fn scatter(&self, values: &mut [f64]) {
+        for Slot { value, position, conversion } in &self.slots {
+            let own = self.values.get(*value);
+            values[*position] = match conversion {
+                Some((to_seen, _)) => to_seen.apply(own),
+                // Any other value than 0 is true.
+                None if self.function == BOOLEAN => f64::from(own != 0.0),
+                None => own,
+            };
         }
     }
 }
+
+/// The name of Booleans in their functions.
+const BOOLEAN: &str = "Boolean";
 
 impl Selection {
     /// The names of the selected variables, in their order.
@@ -284,16 +335,17 @@ impl Instance {
         self.warnings.extend(warnings.map(|message| messages::with_names(message, &self.fmu.description)));
     }
 
-    /// Turns the status of a call into a result.
-    fn check(&mut self, function: &'static str, variables: &[String], status: Status) -> Result<()> {
-        if status == Status(0) {
+    /// Turns the status of a call into a result; the function's name is without its version.
+    fn check(&mut self, function: fmt::Arguments<'_>, variables: &[String], status: Status) -> Result<()> {
+        if status == Status::OK {
             return Ok(());
         }
         if status.succeeded() {
             self.collect();
             return Ok(());
         }
-        let is_discarded_step = status == Status::DISCARD && function == "fmi2DoStep";
+        let function = format!("{}{function}", self.fmu.functions.prefix());
+        let is_discarded_step = status == Status::DISCARD && function.ends_with("DoStep");
         bail!(CallFailed {
             instance: self.name.clone(),
             function,
@@ -308,75 +360,57 @@ impl Instance {
     /// Sets the experiment's times (s); values may be set before.
     pub fn set_up(&mut self, start_time: f64, stop_time: Option<f64>) -> Result<()> {
         let status = self.handle.setup_experiment(start_time, stop_time);
-        self.check("fmi2SetupExperiment", &[], status)?;
+        self.check(format_args!("SetupExperiment"), &[], status)?;
         self.time = Some(start_time);
         Ok(())
     }
 
     pub fn enter_initialization(&mut self) -> Result<()> {
         let status = self.handle.enter_initialization_mode();
-        self.check("fmi2EnterInitializationMode", &[], status)
+        self.check(format_args!("EnterInitializationMode"), &[], status)
     }
 
     /// Ends the initialization.
     pub fn exit_initialization(&mut self) -> Result<()> {
         let status = self.handle.exit_initialization_mode();
-        self.check("fmi2ExitInitializationMode", &[], status)
+        self.check(format_args!("ExitInitializationMode"), &[], status)
     }
 
     /// Steps from a time (s) by a size (s).
     pub fn step(&mut self, time: f64, size: f64) -> Result<()> {
         let status = self.handle.do_step(time, size);
-        self.check("fmi2DoStep", &[], status)?;
+        self.check(format_args!("DoStep"), &[], status)?;
         self.time = Some(time + size);
+        if self.handle.terminates() {
+            let reached = self.handle.last_successful_time().unwrap_or(time + size);
+            bail!("{}: the FMU asks for the end at {} s", self.name, number(reached));
+        }
         Ok(())
     }
 
     pub fn get(&mut self, selection: &mut Selection, values: &mut [f64]) -> Result<()> {
-        let Selection { names, reals, integers, booleans, conversions } = selection;
-        if !reals.references.is_empty() {
-            let status = self.handle.get_real(&reals.references, &mut reals.values);
-            self.check("fmi2GetReal", names, status)?;
-            for Conversion { slot, to_seen, .. } in conversions {
-                reals.values[*slot] = to_seen.apply(reals.values[*slot]);
-            }
-            reals.scatter(values, |value| value);
-        }
-        if !integers.references.is_empty() {
-            let status = self.handle.get_integer(&integers.references, &mut integers.values);
-            self.check("fmi2GetInteger", names, status)?;
-            integers.scatter(values, f64::from);
-        }
-        if !booleans.references.is_empty() {
-            let status = self.handle.get_boolean(&booleans.references, &mut booleans.values);
-            self.check("fmi2GetBoolean", names, status)?;
-            booleans.scatter(values, |value| f64::from(value != 0));
+        for group in &mut selection.groups {
+            self.read(group, &selection.names)?;
+            group.scatter(values);
         }
         Ok(())
     }
 
+    fn read(&mut self, group: &mut Group, names: &[String]) -> Result<()> {
+        let status = self.handle.get(group.number_type, &group.references, &mut group.values);
+        self.check(format_args!("Get{}", group.function), names, status)
+    }
+
     /// Sets variables. An Integer becomes the nearest whole number, a Boolean true from 0.5 on.
     pub fn set(&mut self, selection: &mut Selection, values: &[f64]) -> Result<()> {
-        let Selection { names, reals, integers, booleans, conversions } = selection;
-        if !reals.references.is_empty() {
-            reals.gather(values, |value| value);
-            for Conversion { slot, to_own, .. } in conversions {
-                reals.values[*slot] = to_own.apply(reals.values[*slot]);
+        for group in &mut selection.groups {
+            // The elements that are not selected stay.
+            if !group.arrays.is_empty() {
+                self.read(group, &selection.names)?;
             }
-            let status = self.handle.set_real(&reals.references, &reals.values);
-            self.check("fmi2SetReal", names, status)?;
-        }
-        if !integers.references.is_empty() {
-            #[allow(clippy::cast_possible_truncation)]
-            // the cast saturates
-            integers.gather(values, |value| value.round() as i32);
-            let status = self.handle.set_integer(&integers.references, &integers.values);
-            self.check("fmi2SetInteger", names, status)?;
-        }
-        if !booleans.references.is_empty() {
-            booleans.gather(values, |value| i32::from(value >= 0.5));
-            let status = self.handle.set_boolean(&booleans.references, &booleans.values);
-            self.check("fmi2SetBoolean", names, status)?;
+            group.gather(values);
+            let status = self.handle.set(group.number_type, &group.references, &group.values);
+            self.check(format_args!("Set{}", group.function), &selection.names, status)?;
         }
         Ok(())
     }
@@ -409,37 +443,36 @@ impl Instance {
     /// Sets a variable to a value that fits it.
     fn set_fitted(&mut self, variable: &FmuVariable, value: &Value) -> Result<()> {
         let name = &variable.name;
-        let references = [reference(variable)?];
-        let (function, status) = match value {
-            Value::Real(value, _) => {
-                let own = self.fmu.conversions.get(name).map_or(*value, |seen| seen.inverse().apply(*value));
-                ("fmi2SetReal", self.handle.set_real(&references, &[own]))
-            }
-            Value::Integer(value) => ("fmi2SetInteger", self.handle.set_integer(&references, &[*value])),
+        let number = match value {
+            Value::Real(value, _) => *value,
+            Value::Integer(value) => f64::from(*value),
+            Value::Boolean(value) => f64::from(u8::from(*value)),
             Value::Enumeration(item) => {
                 let enumeration = self.fmu.description.enumeration(&variable.declared_type);
                 let items = enumeration.map_or(&[] as &[_], |known| known.items.as_slice());
                 let number = items.iter().find(|(known, _)| known == item).map(|(_, number)| *number);
-                let number = number.with_context(|| format!("{name} has no item {item}"))?;
-                ("fmi2SetInteger", self.handle.set_integer(&references, &[number]))
-            }
-            Value::Boolean(value) => {
-                ("fmi2SetBoolean", self.handle.set_boolean(&references, &[i32::from(*value)]))
+                f64::from(number.with_context(|| format!("{name} has no item {item}"))?)
             }
             Value::String(value) => {
+                if variable.element.is_some() {
+                    bail!("{name} is in an array of texts, which cannot be set");
+                }
                 let text =
                     CString::new(value.as_str()).with_context(|| format!("{name} holds a zero byte"))?;
-                ("fmi2SetString", self.handle.set_string(references[0], &text))
+                let status = self.handle.set_string(reference(variable)?, &text);
+                return self.check(format_args!("SetString"), std::slice::from_ref(name), status);
             }
         };
-        self.check(function, std::slice::from_ref(name), status)
+        let mut selection = self.fmu.select([name.as_str()])?;
+        self.set(&mut selection, &[number])
     }
 
     pub fn save(&mut self) -> Result<SavedState> {
         let Some((status, state)) = self.handle.get_state() else {
             bail!("{}: the FMU cannot save its state", self.name);
         };
-        self.check("fmi2GetFMUstate", &[], status)?;
+        let word = self.fmu.functions.state();
+        self.check(format_args!("Get{word}"), &[], status)?;
         Ok(SavedState { state, handle: Rc::clone(&self.handle), time: self.time })
     }
 
@@ -451,7 +484,8 @@ impl Instance {
         let Some(status) = self.handle.set_state(saved.state) else {
             bail!("{}: the FMU cannot restore its state", self.name);
         };
-        self.check("fmi2SetFMUstate", &[], status)?;
+        let word = self.fmu.functions.state();
+        self.check(format_args!("Set{word}"), &[], status)?;
         self.time = saved.time;
         Ok(())
     }

@@ -1,6 +1,7 @@
-//! The importer with an FMU written in C, careless as others are (`tests/careless/careless.c`).
+//! The importer with FMUs written in C, careless as others are (`tests/careless/careless.c`, and for FMI 3.0
+//! `careless3.c`).
 //!
-//! The FMU aborts the process when a state is not freed or a call follows a fatal error.
+//! They abort the process when a state is not freed or a call follows a fatal error.
 
 use std::fs;
 use std::path::Path;
@@ -227,7 +228,7 @@ fn a_file_that_is_not_an_fmu_is_refused() {
     fs::write(&text, "no archive").unwrap();
     assert!(refusal(Fmu::open(&text)).contains("it is not a ZIP archive"));
     let cases = [
-        ("three", DESCRIPTION.replace("fmiVersion=\"2.0\"", "fmiVersion=\"3.0\""), "it is one of FMI 3.0"),
+        ("one", DESCRIPTION.replace("fmiVersion=\"2.0\"", "fmiVersion=\"1.0\""), "it is one of FMI 1.0"),
         ("exchange", DESCRIPTION.replace("CoSimulation", "ModelExchange"), "it is not for co-simulation"),
         (
             "library",
@@ -240,4 +241,127 @@ fn a_file_that_is_not_an_fmu_is_refused() {
         let refusal = refusal(import(&description));
         assert!(refusal.contains(expected), "{name}: {refusal}");
     }
+}
+
+/// The modelDescription.xml of the FMU of FMI 3.0.
+const DESCRIPTION_3: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="3.0" modelName="Careless" instantiationToken="careless">
+  <CoSimulation modelIdentifier="careless" canGetAndSetFMUState="true"/>
+  <UnitDefinitions><Unit name="Pa"><BaseUnit kg="1" m="-1" s="-2"/><DisplayUnit name="kPa" factor="0.001"/></Unit></UnitDefinitions>
+  <TypeDefinitions><EnumerationType name="Fail">
+    <Item name="no" value="0"/><Item name="discard" value="1"/><Item name="error" value="2"/><Item name="fatal" value="3"/>
+  </EnumerationType></TypeDefinitions>
+  <ModelVariables>
+    <Float64 name="level" valueReference="0" causality="output" unit="Pa"><Alias name="height"/></Float64>
+    <Float64 name="input" valueReference="1" causality="input" start="1"/>
+    <Enumeration name="fail" valueReference="2" causality="parameter" variability="tunable" declaredType="Fail" start="0"/>
+    <Int64 name="count" valueReference="3"/>
+    <Boolean name="flag" valueReference="4" causality="parameter" start="false"/>
+    <String name="note" valueReference="5" causality="parameter"><Start value="none"/></String>
+    <Float64 name="table" valueReference="6" causality="parameter" start="0 0 0 0 0 0">
+      <Dimension start="2"/><Dimension valueReference="9"/></Float64>
+    <Float32 name="small" valueReference="7" causality="parameter" start="0"/>
+    <Float64 name="stop" valueReference="8" causality="parameter" start="1e9"/>
+    <UInt64 name="columns" valueReference="9" causality="structuralParameter" start="3"/>
+  </ModelVariables>
+</fmiModelDescription>
+"#;
+
+fn opened_3() -> Result<Arc<Fmu>> {
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("careless.fmu");
+    careless::write(&path, DESCRIPTION_3, &careless::compiled("careless3.c"));
+    Fmu::open(&path)
+}
+
+/// The bits of numbers, by name.
+fn bits(instance: &mut Instance, names: &[&str]) -> Vec<u64> {
+    let mut selection = instance.fmu.select(names.iter().copied()).unwrap();
+    let mut values = vec![0.0; names.len()];
+    instance.get(&mut selection, &mut values).unwrap();
+    values.into_iter().map(f64::to_bits).collect()
+}
+
+#[test]
+fn values_of_fmi_3_are_set_by_name() {
+    let fmu = opened_3().unwrap();
+    let mut instance = started(&fmu).unwrap();
+    instance.set_value("flag", &Value::Boolean(true)).unwrap();
+    instance.set_value("input", &Value::Integer(3)).unwrap();
+    instance.set_value("level", &Value::Real(2.0, Some("kPa".to_owned()))).unwrap();
+    instance.set_value("note", &Value::String("Größe".to_owned())).unwrap();
+    instance.set_value("small", &Value::Real(0.1, None)).unwrap();
+    let names = ["flag", "input", "fail", "height", "small"];
+    let expected = [1.0, 3.0, 0.0, 2000.0, f64::from(0.1_f32)];
+    assert_eq!(bits(&mut instance, &names), expected.map(f64::to_bits));
+    assert!(instance.set_value("note", &Value::String("size".to_owned())).is_err());
+    let refused = instance.set_value("table", &Value::Real(1.0, None)).unwrap_err().to_string();
+    assert!(refused.contains("has no variable table"), "{refused}");
+}
+
+#[test]
+fn elements_of_arrays_are_variables() {
+    let mut instance = started(&opened_3().unwrap()).unwrap();
+    for (name, value) in [("table[1,2]", 12.0), ("table[2,1]", 21.0), ("table[2,3]", 23.0)] {
+        instance.set_value(name, &Value::Real(value, None)).unwrap();
+    }
+    let names = [
+        "table[2,3]",
+        "level",
+        "table[1,1]",
+        "table[1,2]",
+        "input",
+        "table[1,3]",
+        "table[2,1]",
+        "table[2,2]",
+    ];
+    let expected = [23.0_f64, 0.0, 0.0, 12.0, 1.0, 0.0, 21.0, 0.0];
+    assert_eq!(bits(&mut instance, &names), expected.map(f64::to_bits));
+    assert!(instance.fmu.variable("table[2,4]").is_err());
+}
+
+#[test]
+fn a_state_of_fmi_3_is_saved_restored_and_freed() {
+    let mut instance = started(&opened_3().unwrap()).unwrap();
+    instance.step(0.0, 0.5).unwrap();
+    let saved = instance.save().unwrap();
+    instance.step(0.5, 0.25).unwrap();
+    assert_eq!(bits(&mut instance, &["level", "count"]), [0.75_f64, 1.0].map(f64::to_bits));
+    instance.restore(&saved).unwrap();
+    assert_eq!(bits(&mut instance, &["level"]), [0.5_f64.to_bits()]);
+    drop(saved);
+    assert_eq!(bits(&mut instance, &["count"]), [0.0_f64.to_bits()]);
+}
+
+#[test]
+fn failures_of_fmi_3_are_reported() {
+    let fmu = opened_3().unwrap();
+    let failure = |how: &str| {
+        let mut instance = started(&fmu).unwrap();
+        instance.set_value("fail", &Value::Enumeration(how.to_owned())).unwrap();
+        let error = instance.step(0.5, 0.5).unwrap_err().to_string();
+        assert_eq!(
+            how == "fatal",
+            instance.number("level").is_err(),
+            "nothing is called after a fatal error"
+        );
+        error
+    };
+    assert_eq!(
+        failure("discard"),
+        "careless: fmi3DoStep at 0 s gave fmi3Discard, having reached 0.75 s\n  stiff: level, 100%, #7, table"
+    );
+    assert_eq!(failure("error"), "careless: fmi3DoStep at 0 s gave fmi3Error; the FMU does not say why");
+    assert!(failure("fatal").contains("gave fmi3Fatal"));
+
+    let mut instance = started(&fmu).unwrap();
+    instance.set_value("stop", &Value::Real(0.75, None)).unwrap();
+    instance.step(0.0, 0.5).unwrap();
+    let error = instance.step(0.5, 0.5).unwrap_err().to_string();
+    assert_eq!(error, "careless: the FMU asks for the end at 0.75 s");
+
+    let mut instance = fmu.instantiate("late").unwrap();
+    instance.set_up(1.0, Some(3.0)).unwrap();
+    let error = instance.enter_initialization().unwrap_err().to_string();
+    assert!(error.starts_with("late: fmi3EnterInitializationMode at 1 s gave fmi3Error"), "{error}");
 }

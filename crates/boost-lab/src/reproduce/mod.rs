@@ -192,7 +192,7 @@ impl Laboratory {
     pub fn fmus(&self) -> Vec<String> {
         let describe = |fmu: &Fmu| {
             let attribute = |name| fmu.description().attribute(name);
-            format!("{} {} {}", attribute("modelName"), attribute("version"), attribute("guid"))
+            format!("{} {} {}", attribute("modelName"), attribute("version"), fmu.description().guid())
         };
         self.fmus.iter().map(describe).collect()
     }

@@ -1,7 +1,7 @@
 //! The results of a study as a table: a row for each run, with its values, its measures and the error if it failed.
 
 use anyhow::Result;
-use fmu_package::Value;
+use fmu_package::{Value, ValueType};
 
 use super::journal::Outcome;
 use super::measures::Measure;
@@ -41,8 +41,8 @@ pub fn table<'a>(loaded: &Loaded, outcomes: &[Outcome]) -> Table<'a> {
     let mut columns = vec![column(RUN, "", Cells::Whole(runs))];
     for (index, (parameter, variable)) in study.parameters.iter().zip(&loaded.variables).enumerate() {
         let values = study.points.iter().map(|point| point[index].as_ref());
-        let cells = match variable.data_type.as_str() {
-            "Real" => Cells::Number(
+        let cells = match variable.value_type() {
+            ValueType::Real => Cells::Number(
                 values
                     .map(|value| match value? {
                         Value::Real(value, _) => Some(*value),
@@ -51,12 +51,12 @@ pub fn table<'a>(loaded: &Loaded, outcomes: &[Outcome]) -> Table<'a> {
                     })
                     .collect(),
             ),
-            "Integer" => Cells::Whole(
+            ValueType::Integer => Cells::Whole(
                 values
                     .map(|value| if let Value::Integer(value) = value? { Some(*value) } else { None })
                     .collect(),
             ),
-            "Boolean" => Cells::Truth(
+            ValueType::Boolean => Cells::Truth(
                 values
                     .map(|value| if let Value::Boolean(value) = value? { Some(*value) } else { None })
                     .collect(),

@@ -1,4 +1,4 @@
-//! A careless FMU, written in C.
+//! Careless FMUs, written in C.
 
 use std::fs::{self, File};
 use std::path::Path;
@@ -33,15 +33,18 @@ pub const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 /// The FMU's library, compiled once.
 pub fn library() -> &'static [u8] {
     static LIBRARY: OnceLock<Vec<u8>> = OnceLock::new();
-    LIBRARY.get_or_init(|| {
-        let folder = tempfile::tempdir().expect("a folder");
-        let library = folder.path().join("careless");
-        let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/careless/careless.c");
-        let arguments = ["-shared", "-fPIC", "-Wall", "-Wextra", "-Werror", "-o"];
-        let compiler = Command::new("cc").args(arguments).arg(&library).arg(source).status();
-        assert!(compiler.expect("a C compiler is there").success());
-        fs::read(library).expect("the compiler wrote it")
-    })
+    LIBRARY.get_or_init(|| compiled("careless.c"))
+}
+
+/// A library, compiled from a source beside this file.
+pub fn compiled(source: &str) -> Vec<u8> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let library = folder.path().join("careless");
+    let source = format!("{}/tests/careless/{source}", env!("CARGO_MANIFEST_DIR"));
+    let arguments = ["-shared", "-fPIC", "-Wall", "-Wextra", "-Werror", "-o"];
+    let compiler = Command::new("cc").args(arguments).arg(&library).arg(source).status();
+    assert!(compiler.expect("a C compiler is there").success());
+    fs::read(library).expect("the compiler wrote it")
 }
 
 /// Writes an FMU with a description and a library.

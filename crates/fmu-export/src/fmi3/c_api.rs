@@ -1313,7 +1313,8 @@ macro_rules! fmi3_functions {
                 fmi3InstantiateScheduledExecution = $scheduled::instantiate_scheduled_execution(
                     name: String, token: String, resource_path: String, visible: Boolean, logging_on: Boolean,
                     environment: InstanceEnvironment, log_message: ::core::option::Option<LogMessageCallback>,
-                    clock_update: ::core::option::Option<ClockUpdateCallback>, lock_preemption: ::core::option::Option<PreemptionCallback>,
+                    clock_update: ::core::option::Option<ClockUpdateCallback>,
+                    lock_preemption: ::core::option::Option<PreemptionCallback>,
                     unlock_preemption: ::core::option::Option<PreemptionCallback>);
             }
 

@@ -1,7 +1,6 @@
 //! Rules on the libraries of an FMU. They are read, never loaded.
 
 use std::collections::BTreeSet;
-use std::str::FromStr;
 
 use super::archive::Files;
 use super::model::{Model, named};
@@ -103,7 +102,7 @@ pub(super) fn check(model: &Model<'_>, files: &mut Files, report: &mut Report) {
 /// What belongs into a folder for a platform: a format, and a processor, where it is one of those known here.
 fn platform(folder: &str, version: Version) -> Option<(Format, Option<&'static [Architecture]>)> {
     let of_fmi2 =
-        Platform::from_str(folder).ok().filter(|_| version < Version::Three || folder.contains('-'));
+        Platform::of_folder(folder, false).filter(|_| version < Version::Three || folder.contains('-'));
     if let Some(platform) = of_fmi2 {
         return Some((platform.format(), Some(platform.architectures())));
     }
