@@ -54,5 +54,15 @@ pub fn holding_duty(
     let (least, most) = PRESSURES;
     let shifted = smaller(larger(shifted, least), most);
     let here = day.operating_point(parameters, boost_pressure, engine_speed);
-    Some(here.extrapolated_feedforward(shifted))
+    let asked = here.extrapolated_feedforward(shifted);
+    if !day.is_other {
+        return Some(asked);
+    }
+    // Where the low-pressure wastegate is held shut, more duty than the one at which it begins to open only takes speed
+    // from the high-pressure shaft, which is missing when engine speed no longer falls. On the schedule's own day the
+    // sensitivity holds, and the law is as it was identified.
+    let allocation = &parameters.allocation;
+    let start = larger(allocation.low_pressure_start, here.feedforward());
+    let beyond = larger(asked - start, 0.0);
+    Some(asked - (1.0 - allocation.low_pressure_share(engine_speed)) * beyond)
 }

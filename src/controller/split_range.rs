@@ -77,7 +77,7 @@ impl SplitRange {
                 let gain = day.operating_point(parameters, pressure, engine_speed).local_model().gain;
                 let margin = shaft_speed_limit::margin(parameters, speed, self.virtual_duty, gain);
                 let above = measurement + margin - here;
-                larger(here, to_come) + self.shaft_speed.correction(parameters, above)
+                larger(here, to_come) + self.shaft_speed.correction(parameters, above, speed)
             }
         };
         self.limit = limit;

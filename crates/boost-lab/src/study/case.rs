@@ -1,9 +1,9 @@
 //! A case in closed loop, held against the reachable reference.
 //!
 //! The reachable reference is a band. Its edges are the reference itself, cut off where the plant cannot hold it at rest
-//! ([`Reach`]); after each step of the reference and from each ramp's begin on, no control is asked to be faster than the
-//! plant with its valves at their stops, which is tried on the plant itself, from its state in that moment. On its way
-//! from one reference to the next the pressure may be anywhere between, until [`ALLOWANCE`] after the fastest plant has
+//! ([`Reach`]); after each step of the reference and from each ramp's begin on, no control is asked to be better than one
+//! that knows the plant, which is tried on the plant itself, from its state in that moment ([`OpenLoop::fastest`]). On its
+//! way from one reference to the next the pressure may be anywhere between, until [`ALLOWANCE`] after that control has
 //! arrived.
 
 use std::path::PathBuf;
@@ -14,7 +14,7 @@ use boost_interface::NameMap;
 use serde::{Deserialize, Serialize};
 
 use super::draw::{Case, Event, SETTLING, STEP};
-use super::reach::{OPEN, OpenLoop, Reach, SHUT, VALVES};
+use super::reach::{DOWN, Measured, OpenLoop, Reach, SHAFT_LIMIT, TURNING_STEPS, UP, VALVES};
 use crate::importer::Fmu;
 use crate::mapping;
 use crate::master::{LoadedFmus, Master};
@@ -25,6 +25,10 @@ use crate::scenario::{Scenario, Signal};
 /// How much later than the fastest plant a controlled one arrives (s): five times the controller's `lambda`, the time
 /// constant that is asked for.
 const ALLOWANCE: f64 = 1.5;
+/// The longest cycle (in steps) of a control that switches between stops: the actuator's way there and back.
+const CYCLE: usize = 2 * TURNING_STEPS;
+/// How near to the reachable reference the fastest plant has arrived (Pa).
+const ARRIVES_WITHIN: f64 = 100.0;
 /// Overshoot is looked for after a step (s), until the next event.
 const OVERSHOOT_WITHIN: f64 = 3.0;
 
@@ -129,11 +133,11 @@ pub struct Measures {
     pub alarm: Option<f64>,
 }
 
-/// How fast a plant can be from a moment on.
+/// What a control that knows the plant makes of it from a moment on.
 struct Fastest {
     event: Event,
     first: usize,
-    /// Boost pressure after each step from `first` on, with the valves shut and open.
+    /// Boost pressure after each step from `first` on, towards the reference from below and from above.
     up: Vec<f64>,
     down: Vec<f64>,
 }
@@ -226,7 +230,7 @@ impl Rig {
         for index in 0..steps {
             if let Some(position) = begins.iter().position(|&begin| begin == index) {
                 let last = begins.get(position + 1).copied().unwrap_or(steps);
-                fastest.push(self.fastest(case, events[position], &mut master, (index, last))?);
+                fastest.push(self.fastest(case, reach, events[position], &mut master, (index, last))?);
             }
             master.step()?;
         }
@@ -237,18 +241,57 @@ impl Rig {
     fn fastest(
         &self,
         case: &Case,
+        reach: &Reach,
         event: Event,
         master: &mut Master<'_>,
         (first, last): (usize, usize),
     ) -> Result<Fastest> {
         let mut fastest = Fastest { event, first, up: vec![], down: vec![] };
-        if self.saves_states {
-            let mut plant = OpenLoop::new(master.instance("plant")?, &self.plant, case, &self.names)?;
-            let reference = |row: usize| case.reference.at(row as f64 * STEP);
-            fastest.up = plant.fastest(SHUT, first, last, |row, pressure| pressure >= reference(row))?;
-            fastest.down = plant.fastest(OPEN, first, last, |row, pressure| pressure <= reference(row))?;
+        if !self.saves_states {
+            return Ok(fastest);
+        }
+        let time = |row: usize| row as f64 * STEP;
+        let reference = |row: usize| case.reference.at(time(row));
+        let speed = |row: usize| case.engine_speed.at(time(row));
+        let moves =
+            |row: usize| case.events.iter().any(|event| event.begin < time(row) && time(row) < event.end);
+        let mut plant = OpenLoop::new(master.instance("plant")?, &self.plant, case, &self.names)?;
+        let shaft_limit = plant.measured()?.shaft.max(SHAFT_LIMIT);
+        fastest.up = plant.fastest(
+            UP,
+            (first, last),
+            |row, now: Measured| now.boost <= reference(row) && now.shaft <= shaft_limit,
+            |row, boost| {
+                !moves(row) && boost >= reference(row).min(reach.highest(speed(row))) - ARRIVES_WITHIN
+            },
+        )?;
+        fastest.down = plant.fastest(
+            DOWN,
+            (first, last),
+            |row, now: Measured| now.boost >= reference(row),
+            |row, boost| {
+                !moves(row) && boost <= reference(row).max(reach.lowest(speed(row))) + ARRIVES_WITHIN
+            },
+        )?;
+        for pressures in [&mut fastest.up, &mut fastest.down] {
+            smooth(pressures, |index| reference(first + 1 + index));
         }
         Ok(fastest)
+    }
+}
+
+/// A control that switches between stops swings about the reference: between two moments on it that are at most a cycle
+/// apart, one with finer steps stays on it.
+fn smooth(pressures: &mut [f64], reference: impl Fn(usize) -> f64) {
+    let mut last = None;
+    for index in 0..pressures.len() {
+        if (pressures[index] - reference(index)).abs() > ARRIVES_WITHIN {
+            continue;
+        }
+        if let Some(last) = last.filter(|last| index - last <= CYCLE) {
+            (last..index).for_each(|between| pressures[between] = reference(between));
+        }
+        last = Some(index);
     }
 }
 
@@ -257,23 +300,36 @@ fn band(case: &Case, reach: &Reach, fastest: &[Fastest], steps: usize) -> (Vec<f
     let row = |row: usize| {
         let time = row as f64 * STEP;
         let speed = case.engine_speed.at(time);
-        let (highest, lowest) = (reach.highest(speed), reach.lowest(speed));
-        let edges = |reference: f64| (reference.min(highest), reference.max(lowest));
-        let (mut lower, mut upper) = edges(case.reference.at(time));
-        let Some(Fastest { event, first, up, down }) = fastest.iter().rfind(|fastest| fastest.first <= row)
+        let edges_at = |speed: f64, reference: f64| {
+            (reference.min(reach.highest(speed)), reference.max(reach.lowest(speed)))
+        };
+        let edges = |reference: f64| edges_at(speed, reference);
+        // What begins at a row acts from the next one on.
+        let (mut lower, mut upper) = edges(case.reference.at(time - 0.5 * STEP));
+        let Some(Fastest { event, first, up, down }) = fastest.iter().rfind(|fastest| fastest.first < row)
         else {
             return (lower, upper);
         };
         if event.is_step {
             let before = case.reference.at(event.begin - 0.5 * STEP);
-            let arrival = if case.reference.at(event.begin) > before { up.len() } else { down.len() };
-            if row <= first + arrival + point(ALLOWANCE) {
+            let row_of = |index: usize| first + 1 + index;
+            let goals = |index: usize| {
+                let time = row_of(index) as f64 * STEP;
+                edges_at(case.engine_speed.at(time), case.reference.at(time - 0.5 * STEP))
+            };
+            let is_up = case.reference.at(event.begin) > before;
+            let arrived = |(index, boost): (usize, &f64)| {
+                let (lower, upper) = goals(index);
+                if is_up { *boost >= lower - ARRIVES_WITHIN } else { *boost <= upper + ARRIVES_WITHIN }
+            };
+            let fastest = if is_up { up } else { down };
+            let arrival = fastest.iter().enumerate().position(arrived).map_or(first + fastest.len(), row_of);
+            if row <= arrival + point(ALLOWANCE) {
                 let (old_lower, old_upper) = edges(before);
                 (lower, upper) = (lower.min(old_lower), upper.max(old_upper));
             }
         }
-        let at =
-            |pressures: &[f64]| row.checked_sub(first + 1).and_then(|index| pressures.get(index).copied());
+        let at = |pressures: &[f64]| pressures.get(row - first - 1).copied();
         (lower.min(at(up).unwrap_or(f64::INFINITY)), upper.max(at(down).unwrap_or(f64::NEG_INFINITY)))
     };
     (0..=steps).map(row).unzip()
@@ -341,5 +397,22 @@ impl Simulated {
             }))
         });
         greatest(overshoot).max(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn between_two_moments_within_a_cycle_a_control_stays_on_its_reference() {
+        let mut pressures = vec![9e3; 3];
+        pressures.extend([10_050.0, 9e3, 8e3, 9_950.0]);
+        pressures.extend(vec![9e3; CYCLE]);
+        pressures.push(10e3);
+        let mut expected = pressures.clone();
+        expected[3..6].fill(10e3);
+        smooth(&mut pressures, |_| 10e3);
+        assert_eq!(pressures, expected);
     }
 }

@@ -12,7 +12,7 @@ use crate::measure::interpolate;
 use crate::scenario::Signal;
 
 /// The reachable range ends where the high-pressure shaft turns this fast at rest (rpm), as the controller's limits do.
-const SHAFT_LIMIT: f64 = 205e3;
+pub const SHAFT_LIMIT: f64 = 205e3;
 /// A start at rest is waited for until boost pressure changes by less (Pa) in [`LOOK_BACK`].
 const RESTS_WITHIN: f64 = 20.0;
 const LOOK_BACK: f64 = 0.5;
@@ -23,10 +23,27 @@ const SPEEDS: [f64; 8] = [2000.0, 2500.0, 3000.0, 3500.0, 4000.0, 4500.0, 5000.0
 /// Refinements of the duty at which the shaft reaches its limit: to about 100 rpm.
 const REFINEMENTS: usize = 5;
 
+/// The longest that boost and shaft go on when the valves move back, in steps: several times the actuator's time.
+pub const TURNING_STEPS: usize = 24;
+
 /// The valves: high-pressure wastegate (%), low-pressure wastegate, bypass of the high-pressure compressor.
 pub type Valves = [f64; 3];
-pub const SHUT: Valves = [0.0, 0.0, 0.0];
-pub const OPEN: Valves = [100.0, 1.0, 1.0];
+const SHUT: Valves = [0.0, 0.0, 0.0];
+const OPEN: Valves = [100.0, 1.0, 1.0];
+/// The wastegate of the high-pressure stage open alone: it slows the shaft down.
+const SLOWED: Valves = [100.0, 0.0, 0.0];
+
+/// The stops of the valves between which a control that knows the plant switches.
+#[derive(Clone, Copy)]
+pub struct Stops {
+    drive: Valves,
+    back: Valves,
+}
+
+/// Towards higher and lower boost.
+pub const UP: Stops = Stops { drive: SHUT, back: SLOWED };
+pub const DOWN: Stops = Stops { drive: OPEN, back: SHUT };
+
 /// The names of the inputs, and the greatest value of each.
 pub const VALVES: [(&str, f64); 3] = [("hp_wastegate_pwm", 100.0), ("lp_wastegate", 1.0), ("hp_bypass", 1.0)];
 
@@ -87,7 +104,7 @@ impl Bench<'_> {
         }
         // Regula falsi (Illinois) on the shaft's speed over the duty.
         let mut fast = (SHUT[0], shut);
-        let mut slow = (OPEN[0], self.rest(engine_speed, [OPEN[0], 0.0, 0.0])?);
+        let mut slow = (OPEN[0], self.rest(engine_speed, SLOWED)?);
         if slow.1.shaft >= SHAFT_LIMIT {
             return Ok(slow.1.boost);
         }
@@ -210,6 +227,10 @@ impl<'a> OpenLoop<'a> {
         self.plant
     }
 
+    pub fn measured(&mut self) -> Result<Measured> {
+        self.sensors.read(self.plant)
+    }
+
     /// Makes the communication step of an index.
     pub fn step(&mut self, index: usize, valves: Valves) -> Result<Measured> {
         let time = index as f64 * STEP;
@@ -221,30 +242,58 @@ impl<'a> OpenLoop<'a> {
         self.sensors.read(self.plant)
     }
 
-    /// Boost pressure from the step of an index on with the valves at a stop, until `ends` at a row or the row `last`. The
-    /// pressure that a shaft above its limit adds does not count. The plant is left where it was.
+    /// Boost pressure from the step of an index on, until `ends` at a row or the row `last`, of a control that knows the
+    /// plant, but not what comes: the valves are at the stop that drives towards a bound as long as the plant stays within
+    /// it if they move back in the next step; otherwise they move back. The plant is left where it was.
     pub fn fastest(
         &mut self,
-        valves: Valves,
-        first: usize,
-        last: usize,
+        Stops { drive, back }: Stops,
+        (first, last): (usize, usize),
+        is_within: impl Fn(usize, Measured) -> bool,
         ends: impl Fn(usize, f64) -> bool,
     ) -> Result<Vec<f64>> {
-        let saved = self.plant.save()?;
+        let begin = self.plant.save()?;
         let mut pressures = vec![];
-        let mut most = f64::INFINITY;
         for index in first..last {
-            let measured = self.step(index, valves)?;
-            let pressure = measured.boost.min(most);
-            if measured.shaft > SHAFT_LIMIT && most.is_infinite() {
-                most = pressure;
+            let before = self.plant.save()?;
+            let mut measured = self.step(index, drive)?;
+            if !is_within(index + 1, measured) || !self.turns_back(back, index + 1, measured, &is_within)? {
+                self.plant.restore(&before)?;
+                measured = self.step(index, back)?;
             }
-            pressures.push(pressure);
-            if ends(index + 1, pressure) {
+            pressures.push(measured.boost);
+            if ends(index + 1, measured.boost) {
                 break;
             }
         }
-        self.plant.restore(&saved)?;
+        self.plant.restore(&begin)?;
         Ok(pressures)
+    }
+
+    /// Whether the plant stays within a bound from the row `first` on when its valves move to a stop at once: until boost
+    /// and shaft move away from the bound. The plant is left where it was.
+    fn turns_back(
+        &mut self,
+        back: Valves,
+        first: usize,
+        begin: Measured,
+        is_within: &impl Fn(usize, Measured) -> bool,
+    ) -> Result<bool> {
+        let saved = self.plant.save()?;
+        let mut before = begin;
+        let mut stays = true;
+        for index in first..first + TURNING_STEPS {
+            let now = self.step(index, back)?;
+            stays = is_within(first, now);
+            let is_opening = back[0] > 0.0;
+            let has_turned =
+                (now.boost < before.boost) == is_opening && (now.shaft < before.shaft) == is_opening;
+            if !stays || has_turned {
+                break;
+            }
+            before = now;
+        }
+        self.plant.restore(&saved)?;
+        Ok(stays)
     }
 }
