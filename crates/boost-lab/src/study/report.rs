@@ -176,7 +176,7 @@ impl Report<'_> {
         let notes = notes.collect::<Vec<_>>().concat();
         let passes = self.passes();
         let bound = if self.study.rig.saves_states() {
-            "No control is asked to be faster than the plant with all valves at their stops, which is tried on the plant \
+            "No control is asked to do better than one that knows the plant, which is tried on the plant \
              itself from its state at each step and at each ramp's begin."
         } else {
             "The plant cannot save its state, so that how fast it can be is not considered."
