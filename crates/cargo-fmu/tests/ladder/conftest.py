@@ -15,27 +15,34 @@ ROOT = Path(__file__).resolve().parents[4]
 FMUS = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "ladder" / "fmu"
 
 
-@pytest.fixture(scope="session")
-def fmu() -> Callable[[str], Path]:
+def exported(model: str, folder: Path) -> Path:
     """The FMU of a model."""
+    path = folder / f"{model}.fmu"
+    assert path.is_file(), f"{path} is missing: bash tests/run exports it"
+    return path
 
-    def fmu(model: str) -> Path:
-        path = FMUS / f"{model}.fmu"
-        assert path.is_file(), f"{path} is missing: bash tests/run exports it"
-        return path
 
-    return fmu
+@pytest.fixture(scope="session", params=[FMUS, FMUS / "fmi3"], ids=["fmi2", "fmi3"])
+def fmu(request: pytest.FixtureRequest) -> Callable[[str], Path]:
+    """The FMU of a model, in both versions of FMI; `bash tests/run rest` exports and tests FMI 3.0."""
+    return lambda model: exported(model, request.param)
+
+
+@pytest.fixture(scope="session")
+def fmu2() -> Callable[[str], Path]:
+    """The FMU of a model, of FMI 2.0."""
+    return lambda model: exported(model, FMUS)
 
 
 @pytest.fixture
-def instance(fmu: Callable[[str], Path], tmp_path: Path) -> Iterator[Callable[..., Instance]]:
-    """Makes initialized instances in the second importer, each of its own copy of the library, and frees them
-    after the test."""
+def instance(fmu2: Callable[[str], Path], tmp_path: Path) -> Iterator[Callable[..., Instance]]:
+    """Makes initialized instances of FMI 2.0 in the second importer, each of its own copy of the library, and
+    frees them after the test."""
     made: list[Instance] = []
     folders = (tmp_path / str(number) for number in itertools.count())
 
     def instance(model: str, kind: int, **arguments: object) -> Instance:
-        made.append(Instance(fmu(model), next(folders), kind, **arguments))
+        made.append(Instance(fmu2(model), next(folders), kind, **arguments))
         return made[-1]
 
     yield instance

@@ -93,8 +93,8 @@ def interface_of(root):
 
 
 @pytest.mark.parametrize("model", LADDER)
-def test_variables_are_those_of_the_reference_fmu(fmu, model):
-    with zipfile.ZipFile(fmu(model)) as archive:
+def test_variables_are_those_of_the_reference_fmu(fmu2, model):
+    with zipfile.ZipFile(fmu2(model)) as archive:
         ours = ElementTree.fromstring(archive.read("modelDescription.xml"))
     theirs = ElementTree.parse(REFERENCE / f"{model}.xml").getroot()
     assert repr(interface_of(ours)) == repr(interface_of(theirs))

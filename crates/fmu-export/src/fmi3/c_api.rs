@@ -883,16 +883,17 @@ macro_rules! fmi3_functions {
                     name: String, token: String, resource_path: String, visible: Boolean, logging_on: Boolean,
                     event_mode_used: Boolean, early_return_allowed: Boolean,
                     required_intermediate_variables: *const ValueReference, count: usize,
-                    environment: InstanceEnvironment, log_message: Option<LogMessageCallback>,
-                    intermediate_update: Option<IntermediateUpdateCallback>);
+                    environment: InstanceEnvironment, log_message: ::core::option::Option<LogMessageCallback>,
+                    intermediate_update: ::core::option::Option<IntermediateUpdateCallback>);
                 fmi3InstantiateModelExchange = instantiate_model_exchange(
                     name: String, token: String, resource_path: String, visible: Boolean, logging_on: Boolean,
-                    environment: InstanceEnvironment, log_message: Option<LogMessageCallback>);
+                    environment: InstanceEnvironment, log_message: ::core::option::Option<LogMessageCallback>);
                 fmi3InstantiateScheduledExecution = instantiate_scheduled_execution(
                     name: String, token: String, resource_path: String, visible: Boolean, logging_on: Boolean,
-                    environment: InstanceEnvironment, log_message: Option<LogMessageCallback>,
-                    clock_update: Option<ClockUpdateCallback>, lock_preemption: Option<PreemptionCallback>,
-                    unlock_preemption: Option<PreemptionCallback>);
+                    environment: InstanceEnvironment, log_message: ::core::option::Option<LogMessageCallback>,
+                    clock_update: ::core::option::Option<ClockUpdateCallback>,
+                    lock_preemption: ::core::option::Option<PreemptionCallback>,
+                    unlock_preemption: ::core::option::Option<PreemptionCallback>);
             }
 
             $crate::fmi3_functions! { @functions $model;
