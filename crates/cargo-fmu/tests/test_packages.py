@@ -131,7 +131,9 @@ def test_a_parameter_set_is_bound(decay):
 
 
 def interfaces_of(fmu):
-    return [element.tag for element in read_description(fmu) if element.tag in ("ModelExchange", "CoSimulation")]
+    return [
+        element.tag for element in read_description(fmu) if element.tag in ("ModelExchange", "CoSimulation")
+    ]
 
 
 def read_description(fmu):
@@ -165,7 +167,7 @@ def test_the_interfaces_are_those_of_the_option_or_the_environment(decay):
         text=True,
     )
     assert refused.returncode == 2
-    assert "FMU_INTERFACES: 'both' is not one of cs, me and cs,me" in refused.stderr
+    assert "FMU_INTERFACES: 'both' is not one of cs, me, cs,me and se" in refused.stderr
 
 
 def test_the_version_of_fmi_is_that_of_the_option_or_the_environment(decay):
