@@ -1,7 +1,7 @@
 """A master for Model Exchange, on FMPy's raw interface and its CVode.
 
-Each FMU has a solver of its own. They are coupled at events: what the controller passes to the plant changes at its
-samples alone, and it has no states.
+Each FMU has a solver of its own. They are coupled at events: what the controller passes to the plant changes
+at its samples alone, and it has no states.
 """
 
 from __future__ import annotations
@@ -120,4 +120,3 @@ class Exchange(Instance):
         self.time = start_time
         super().begin(values, start_time, stop_time, tolerance)
         return self
-

@@ -11,7 +11,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from fmpy import calloc, extract, free, platform, platform_tuple, read_model_description, sharedLibraryExtension
+from fmpy import (
+    calloc,
+    extract,
+    free,
+    platform,
+    platform_tuple,
+    read_model_description,
+    sharedLibraryExtension,
+)
 from fmpy.fmi2 import (
     FMU2Model,
     FMU2Slave,
@@ -80,7 +88,9 @@ class Fmu:
 class Instance:
     """An instance of an FMU, for co-simulation or Model Exchange, with its messages."""
 
-    def __init__(self, fmu: Fmu, name: str | None = None, kind: type[FMU2Slave | FMU2Model] = FMU2Slave) -> None:
+    def __init__(
+        self, fmu: Fmu, name: str | None = None, kind: type[FMU2Slave | FMU2Model] = FMU2Slave
+    ) -> None:
         self.fmu = fmu
         self.messages: list[Message] = []
         self.slave = kind(

@@ -116,7 +116,11 @@ class Result(NamedTuple):
 
     def of_others(self) -> float:
         """The largest error but those of the rod's speed and friction, which are fast and small."""
-        return max(e for name, e in self.errors.items() if name not in ("actuator.velocity", "actuator.friction_force"))
+        return max(
+            e
+            for name, e in self.errors.items()
+            if name not in ("actuator.velocity", "actuator.friction_force")
+        )
 
     def __str__(self) -> str:
         errors = [self.errors["actuator.velocity"], self.errors["actuator.friction_force"], self.of_others()]
@@ -124,14 +128,16 @@ class Result(NamedTuple):
 
 
 def run(plant: Instance, recording: Recording, advance: Callable[[bool, np.ndarray, float], None]) -> Result:
-    """Runs the experiment: `advance` is called with whether inputs have changed, the inputs, and the end of the
-    interval."""
+    """Runs the experiment: `advance` is called with whether inputs have changed, the inputs, and the end of
+    the interval."""
     scales = np.array([*STATES.values(), *OUTPUTS.values()])
     values = Reals(plant, [*STATES, *OUTPUTS])
     largest = np.zeros(len(scales))
     begin = time.process_time()
     previous = recording.inputs[0]
-    for number, (inputs, expected) in enumerate(zip(recording.inputs, recording.states_and_outputs, strict=True), 1):
+    for number, (inputs, expected) in enumerate(
+        zip(recording.inputs, recording.states_and_outputs, strict=True), 1
+    ):
         advance(bool((inputs != previous).any()), inputs, number * STEP)
         previous = inputs
         largest = np.maximum(largest, np.abs(values.get() - expected) / scales)
@@ -180,7 +186,9 @@ KINKS: dict[str, Callable[[dict[str, float]], list[float]]] = {
 class Stopping(Exchange):
     """A plant whose solver stops at kinks, which the FMU does not declare as events."""
 
-    def __init__(self, fmu: Fmu, tolerance: float, residuals: Callable[[dict[str, float]], list[float]]) -> None:
+    def __init__(
+        self, fmu: Fmu, tolerance: float, residuals: Callable[[dict[str, float]], list[float]]
+    ) -> None:
         super().__init__(fmu, tolerance)
         names = ["actuator.velocity", "actuator.position", "actuator.stroke", "valve.opening"]
         read = Reals(self, names)

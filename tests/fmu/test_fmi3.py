@@ -45,7 +45,9 @@ def exports(tmp_path_factory: pytest.TempPathFactory) -> Exports:
 
 def schema(version: int, name: str) -> etree.XMLSchema:
     """A schema of the standard."""
-    return etree.XMLSchema(etree.parse(Path(fmpy_file).parent / "schema" / f"fmi{version}" / f"fmi3{name}.xsd"))
+    return etree.XMLSchema(
+        etree.parse(Path(fmpy_file).parent / "schema" / f"fmi{version}" / f"fmi3{name}.xsd")
+    )
 
 
 @BOTH
@@ -60,7 +62,9 @@ def test_fmpy_and_the_schemas_find_no_problem(exports: Exports, name: str) -> No
 def test_terminals_and_variables_are_those_of_fmi_2(exports: Exports, name: str) -> None:
     """All but elements of arrays, with the same value references."""
     terminals = "terminalsAndIcons/terminalsAndIcons.xml"
-    of_fmi2, of_fmi3 = ((Path(exports[name, version].folder) / terminals).read_bytes() for version in VERSIONS)
+    of_fmi2, of_fmi3 = (
+        (Path(exports[name, version].folder) / terminals).read_bytes() for version in VERSIONS
+    )
     assert of_fmi3 == of_fmi2
     of_fmi2, of_fmi3 = (
         {
@@ -70,7 +74,9 @@ def test_terminals_and_variables_are_those_of_fmi_2(exports: Exports, name: str)
         for version in VERSIONS
     )
     elements = of_fmi2.keys() - of_fmi3.keys()
-    assert all(of_fmi3[variable] == declared for variable, declared in of_fmi2.items() if variable not in elements)
+    assert all(
+        of_fmi3[variable] == declared for variable, declared in of_fmi2.items() if variable not in elements
+    )
     assert of_fmi3.keys() - of_fmi2.keys() == {element.partition("[")[0] for element in elements}
 
 
@@ -98,11 +104,14 @@ def equal(found: np.ndarray, expected: np.ndarray) -> bool:
 
 
 def test_fig_13_is_that_of_fmi_2(make: New, exports: Exports) -> None:
-    """The closed loop of two FMUs of FMI 3.0, and of one of each version: all outputs of both after each step."""
+    """The closed loop of two FMUs of FMI 3.0, and of one of each version: all outputs of both after each
+    step."""
     inputs = {"boost_reference": staircase(*BOOST_STEPS)}
 
     def outputs(plant: int, controller: int) -> np.ndarray:
-        instances = [make(exports[name, version]) for name, version in zip(NAMES, (plant, controller), strict=True)]
+        instances = [
+            make(exports[name, version]) for name, version in zip(NAMES, (plant, controller), strict=True)
+        ]
         record = couple(*instances, inputs=inputs).run(BOOST_STEPS_END)
         return np.stack(list(record.values()), axis=1)
 
@@ -120,7 +129,9 @@ def test_the_recorded_experiment_is_that_of_fmi_2(make: New, exports: Exports) -
     names = [
         name
         for name, variable in exports["BoostPlant", 3].variables.items()
-        if variable.type == "Float64" and not variable.dimensions and name in exports["BoostPlant", 2].variables
+        if variable.type == "Float64"
+        and not variable.dimensions
+        and name in exports["BoostPlant", 2].variables
     ]
     assert {*STATES, *OUTPUTS, *exports["BoostPlant", 2].named("output")} < set(names)
     for plant in plants:
@@ -142,14 +153,18 @@ def test_parameters_and_arrays(make: New, exports: Exports) -> None:
         fmu = exports["BoostController", version]
         controller = make(fmu)
         values: dict[str, Value] = {"strategy": "by_speed", "compensate_voltage": False, "lambda": 0.2}
-        feedforward = [f"schedule.feedforward[{row + 1},{column + 1}]" for row in range(16) for column in range(7)]
+        feedforward = [
+            f"schedule.feedforward[{row + 1},{column + 1}]" for row in range(16) for column in range(7)
+        ]
         if version == 2:
             table = np.array([float(fmu.variables[name].start) for name in feedforward])
             values |= dict(zip(feedforward, map(float, scale * table), strict=True))
         else:
             array = fmu.variables["schedule.feedforward"]
             assert [dimension.start for dimension in array.dimensions] == [16, 7]
-            controller.slave.setFloat64([array.valueReference], list(scale * np.array(array.start.split(), float)))
+            controller.slave.setFloat64(
+                [array.valueReference], list(scale * np.array(array.start.split(), float))
+            )
         outputs.append(drive(controller.start(values)))
     assert equal(*outputs)
 
@@ -167,7 +182,8 @@ def drive(controller: Instance) -> np.ndarray:
 
 
 def test_a_tool_connects_the_terminals_in_one_stroke(make: New, exports: Exports, tmp_path: Path) -> None:
-    """fmucontainer packs both into an FMU; its only link is that of the terminals. Both versions couple at will."""
+    """fmucontainer packs both into an FMU; its only link is that of the terminals. Both versions couple at
+    will."""
     given = {
         "engine_speed": 1500.0,
         "boostplant.engine_speed": 1500.0,
@@ -189,7 +205,12 @@ def test_a_tool_connects_the_terminals_in_one_stroke(make: New, exports: Exports
             "FMU;BoostPlant.fmu;;;\n"
             "LINK;BoostController.fmu;boost;BoostPlant.fmu;boost\n"
         )
-        command = [Path(sys.executable).with_name("fmucontainer"), "-container", f"boost.csv:{STEP}", "-no-auto-link"]
+        command = [
+            Path(sys.executable).with_name("fmucontainer"),
+            "-container",
+            f"boost.csv:{STEP}",
+            "-no-auto-link",
+        ]
         done = subprocess.run(
             [*command, "-sequential", "-fmu-directory", folder], capture_output=True, text=True, check=False
         )
@@ -200,15 +221,20 @@ def test_a_tool_connects_the_terminals_in_one_stroke(make: New, exports: Exports
         assert not inputs & {"boost_pressure", "hp_wastegate_pwm", "boostplant.hp_wastegate_pwm"}
         records[plant, controller] = record = Master([make(container).start(given)], STEP).run(10.0)
         # With the throttle open it is the boost pressure less the throttle's losses.
-        assert 0.9 * given["boost_reference"] < record["intake_manifold_pressure"][-1] < given["boost_reference"]
+        assert (
+            0.9 * given["boost_reference"] < record["intake_manifold_pressure"][-1] < given["boost_reference"]
+        )
     for versions, record in records.items():
         for name, column in record.items():
             assert equal(column, records[2, 2][name]), (versions, name)
 
 
 @pytest.mark.parametrize("versions", [(3, 3), (3, 2), (2, 3)], ids=str)
-def test_ecos_couples_both_versions(make: New, exports: Exports, tmp_path: Path, versions: tuple[int, int]) -> None:
-    """Boost pressure and duty after each step of Fig. 13 are those of the tests' master with the same order of steps."""
+def test_ecos_couples_both_versions(
+    make: New, exports: Exports, tmp_path: Path, versions: tuple[int, int]
+) -> None:
+    """Boost pressure and duty after each step of Fig. 13 are those of the tests' master with the same order
+    of steps."""
     folder = tmp_path / "fmus"
     folder.mkdir()
     for name, version in zip(NAMES, versions, strict=True):
@@ -235,7 +261,9 @@ def parameter_set(boost_fmu: Run, exports: Exports, tmp_path_factory: pytest.Tem
     files = []
     for version in VERSIONS:
         files.append(folder / f"{version}.ssv")
-        done = boost_fmu("parameters", exports["BoostController", version].path, "--out", files[-1], folder=folder)
+        done = boost_fmu(
+            "parameters", exports["BoostController", version].path, "--out", files[-1], folder=folder
+        )
         assert done.returncode == 0, done.stderr
     # Elements of arrays are parameters in both.
     text = files[0].read_text()
@@ -272,7 +300,8 @@ def test_the_laboratory_couples_both_versions(
 
 
 def test_check_and_ssp_take_both_versions(boost_fmu: Run, lab: Run, exports: Exports, tmp_path: Path) -> None:
-    """A system of both has the same results in the laboratory, byte by byte; its structure differs in nothing."""
+    """A system of both has the same results in the laboratory, byte by byte; its structure differs in
+    nothing."""
     systems = {}
     for versions in ((2, 2), (3, 3), (3, 2)):
         paths = [exports[name, version].path for name, version in zip(NAMES, versions, strict=True)]

@@ -265,10 +265,15 @@ def test_statements_are_printed_with_the_range_and_the_papers_number(
     claims = [claim for figure in report["figures"] for claim in figure["claims"]]
     by_name = {claim["name"]: claim for claim in claims}
     change, overshoot = by_name["actuator_pressure_change"], by_name["overshoot_up"]
-    assert (change["paper_value"], overshoot["paper_value"], by_name["end_error"]["paper_value"]) == (2500, 5000, None)
+    assert (change["paper_value"], overshoot["paper_value"], by_name["end_error"]["paper_value"]) == (
+        2500,
+        5000,
+        None,
+    )
     for expected in [
         f"  holds  actuator_pressure_change     {change['value']:.0f} Pa (2450 to 2550 asked; paper: 2500)\n",
-        f"  holds  overshoot_up                 {overshoot['value']:.0f} Pa (at most 5000 asked; paper: 5000)\n",
+        f"  holds  overshoot_up                 {overshoot['value']:.0f} Pa "
+        "(at most 5000 asked; paper: 5000)\n",
         f"\n{len(claims)} of {len(claims)} statements hold\n",
     ]:
         assert expected in done.stdout
@@ -350,7 +355,8 @@ WRONG = [
         "BoostPlant.fmu",
         "BoostPlan.fmu",
         r"line \d+, fmu\[2\].file: there is no BoostPlan.fmu: `cargo run --release -- export` writes .*; "
-        r"the nearest is BoostPlant.fmu, --fmus DIR names another folder and --fmu plant=FILE.fmu another file",
+        r"the nearest is BoostPlant.fmu, --fmus DIR names another folder "
+        r"and --fmu plant=FILE.fmu another file",
     ),
     (
         '"tank.frozen" = true',
@@ -470,7 +476,9 @@ def test_units_that_differ_are_converted(lab: Run, exported: Path, tmp_path: Pat
 def test_system_runs_as_the_scenario_of_its_fmus(lab: Run, exported: Path, tmp_path: Path) -> None:
     """Boost.ssp, controller first: the numbers of a scenario with the same inputs."""
     scenario_file = tmp_path / "scenario.toml"
-    members = "".join(f'[[fmu]]\nname = "{name}"\nfile = "{name}.fmu"\n' for name in ("BoostController", "BoostPlant"))
+    members = "".join(
+        f'[[fmu]]\nname = "{name}"\nfile = "{name}.fmu"\n' for name in ("BoostController", "BoostPlant")
+    )
     scenario_file.write_text(
         f"step = 0.0125\nstop_time = 5\n{members}[inputs]\nboost_reference = 150e3\nsupply_voltage = 11.5\n"
     )
@@ -488,9 +496,13 @@ def test_system_runs_as_the_scenario_of_its_fmus(lab: Run, exported: Path, tmp_p
     assert (units["boost_pressure"], units["hp_wastegate_pwm"], units["time"]) == ("Pa", "%", "s")
 
 
-def test_one_fmu_runs_with_its_default_experiment(lab: Run, exported: Path, tmp_path: Path, plant_fmu: Fmu) -> None:
+def test_one_fmu_runs_with_its_default_experiment(
+    lab: Run, exported: Path, tmp_path: Path, plant_fmu: Fmu
+) -> None:
     out = tmp_path / "plant.csv"
-    done = lab("simulate", exported / "BoostPlant.fmu", "--set", "hp_wastegate_pwm=60", "--units", "--out", out)
+    done = lab(
+        "simulate", exported / "BoostPlant.fmu", "--set", "hp_wastegate_pwm=60", "--units", "--out", out
+    )
     assert (done.returncode, done.stderr) == (0, "")
     found = read(out)
     assert found["time (s)"][-1] == float(plant_fmu.description.defaultExperiment.stopTime)

@@ -120,7 +120,9 @@ def test_shown_code_is_the_scripts() -> None:
 
 
 @pytest.mark.parametrize("script", ORDERS)
-def test_every_number_equals_that_of_the_tests_master(clone: Path, plant: Make, controller: Make, script: str) -> None:
+def test_every_number_equals_that_of_the_tests_master(
+    clone: Path, plant: Make, controller: Make, script: str
+) -> None:
     """Fig. 13: boost pressure and duty after each step, compared as 64-bit patterns."""
     master, start = ORDERS[script]
     (clone / "run.py").write_text(RUN)

@@ -1,5 +1,5 @@
-"""Both FMUs in Model Exchange: the plant solved by FMPy's CVode, the controller's samples as time events, and both
-coupled."""
+"""Both FMUs in Model Exchange: the plant solved by FMPy's CVode, the controller's samples as time events, and
+both coupled."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ def new() -> Make:
 
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-8])
 def test_the_recorded_experiment(new: Make, both: dict[str, Fmu], tolerance: float) -> None:
-    """States and outputs within 0.01 % of full scale of the reference solution, as in co-simulation; the rod's speed and
-    friction, which are fast and small, within 0.1 % and 0.5 %. CVode's tolerance is per step: at 1e-6 the rod's speed
-    is only reported."""
+    """States and outputs within 0.01 % of full scale of the reference solution, as in co-simulation; the
+    rod's speed and friction, which are fast and small, within 0.1 % and 0.5 %. CVode's tolerance is per step:
+    at 1e-6 the rod's speed is only reported."""
     recording = Recording.read()
     result = in_model_exchange(new(Exchange, both["BoostPlant"], tolerance), recording)
     beside = in_co_simulation(new(Instance, both["BoostPlant"]), recording)
@@ -101,15 +101,15 @@ def test_the_duty_latch_is_a_time_event(new: Make, both: dict[str, Fmu]) -> None
 def test_the_controllers_samples_are_at_multiples_of_its_period(
     new: Make, both: dict[str, Fmu], seed: int
 ) -> None:
-    """Whatever steps and events the importer makes, a sample is announced at k/80 s and executed there: its outputs are
-    those of co-simulation, to the last bit, and stay the same between samples."""
+    """Whatever steps and events the importer makes, a sample is announced at k/80 s and executed there: its
+    outputs are those of co-simulation, to the last bit, and stay the same between samples."""
     numbers = random.Random(seed)
     print(f"seed {seed}")
     model = new(Exchange, both["BoostController"])
     slave = new(Instance, both["BoostController"])
     names = ["boost_pressure", "boost_reference", "engine_speed", "tank_pressure", "supply_voltage_measured"]
     values = [180e3, 200e3, 1500.0, 33e3, 12.0]
-    outputs = [name for name in model.fmu.named("output")] + ["integral_term", "unsaturated_pwm"]
+    outputs = [*model.fmu.named("output"), "integral_term", "unsaturated_pwm"]
     sets = {instance: Reals(instance, names) for instance in (model, slave)}
     gets = {instance: Reals(instance, outputs) for instance in (model, slave)}
     for instance in (model, slave):
@@ -127,24 +127,29 @@ def test_the_controllers_samples_are_at_multiples_of_its_period(
             model.time = min(model.time + numbers.expovariate(300.0), model.next_event)
             model.slave.setTime(model.time)
             if model.time < model.next_event:
-                model.event(lambda: sets[model].set([numbers.uniform(0.9, 1.1) * value for value in values]))
+                model.event(
+                    lambda values=values: sets[model].set(
+                        [numbers.uniform(0.9, 1.1) * value for value in values]
+                    )
+                )
                 assert (gets[model].get() == gets[slave].get()).all()
         values = [numbers.uniform(0.98, 1.02) * value for value in values]
         sets[slave].set(values)
         if numbers.random() < 0.3:
-            # Importers that take times as equal to 1e-9 may come early: nothing happens, and the sample is announced again.
+            # Importers that take times as equal to 1e-9 may come early: nothing happens, and the sample is
+            # announced again.
             model.time *= 1.0 - 0.9e-9
             model.slave.setTime(model.time)
             model.event(lambda: None)
             assert (model.get("sample_count"), model.next_event) == (sample, sample * 0.0125)
             model.time = model.next_event
             model.slave.setTime(model.time)
-        model.event(lambda: sets[model].set(values))
+        model.event(lambda values=values: sets[model].set(values))
 
 
 def test_both_coupled_follow_fig_13_as_in_co_simulation(new: Make, both: dict[str, Fmu]) -> None:
-    """Steps of the reference, coupled at the controller's samples, within 50 Pa: 20 Pa of each integration's tolerance,
-    and what the loop makes of them."""
+    """Steps of the reference, coupled at the controller's samples, within 50 Pa: 20 Pa of each integration's
+    tolerance, and what the loop makes of them."""
     reference = staircase(*BOOST_STEPS)
 
     def initialized(kind: type[Instance]) -> tuple[Instance, Instance]:

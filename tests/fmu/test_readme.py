@@ -46,7 +46,8 @@ def clone(exported: Path, tmp_path: Path) -> Path:
 
 
 def test_every_line_is_run() -> None:
-    """Those that FMPy does not run: test_export, nothing (they run this test), test_picture and test_system_lines."""
+    """Those that FMPy does not run: test_export, nothing (they run this test), test_picture and
+    test_system_lines."""
     others = [line for line in LINES if line not in FMPY_LINES]
     assert others == [
         "cargo run --release -- export",
@@ -59,7 +60,9 @@ def test_every_line_is_run() -> None:
 
 def test_walk_knows_every_line() -> None:
     """`tests/walk` runs the pages' lines in a clean clone; here only what it would run."""
-    done = subprocess.run([sys.executable, ROOT / "tests" / "walk", "--list"], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, ROOT / "tests" / "walk", "--list"], capture_output=True, text=True, check=True
+    )
     walked = done.stdout.splitlines()
     for line in LINES:
         assert line in walked or any(each.endswith(f"): {line}") for each in walked)
@@ -136,7 +139,10 @@ def test_needs() -> None:
     assert f"Rust {version} or later" in before
     assert re.search(r"first build takes .* minutes", before)
     assert "Python 3.11 or later" in README
-    assert "needs\n#                            Rust, Python 3.11 or later" in (ROOT / "tests" / "run").read_text()
+    assert (
+        "needs\n#                            Rust, Python 3.11 or later"
+        in (ROOT / "tests" / "run").read_text()
+    )
 
 
 @pytest.mark.parametrize("file", sorted((ROOT / "examples").glob("*.csv")), ids=lambda file: file.stem)

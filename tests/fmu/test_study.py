@@ -62,7 +62,9 @@ def test_a_controller_that_fails_sets_the_exit_status_and_is_explained(
         assert f"{case['measures']['deviation'] / 1e3:.2f} kPa" in case["cause"]
 
 
-def test_an_interrupted_study_continues_with_the_same_results(lab: Run, exported: Path, tmp_path: Path) -> None:
+def test_an_interrupted_study_continues_with_the_same_results(
+    lab: Run, exported: Path, tmp_path: Path
+) -> None:
     whole, rest = tmp_path / "whole", tmp_path / "rest"
     first = study(lab, exported, whole)
     rest.mkdir()

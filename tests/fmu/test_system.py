@@ -17,6 +17,7 @@ STRUCTURES = ["SystemStructure.ssd", "Components.ssd"]
 START_VALUES = "resources/Boost_start_values.ssv"
 """Of the inputs of the system."""
 
+
 @pytest.fixture(scope="session")
 def package(exported: Path) -> Path:
     """The package that the export wrote."""

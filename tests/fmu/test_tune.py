@@ -58,8 +58,8 @@ def tuned_by_speed(lab: Run, exported: Path, tmp_path_factory: pytest.TempPathFa
 def test_maps_of_split_range_are_those_of_the_controller(tuned: Path, controller_fmu: Fmu) -> None:
     """As for the other strategy, below, with the same accuracy; 2 % for the sensitivity to engine speed, too.
 
-    The limit at 5500 rpm, where engine speed hardly changes the shaft's, is another: 176.3 kPa, where the sweep has
-    205 krpm; with the controller's 174.1 kPa it runs at 202.7 krpm.
+    The limit at 5500 rpm, where engine speed hardly changes the shaft's, is another: 176.3 kPa, where the
+    sweep has 205 krpm; with the controller's 174.1 kPa it runs at 202.7 krpm.
     """
     found = values(tuned / "schedule.ssv")
     start = {name: variable.start for name, variable in controller_fmu.variables.items()}
@@ -231,7 +231,9 @@ def test_an_interrupted_tuning_is_resumed(
 
     done = lab(*line)
     assert (done.returncode, done.stderr) == (0, "")
-    (taken,) = re.findall(r"^12 sweeps and (\d+) points are taken from the journal", done.stdout, re.MULTILINE)
+    (taken,) = re.findall(
+        r"^12 sweeps and (\d+) points are taken from the journal", done.stdout, re.MULTILINE
+    )
     assert int(taken) == interrupted.count(b"\n") - 1 - 12
     assert (tmp_path / "schedule.ssv").read_bytes() == (tuned / "schedule.ssv").read_bytes()
     whole = journal.read_bytes()
@@ -242,7 +244,12 @@ def test_an_interrupted_tuning_is_resumed(
 
 def test_another_journal_is_refused(lab: Run, exported: Path, tuned: Path, tmp_path: Path) -> None:
     shutil.copy(tuned / "journal.jsonl", tmp_path)
-    more = ["--parameters", ROOT / "parameters" / "weak_turbine.ssv", "--engine-speeds", "1,2,3,4,5,6,7,8,9,10,11,12"]
+    more = [
+        "--parameters",
+        ROOT / "parameters" / "weak_turbine.ssv",
+        "--engine-speeds",
+        "1,2,3,4,5,6,7,8,9,10,11,12",
+    ]
     done = lab("tune", "--plant", exported / "BoostPlant.fmu", "--out", tmp_path, *more)
     assert done.returncode == 2
     assert "it is of other settings; choose another folder, or remove it:\n" in done.stderr
@@ -358,7 +365,17 @@ def test_plant_that_does_not_respond_is_refused(lab: Run, exported: Path, tmp_pa
     assert text.count('value="0.0003"') == 1
     shut = tmp_path / "shut.ssv"
     shut.write_text(text.replace('value="0.0003"', 'value="0"'))
-    done = lab("tune", "--plant", exported / "BoostPlant.fmu", "--parameters", shut, "--out", tmp_path, "--strategy", "by_speed")
+    done = lab(
+        "tune",
+        "--plant",
+        exported / "BoostPlant.fmu",
+        "--parameters",
+        shut,
+        "--out",
+        tmp_path,
+        "--strategy",
+        "by_speed",
+    )
     assert done.returncode == 2
     assert "no point of the grid could be identified" in done.stderr
     assert not (tmp_path / "schedule.ssv").exists()
@@ -367,8 +384,8 @@ def test_plant_that_does_not_respond_is_refused(lab: Run, exported: Path, tmp_pa
 def test_report_needs_no_other_file(tuned: Path) -> None:
     report = Report(tuned / "report.html")
     report.assert_complete()
-    # Feedforward, gain, time constant, delay, sensitivity to speed; gain and times of the feedback; the quality of the
-    # fits.
+    # Feedforward, gain, time constant, delay, sensitivity to speed; gain and times of the feedback; the
+    # quality of the fits.
     assert (report.maps, report.cells) == (9, 9 * 16 * 12)
     # The static map, and six responses.
     assert len(report.plots) == 1 + 6

@@ -1,13 +1,15 @@
 """Makes drive_cycle.csv: engine speed, boost reference and throttle of a drive, for drive_cycle.toml.
 
-A drive of our own making, not a regulated cycle: a car of 1600 kg goes through a town, a country road and a motorway, with
-the speeds of SPEEDS. The driver follows them with the acceleration between two of them. Force, by mass, rolling and air
-resistance, and the gear make the engine's torque; the boost reference rises with it by 0.55 kPa/(N.m), from 115 kPa at
-60 N.m up to 190 kPa, about what the plant's torque does. The gear is changed up at 4200 rpm under load and at 2400 rpm
-without, down at 1600 rpm; a change takes 0.4 s, in which engine speed goes to that of the new gear and the driver lifts
-the foot. The throttle is open where the torque is above 60 N.m; below, it shuts in proportion, to 0.12 when coasting.
+A drive of our own making, not a regulated cycle: a car of 1600 kg goes through a town, a country road and a
+motorway, with the speeds of SPEEDS. The driver follows them with the acceleration between two of them. Force,
+by mass, rolling and air resistance, and the gear make the engine's torque; the boost reference rises with it
+by 0.55 kPa/(N.m), from 115 kPa at 60 N.m up to 190 kPa, about what the plant's torque does. The gear is
+changed up at 4200 rpm under load and at 2400 rpm without, down at 1600 rpm; a change takes 0.4 s, in which
+engine speed goes to that of the new gear and the driver lifts the foot. The throttle is open where the torque
+is above 60 N.m; below, it shuts in proportion, to 0.12 when coasting.
 """
 
+from itertools import pairwise
 from pathlib import Path
 
 STEP = 0.1
@@ -23,7 +25,7 @@ IDLE = 1000.0
 
 def at(time: float) -> tuple[float, float]:
     """Speed (m/s) and acceleration (m/s2)."""
-    for (begin, before), (end, after) in zip(SPEEDS, SPEEDS[1:]):
+    for (begin, before), (end, after) in pairwise(SPEEDS):
         if time <= end:
             slope = (after - before) / (end - begin) / 3.6
             return before / 3.6 + slope * (time - begin), slope
@@ -38,12 +40,14 @@ def main() -> None:
         speed, acceleration = at(time)
         force = MASS * acceleration + ROLLING + AIR * speed * speed
 
-        def engine(chosen: int) -> float:
+        def engine(chosen: int, speed: float = speed) -> float:
             return max(IDLE, speed / WHEEL_RADIUS * RATIOS[chosen] * 60 / 6.2832)
 
         if time - changed > 3 * CHANGE:
             up_at = 4200 if acceleration > 0.5 else 2400
-            wanted = gear + (engine(gear) > up_at and gear + 1 < len(RATIOS)) - (engine(gear) < 1600 and gear > 0)
+            wanted = (
+                gear + (engine(gear) > up_at and gear + 1 < len(RATIOS)) - (engine(gear) < 1600 and gear > 0)
+            )
             if wanted != gear:
                 changed, rpm_before, gear = time, engine(gear), wanted
         share = min(1.0, (time - changed) / CHANGE)

@@ -1,4 +1,4 @@
-"""The FMUs' pages and the laboratory's reports in Chromium: on telephones and screens, by day and by night."""
+"""The FMUs' pages and the laboratory's reports in Chromium: on telephones and screens, by day and night."""
 
 from __future__ import annotations
 
@@ -94,7 +94,9 @@ class Visit:
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.goto(file.as_uri())
         # The figures' script says when it has drawn them.
-        self.page.wait_for_function("!document.querySelector('.panel') || document.documentElement.dataset.drawn")
+        self.page.wait_for_function(
+            "!document.querySelector('.panel') || document.documentElement.dataset.drawn"
+        )
 
     def at(self, width: int) -> Page:
         """The page in a window of a width."""
@@ -233,7 +235,9 @@ def test_contents_fold_on_telephones_and_mark_the_section(opened: Callable[..., 
     assert page.locator("nav [aria-current]").get_attribute("href") == target
     assert page.locator("nav summary span").text_content() == chosen.text_content()
     # The bar with the contents stands above the section's heading.
-    bar, heading = (page.locator(part).bounding_box() for part in ("nav summary", f"{target} >> visible=true"))
+    bar, heading = (
+        page.locator(part).bounding_box() for part in ("nav summary", f"{target} >> visible=true")
+    )
     assert 0 <= bar["y"] < 5
     assert bar["y"] + bar["height"] <= heading["y"] < HEIGHT / 3
 
@@ -366,7 +370,8 @@ def test_formulas_read_well_without_a_font_of_mathematics(
 ) -> None:
     page = plain.new_page(viewport={"width": 1280, "height": HEIGHT})
     page.goto(files[name].as_uri())
-    # The letters of mathematics in italics, to which browsers change identifiers by default, are in no other font.
+    # The letters of mathematics in italics, to which browsers change identifiers by default, are in no other
+    # font.
     assert page.evaluate("getComputedStyle(document.querySelector('mi')).textTransform") == "none"
     texts = page.locator("math").all_text_contents()
     known = {letter for font in DEJAVU for letter in TTFont(font).getBestCmap()}

@@ -96,7 +96,9 @@ def test_values_that_are_not_finite_are_refused(make: New, fmus: dict[str, Fmu],
     """In every Real variable that can be set before initialization; nothing changes."""
     instance = make(fmus[name])
     for variable in fmus[name].description.modelVariables:
-        if variable.type == "Real" and (variable.causality == "input" or variable.initial in ("exact", "approx")):
+        if variable.type == "Real" and (
+            variable.causality == "input" or variable.initial in ("exact", "approx")
+        ):
             for value in (math.nan, math.inf):
                 assert variable.name in refusal(instance, instance.set, {variable.name: value})
     assert (drive(instance.start(), 0, 20) == drive(make(fmus[name]).start(), 0, 20)).all()

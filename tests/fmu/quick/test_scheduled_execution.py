@@ -1,5 +1,5 @@
-"""The controller in Scheduled Execution of FMI 3.0, by a scheduler after the standard's chapter 5, and the plant of
-FMI 2.0: Fig. 13 as in co-simulation."""
+"""The controller in Scheduled Execution of FMI 3.0, by a scheduler after the standard's chapter 5, and the
+plant of FMI 2.0: Fig. 13 as in co-simulation."""
 
 from __future__ import annotations
 
@@ -75,8 +75,8 @@ def scheduled(controller_fmu3: Exported) -> Iterator[Scheduled]:
 
 
 def run(scheduled: Scheduled, plant: Instance, plant_steps: int) -> tuple[Record, np.ndarray, np.ndarray]:
-    """Fig. 13 with the plant in so many steps between two ticks of the clock: the plant at the ticks, and inputs and
-    outputs of the controller there."""
+    """Fig. 13 with the plant in so many steps between two ticks of the clock: the plant at the ticks, and
+    inputs and outputs of the controller there."""
     of_plant, of_controller = set(plant.fmu.named("output")), set(plant.fmu.named("input"))
     measured = [name for name in scheduled.inputs if name in of_plant]
     commanded = [name for name in scheduled.outputs if name in of_controller]
@@ -122,8 +122,8 @@ def test_figure_13_is_that_of_co_simulation(scheduled: Scheduled, plant: Make, c
 def test_the_controller_depends_on_its_inputs_at_the_ticks_alone(
     controller_fmu3: Exported, plant: Make, plant_fmu: Fmu
 ) -> None:
-    """Whatever the plant's steps between two ticks are: fed with the same inputs, another instance computes the same
-    bits; and the solver, whose error the steps change, leaves boost pressure where it was."""
+    """Whatever the plant's steps between two ticks are: fed with the same inputs, another instance computes
+    the same bits; and the solver, whose error the steps change, leaves boost pressure where it was."""
     pressures = []
     for plant_steps in (1, 5):
         first, again = Scheduled(controller_fmu3), Scheduled(controller_fmu3)

@@ -1,4 +1,5 @@
-"""The ladder's FMUs of FMI 3.0 in FMPy: all types and arrays, against Reference-FMUs (reference/), and adjoint derivatives."""
+"""The ladder's FMUs of FMI 3.0 in FMPy: all types and arrays, against Reference-FMUs (reference/), and
+adjoint derivatives."""
 
 from __future__ import annotations
 
@@ -19,7 +20,16 @@ from fmpy.validation import validate_fmu
 REFERENCE = Path(__file__).parent / "reference"
 FMI3 = FMUS.parents[1] / "ladder-fmi3" / "fmu" / "fmi3"
 MODELS = ["Feedthrough", "StateSpace", "VanDerPol"]
-WHOLE = {"Int8": 8, "UInt8": 8, "Int16": 16, "UInt16": 16, "Int32": 32, "UInt32": 32, "Int64": 64, "UInt64": 64}
+WHOLE = {
+    "Int8": 8,
+    "UInt8": 8,
+    "Int16": 16,
+    "UInt16": 16,
+    "Int32": 32,
+    "UInt32": 32,
+    "Int64": 64,
+    "UInt64": 64,
+}
 """The types of whole numbers, with their bits."""
 OTHERS: dict[str, list[object]] = {
     "Float64_continuous": [2.5, -1e300],
@@ -122,7 +132,9 @@ def test_the_bounds_of_each_type_pass_through(make: Callable[..., FMU3Slave]) ->
             assert getattr(fmu, f"get{name}")([by_name[f"{name}_output"]]) == [1]
         fmu.setFMUState(fmu.deserializeFMUState(content))
         for name in WHOLE:
-            assert getattr(fmu, f"get{name}")([by_name[f"{name}_output"]]) == [int(row[f"{name}_input"])], name
+            assert getattr(fmu, f"get{name}")([by_name[f"{name}_output"]]) == [int(row[f"{name}_input"])], (
+                name
+            )
     fmu.freeInstance()
 
 
@@ -193,7 +205,16 @@ def test_adjoint_derivatives_are_the_directional_ones(make: Callable[..., FMU3Mo
 
 def test_sizes_are_structural_parameters() -> None:
     variables = {v.name: v for v in fmpy.read_model_description(path_of("StateSpace")).modelVariables}
-    for name, sizes in {"A": "nn", "B": "nm", "C": "rn", "D": "rm", "x0": "n", "u": "m", "y": "r", "x": "n"}.items():
+    for name, sizes in {
+        "A": "nn",
+        "B": "nm",
+        "C": "rn",
+        "D": "rm",
+        "x0": "n",
+        "u": "m",
+        "y": "r",
+        "x": "n",
+    }.items():
         assert [dimension.variable.name for dimension in variables[name].dimensions] == list(sizes)
     with ZipFile(path_of("StateSpace")) as archive:
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))

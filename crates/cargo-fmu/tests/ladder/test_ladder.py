@@ -501,8 +501,8 @@ def test_samples_are_at_their_times_exactly(instance, grid):
 
 
 def test_without_states_event_mode_need_not_be_left(instance):
-    """FMI 2.0.5, section 3.2.1: there fmi2SetTime may be called in Event Mode. The limit on iterations is one for each
-    time."""
+    """FMI 2.0.5, section 3.2.1: there fmi2SetTime may be called in Event Mode. The limit on iterations is one
+    for each time."""
     controller = instance("PiController", MODEL_EXCHANGE, start_values={"sample_time": 0.001})
     for number in range(2500):
         controller.call("SetTime", ctypes.c_double(number * 0.001))

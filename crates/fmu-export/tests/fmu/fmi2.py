@@ -305,7 +305,9 @@ class Instance:
         status = self.call(function, *arguments)
         messages = self.messages[before:]
         assert status == Status.ERROR, f"{function} returns {status.name}: {messages}"
-        assert [(message.status, message.category) for message in messages] == [(3, "logStatusError")], messages
+        assert [(message.status, message.category) for message in messages] == [(3, "logStatusError")], (
+            messages
+        )
         text = messages[0].text
         assert text.startswith(f"{function}: "), text
         for name in names:

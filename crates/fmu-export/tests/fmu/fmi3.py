@@ -1,6 +1,7 @@
 """The functions of FMI 3.0 as the standard's own header declares them, called through ctypes.
 
-FMPy brings the header; its importer checks arguments and raises where a library returns an error, so it is not used here.
+FMPy brings the header; its importer checks arguments and raises where a library returns an error, so it is
+not used here.
 """
 
 from __future__ import annotations
@@ -164,7 +165,7 @@ class Instance:
         self.address = getattr(library.c, name)(*self.arguments(name, **values))
 
     def arguments(self, function: str, **values: Any) -> list[Any]:
-        """A value for each parameter after the instance: a given one, otherwise 0, and memory for pointers."""
+        """A value for each parameter after the instance: a given one, otherwise 0, memory for pointers."""
         arguments = []
         for type, name, is_pointer in DECLARED[function][1]:
             if name == "instance":
@@ -206,7 +207,11 @@ class Instance:
         """Sets variables."""
         array = (c_uint32 * len(references))(*references)
         return self.call(
-            f"fmi3Set{kind}", array, len(references), (TYPES[f"fmi3{kind}"] * len(values))(*values), len(values)
+            f"fmi3Set{kind}",
+            array,
+            len(references),
+            (TYPES[f"fmi3{kind}"] * len(values))(*values),
+            len(values),
         )
 
     def step(self, time: float, size: float) -> tuple[Status, tuple[bool, bool, bool, float]]:

@@ -1,5 +1,5 @@
-"""The life of an instance by the states of FMI 2.0.5, sections 3.2.3 and 4.2.4: how to reach each state, and the
-rest of the life from there, recorded to the last bit.
+"""The life of an instance by the states of FMI 2.0.5, sections 3.2.3 and 4.2.4: how to reach each state, and
+the rest of the life from there, recorded to the last bit.
 
 An instance that refused a call must continue like one without it.
 """
@@ -14,7 +14,14 @@ from typing import Any
 from fmi2 import CO_SIMULATION, MODEL_EXCHANGE, STEP, EventInfo, Fmu, Instance, Library, Status, c_type_of
 
 STATES = {
-    CO_SIMULATION: ["instantiated", "Initialization Mode", "stepComplete", "stepFailed", "terminated", "error"],
+    CO_SIMULATION: [
+        "instantiated",
+        "Initialization Mode",
+        "stepComplete",
+        "stepFailed",
+        "terminated",
+        "error",
+    ],
     MODEL_EXCHANGE: [
         "instantiated",
         "Initialization Mode",

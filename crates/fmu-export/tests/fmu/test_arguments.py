@@ -183,7 +183,9 @@ def test_a_late_start(live: Live, fmu: Fmu, start_time: float) -> None:
     for _ in range(20):
         assert early.step_on() == late.step_on() == Status.OK
     for name in fmu.variables:
-        expected = start_time + early.steps_done * STEP if name in ("time", "events.clock") else early.get(name)
+        expected = (
+            start_time + early.steps_done * STEP if name in ("time", "events.clock") else early.get(name)
+        )
         assert late.get(name) == expected, name
 
 

@@ -1,7 +1,7 @@
 """The order of calls: which function may be called in which state (FMI 2.0.5, sections 3.2.3 and 4.2.4).
 
-`calling_sequence_model_exchange.csv` and `calling_sequence.csv` are the tables of these sections, cell by cell. A
-number in a cell is a condition, mostly on the variable, by the notes below the table.
+`calling_sequence_model_exchange.csv` and `calling_sequence.csv` are the tables of these sections, cell by
+cell. A number in a cell is a condition, mostly on the variable, by the notes below the table.
 """
 
 from __future__ import annotations
@@ -214,14 +214,19 @@ def test_the_model_has_one_of_everything(fmu: Fmu) -> None:
     assert fmu.named(lambda v: v.name.startswith("settings.table[")) == [
         f"settings.table[{i},{j}]" for i in (1, 2) for j in (1, 2)
     ]
-    assert [u.variable.name for u in fmu.description.derivatives] == ["der(tank.level)", "der(motion.position)"]
+    assert [u.variable.name for u in fmu.description.derivatives] == [
+        "der(tank.level)",
+        "der(motion.position)",
+    ]
     assert fmu.description.numberOfEventIndicators == 3
     variables = ElementTree.parse(fmu.folder / "modelDescription.xml").iter("ScalarVariable")
     assert [v.get("name") for v in variables if v[0].get("reinit") == "true"] == CONTINUOUS_STATES
     assert fmu.description.modelExchange.canGetAndSetFMUstate
     simulation = fmu.description.coSimulation
-    assert simulation.canGetAndSetFMUstate and simulation.canSerializeFMUstate
-    assert simulation.canInterpolateInputs and simulation.providesDirectionalDerivative
+    assert simulation.canGetAndSetFMUstate
+    assert simulation.canSerializeFMUstate
+    assert simulation.canInterpolateInputs
+    assert simulation.providesDirectionalDerivative
     assert simulation.maxOutputDerivativeOrder == 1
 
 
@@ -229,7 +234,9 @@ WITHOUT_EFFECT = {CO_SIMULATION: ["events.period", "events.echoes", "events.wall
 """Parameters of the course."""
 
 
-@pytest.mark.parametrize(("fmu_type", "state"), [(CO_SIMULATION, "stepComplete"), (MODEL_EXCHANGE, "Event Mode")])
+@pytest.mark.parametrize(
+    ("fmu_type", "state"), [(CO_SIMULATION, "stepComplete"), (MODEL_EXCHANGE, "Event Mode")]
+)
 def test_a_life_shows_the_whole_memory(live: Callable[..., Life], fmu_type: int, state: str) -> None:
     """The records differ if any value of the course was not set, or was lost."""
 
@@ -255,7 +262,8 @@ def test_a_function_in_a_state(
     live: Callable[..., Life], unharmed: Callable[[Life], None], fmu_type: int, state: str, function: str
 ) -> None:
     """With valid arguments it succeeds if it is allowed; otherwise it is an Error that names function and
-    state and changes nothing. So is a function of the other interface, and the message names the instance's."""
+    state and changes nothing. So is a function of the other interface, and the message names the instance's.
+    """
     life = live(state, fmu_type=fmu_type)
     before = list(life.messages)
     allowed = TABLES[fmu_type].get(function, {}).get(state)
@@ -298,7 +306,9 @@ def test_a_function_without_an_instance(live: Callable[..., Life], function: str
         assert types == [] or function == "fmi2Instantiate"
         return
     # Those of Model Exchange are called with the arguments of an instance that has them.
-    arguments = arguments_of(live(fmu_type=MODEL_EXCHANGE if function in OF_MODEL_EXCHANGE else CO_SIMULATION), function)
+    arguments = arguments_of(
+        live(fmu_type=MODEL_EXCHANGE if function in OF_MODEL_EXCHANGE else CO_SIMULATION), function
+    )
     status = getattr(life.library, function)(None, *arguments)
     assert status == (None if result is None else Status.ERROR)
     assert life.messages == []
@@ -333,7 +343,11 @@ def test_which_variables_can_be_set(
         value = another_value(variable)
         setting = refusing.settings({variable.name: value})
         if not settable(variable, state, fmu_type):
-            if state == "Continuous-Time Mode" and is_input(variable) and refusing.get(variable.name) == value:
+            if (
+                state == "Continuous-Time Mode"
+                and is_input(variable)
+                and refusing.get(variable.name) == value
+            ):
                 # FMPy sets discrete inputs there, too, to the values that they have.
                 refusing.ok(*setting)
                 continue

@@ -72,7 +72,9 @@ def test_between_steps(make: Make) -> None:
 def test_in_initialization(make: Make) -> None:
     instance = make()
     instance.enter()
-    check_against_differences(instance, unknowns(instance, initializing=True), ["rate", "tank.level", "tank.gain"])
+    check_against_differences(
+        instance, unknowns(instance, initializing=True), ["rate", "tank.level", "tank.gain"]
+    )
 
 
 def test_directions_add(make: Make) -> None:
@@ -80,7 +82,9 @@ def test_directions_add(make: Make) -> None:
     seeds = {"rate": 3.0, "drive": -0.5, "tank.level": 2.0, "motion.position": 0.25}
     rows = unknowns(instance)
     parts = [directional(instance, rows, {name: seed}) for name, seed in seeds.items()]
-    assert directional(instance, rows, seeds) == pytest.approx([sum(part) for part in zip(*parts)])
+    assert directional(instance, rows, seeds) == pytest.approx(
+        [sum(part) for part in zip(*parts, strict=True)]
+    )
     assert directional(instance, rows, {}) == [0.0] * len(rows)
     # The call changes nothing.
     assert instance.snapshot() == other.snapshot()
@@ -106,7 +110,7 @@ def test_outputs_over_time(make: Make, slope: float) -> None:
         values.append([instance.get(name) for name in outputs])
         if index == 1:
             instance.ok(OVER_TIME, instance.fmu.references(*outputs), 2, integers(1, 1), found)
-    expected = [(after - before) / (2 * width) for before, after in zip(values[0], values[2])]
+    expected = [(after - before) / (2 * width) for before, after in zip(values[0], values[2], strict=True)]
     assert all(expected)
     # Of the order of the width: the model's midpoint steps, and the curvature.
     assert list(found) == pytest.approx(expected, rel=10 * width)

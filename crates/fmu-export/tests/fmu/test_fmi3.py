@@ -1,4 +1,5 @@
-"""FMI 3.0: the symbols, the order of calls (sections 2.3, 3.2 and 4.2), arrays, types, and results equal to FMI 2.0."""
+"""FMI 3.0: the symbols, the order of calls (sections 2.3, 3.2 and 4.2), arrays, types, and results equal to
+FMI 2.0."""
 
 from __future__ import annotations
 
@@ -109,7 +110,9 @@ OF_OTHERS = {
     | OF_SCHEDULED_EXECUTION
     | {"GetDirectionalDerivative", "GetAdjointDerivative", "GetOutputDerivatives"},
     MODEL_EXCHANGE: OF_CO_SIMULATION | OF_SCHEDULED_EXECUTION,
-    SCHEDULED_EXECUTION: OF_MODEL_EXCHANGE | OF_CO_SIMULATION | {"GetDirectionalDerivative", "GetAdjointDerivative"},
+    SCHEDULED_EXECUTION: OF_MODEL_EXCHANGE
+    | OF_CO_SIMULATION
+    | {"GetDirectionalDerivative", "GetAdjointDerivative"},
 }
 """The functions that instances for an interface do not have."""
 STATES = {
@@ -370,7 +373,15 @@ def test_event_indicators_are_variables(make: Callable[..., Instance], descripti
     assert instance.get("Float64", [1, *references, 0]) == [1.0, *indicators, 0.0]
     seeds = (c_double * 1)(1.0)
     status = instance.call(
-        "fmi3GetDirectionalDerivative", (c_uint32 * 1)(references[0]), 1, (c_uint32 * 1)(1), 1, seeds, 1, seeds, 1
+        "fmi3GetDirectionalDerivative",
+        (c_uint32 * 1)(references[0]),
+        1,
+        (c_uint32 * 1)(1),
+        1,
+        seeds,
+        1,
+        seeds,
+        1,
     )
     assert status == Status.ERROR
     assert "is not an unknown" in instance.messages[-1].text
@@ -411,22 +422,32 @@ def test_adjoint_derivatives_are_the_directional_ones(
     assert instance.set("Float64", parameters, [2.5, 0.75]) == Status.OK
     assert instance.set("Int64", [by_name["motion.start"]], [2]) == Status.OK
     instance.ok("fmi3EnterInitializationMode")
-    assert instance.set("Float64", [by_name["rate"], by_name["drive"]], random.uniform(1, 2, 2).tolist()) == Status.OK
+    assert (
+        instance.set("Float64", [by_name["rate"], by_name["drive"]], random.uniform(1, 2, 2).tolist())
+        == Status.OK
+    )
     if not initializing:
         instance.ok("fmi3ExitInitializationMode")
     if state == "continuous":
         instance.ok("fmi3EnterContinuousTimeMode")
     for _ in range(20):
         direction, weights = random.normal(size=len(knowns)), random.normal(size=len(unknowns))
-        jacobian = np.array([derivatives(instance, "Directional", unknowns, [known], [1.0]) for known in knowns]).T
+        jacobian = np.array(
+            [derivatives(instance, "Directional", unknowns, [known], [1.0]) for known in knowns]
+        ).T
         found = derivatives(instance, "Adjoint", unknowns, knowns, weights.tolist())
         scale = np.abs(weights) @ np.abs(jacobian)
         assert (scale > 0).any()
         assert (np.abs(found - weights @ jacobian) <= 1e-12 * scale).all()
         along = derivatives(instance, "Directional", unknowns, knowns, direction.tolist())
-        assert weights @ along == pytest.approx(found @ direction, rel=1e-12, abs=1e-12 * (scale @ np.abs(direction)))
+        assert weights @ along == pytest.approx(
+            found @ direction, rel=1e-12, abs=1e-12 * (scale @ np.abs(direction))
+        )
     # Any order, and a part of both.
-    assert derivatives(instance, "Adjoint", unknowns[:1], knowns[::-1], [2.0]) == (2 * jacobian[0, ::-1]).tolist()
+    assert (
+        derivatives(instance, "Adjoint", unknowns[:1], knowns[::-1], [2.0])
+        == (2 * jacobian[0, ::-1]).tolist()
+    )
 
 
 def test_an_input_at_its_bound_has_no_effect(make: Callable[..., Instance]) -> None:

@@ -17,7 +17,12 @@ Make = Callable[..., Instance]
 Live = Callable[..., Life]
 Check = Callable[[Life], None]
 
-VECTORS = {"Derivatives": "nx", "EventIndicators": "ni", "ContinuousStates": "nx", "NominalsOfContinuousStates": "nx"}
+VECTORS = {
+    "Derivatives": "nx",
+    "EventIndicators": "ni",
+    "ContinuousStates": "nx",
+    "NominalsOfContinuousStates": "nx",
+}
 """What there are arrays of, and the argument with the number of elements."""
 
 STATE_NAMES = ["tank.level", "motion.position"]
@@ -227,8 +232,8 @@ def test_an_event_to_what_is_not_finite(make: Make, manner: str) -> None:
 
 @pytest.mark.parametrize("manner", NOT_FINITE)
 def test_an_indicator_that_is_not_finite(make: Make, manner: str) -> None:
-    """It has no sign: at an event an Error, after which the instance can go on; in between the solver is asked for
-    a shorter step."""
+    """It has no sign: at an event an Error, after which the instance can go on; in between the solver is
+    asked for a shorter step."""
     text = f"the event indicator full is {NOT_FINITE[manner]} at the time 0 s"
     for function in ("fmi2ExitInitializationMode", "fmi2NewDiscreteStates"):
         instance = before_failure(make, "event_indicators", manner, function)
@@ -278,7 +283,9 @@ def test_states_without_derivatives(make: Make, logging_on: bool) -> None:
     assert messages == ([(Status.DISCARD, text) for text in texts] if logging_on else [])
     # An event there has no result.
     instance.ok("fmi2EnterEventMode")
-    instance.refuses(*instance.getting("der(motion.position)"), names=["der(motion.position)"], numbers=[-math.inf])
+    instance.refuses(
+        *instance.getting("der(motion.position)"), names=["der(motion.position)"], numbers=[-math.inf]
+    )
     instance.ok("fmi2EnterContinuousTimeMode")
     for each in (instance, other):
         each.set_states(0.0, 0.5)
@@ -289,7 +296,7 @@ def test_states_without_derivatives(make: Make, logging_on: bool) -> None:
 
 
 def test_values_follow_what_is_set(make: Make) -> None:
-    """fmi2SetTime, fmi2SetContinuousStates and fmi2SetXXX each invalidate what was computed (section 3.2.1)."""
+    """fmi2SetTime, fmi2SetContinuousStates and fmi2SetXXX invalidate what was computed (section 3.2.1)."""
     instance = running(make)
     assert everything(instance)
     instance.ok("fmi2SetTime", 0.5)
@@ -356,8 +363,8 @@ def test_a_solver_goes_back(make: Make) -> None:
 
 @pytest.mark.parametrize("start_time", [0.0, -7.25, 1e5])
 def test_ticks(make: Make, start_time: float) -> None:
-    """The first is due at the start, in the initial Event Mode; each announces the next, and does so again at every
-    event in between."""
+    """The first is due at the start, in the initial Event Mode; each announces the next, and does so again at
+    every event in between."""
     instance = initialized(make, start_time, events__period=0.25)
     for tick in range(20):
         due = start_time + tick * 0.25
@@ -387,9 +394,9 @@ def test_an_event_without_a_cause_changes_nothing(make: Make) -> None:
 
 @pytest.mark.parametrize("end", [0.0, 1e3])
 def test_a_tick_comes_a_little_early(make: Make, end: float) -> None:
-    """Importers' times are rounded, by a few units in the last place. The model gets the time that it has announced,
-    once, though it is asked for the next event at an earlier one: here also for the end, which it computes from the
-    time alone."""
+    """Importers' times are rounded, by a few units in the last place. The model gets the time that it has
+    announced, once, though it is asked for the next event at an earlier one: here also for the end, which it
+    computes from the time alone."""
     parameters = {"events__period": 0.25, "events__echoes": 2, "events__end": end}
     instance = running(make, start_time=1e3 - 0.25, **parameters)
     assert instance.get("events.ticks") == 1
@@ -465,8 +472,9 @@ ULP = math.ulp(1.0)
 @pytest.mark.parametrize("start", [0.5, 1.5])
 @pytest.mark.parametrize("off", [0.0, ULP, -ULP, 1e-13, -1e-13, 1e-12, -1e-12, 2e-12, -2e-12, 1e-9, -1e-9])
 def test_at_the_crossing(make: Make, start: float, off: float) -> None:
-    """Importers enter Event Mode at, or a little before or after, z = 0. z is never 0 after an event; the branch is
-    the one of its sign, changes at the event and not before, and the next event at the same place has no cause."""
+    """Importers enter Event Mode at, or a little before or after, z = 0. z is never 0 after an event; the
+    branch is the one of its sign, changes at the event and not before, and the next event at the same place
+    has no cause."""
     instance = running(make, tank__level=start)
     was_full = start > 1.0
     assert instance.get("tank.full") == was_full
@@ -491,8 +499,8 @@ def test_at_the_crossing(make: Make, start: float, off: float) -> None:
 
 
 def test_no_chatter(make: Make) -> None:
-    """An importer that finds crossings by bisection, to the last bit of the time: one event for each, of the level
-    1 + sin(t), and a time of it after the last one."""
+    """An importer that finds crossings by bisection, to the last bit of the time: one event for each, of the
+    level 1 + sin(t), and a time of it after the last one."""
     instance = running(make)
     crossings, time = [], 0.0
 
@@ -522,9 +530,10 @@ def test_no_chatter(make: Make) -> None:
 
 
 def test_which_events_change_states(make: Make) -> None:
-    """A tick adds the lift to the level; at the wall the motion begins again, and has a second event at once, as the
-    indicator returns. The last call says it of the whole event, as importers like the standard's example
-    (section 3.2.4) look at that alone. Where no state changes, none is announced, or importers would loop."""
+    """A tick adds the lift to the level; at the wall the motion begins again, and has a second event at once,
+    as the indicator returns. The last call says it of the whole event, as importers like the standard's
+    example (section 3.2.4) look at that alone. Where no state changes, none is announced, or importers would
+    loop."""
     instance = initialized(make, events__period=0.25, events__wall=0.5)
     assert [info.values_of_continuous_states_changed for info in finish_event(instance)] == [0]
     instance.ok("fmi2SetTime", 0.25)

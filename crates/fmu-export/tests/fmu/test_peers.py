@@ -13,7 +13,17 @@ from collections.abc import Callable
 from ctypes import byref, memset, sizeof
 from pathlib import Path
 
-from fmi2 import CO_SIMULATION, FUNCTIONS, LOGGER, CallbackFunctions, Fmu, Instance, Library, reals, references
+from fmi2 import (
+    CO_SIMULATION,
+    FUNCTIONS,
+    LOGGER,
+    CallbackFunctions,
+    Fmu,
+    Instance,
+    Library,
+    reals,
+    references,
+)
 from pythonfmu.builder import FmuBuilder
 
 PEER = """
@@ -34,8 +44,6 @@ class Lag(Fmi2Slave):
         return True
 """
 """A model for PythonFMU."""
-
-
 
 
 def instance_of(fmu: Fmu, library: Library, **arguments) -> Instance:

@@ -1,8 +1,8 @@
 """Calls of FMI 3.0 that break the rules, with this exporter and others.
 
 Each case runs in another process, since some crash. The output has the table. The other exporter is
-PythonFMU3; its column is an observation, not a requirement. `python test_peers_fmi3.py A.fmu B.fmu` prints the
-table of other FMUs.
+PythonFMU3; its column is an observation, not a requirement. `python test_peers_fmi3.py A.fmu B.fmu` prints
+the table of other FMUs.
 """
 
 from __future__ import annotations

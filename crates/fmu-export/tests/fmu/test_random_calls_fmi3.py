@@ -5,7 +5,8 @@
 - A restored state goes on identically, in the instance and in another.
 - After fmi3Reset an instance equals a new one, to the last byte of its state.
 
-The calls are the same each time. `RANDOM_CALLS=1000000 python -m pytest test_random_calls_fmi3.py` makes more.
+The calls are the same each time. `RANDOM_CALLS=1000000 python -m pytest test_random_calls_fmi3.py` makes
+more.
 """
 
 from __future__ import annotations
@@ -126,7 +127,10 @@ class Importer:
             for array in guarded
             for value in array.array[: array.end // _size(array.array._type_)]
         ]
-        if short in ("GetFloat64", "GetFloat32", "GetContinuousStateDerivatives", "GetEventIndicators") and status <= 1:
+        if (
+            short in ("GetFloat64", "GetFloat32", "GetContinuousStateDerivatives", "GetEventIndicators")
+            and status <= 1
+        ):
             assert all(
                 math.isfinite(value)
                 for value in guarded[-1].array[: sizes.get("nValues", max(sizes.values()))]
