@@ -12,10 +12,9 @@ import lief
 import pytest
 from conftest import NAMES, thin
 from fmi2 import COMMON, OF_CO_SIMULATION
-from fmi3 import DECLARED
 
-FUNCTIONS = {2: [*COMMON, *OF_CO_SIMULATION], 3: [*DECLARED]}
-"""Those of an FMU for co-simulation alone, in each version of FMI: all, in FMI 3.0."""
+FUNCTIONS = [*COMMON, *OF_CO_SIMULATION]
+"""Those of an FMU for co-simulation alone."""
 
 LARGEST_LIBRARY = 600_000
 """Bytes, for each processor."""
@@ -23,25 +22,13 @@ LARGEST_LIBRARY = 600_000
 LARGEST_FMU = 2_000_000
 
 PLATFORMS = {
-    2: {
-        "aarch64-darwin": "dylib",
-        "aarch64-linux": "so",
-        "darwin64": "dylib",
-        "linux64": "so",
-        "win64": "dll",
-    },
-    3: {
-        "aarch64-darwin": "dylib",
-        "aarch64-linux": "so",
-        "x86_64-darwin": "dylib",
-        "x86_64-linux": "so",
-        "x86_64-windows": "dll",
-    },
+    "aarch64-darwin": "dylib",
+    "aarch64-linux": "so",
+    "darwin64": "dylib",
+    "linux64": "so",
+    "win64": "dll",
 }
-"""The folders in each version of FMI, and the suffix of the library."""
-
-UNIVERSAL = {2: "darwin64", 3: "x86_64-darwin"}
-"""The folder of the library for both of macOS' processors."""
+"""The suffix of the library."""
 
 WINDOWS = {
     "KERNEL32.dll",
@@ -65,69 +52,47 @@ LINUX = {
 OLDEST_GLIBC = (2, 17)
 
 BOTH = pytest.mark.parametrize("name", NAMES)
-IN_EACH_VERSION = pytest.mark.parametrize("version", PLATFORMS)
 
 
-def fmu(exported: Path, name: str, version: int) -> Path:
-    return (exported if version == 2 else exported / "fmi3") / f"{name}.fmu"
-
-
-def read(exported: Path, name: str, platform: str, version: int = 2) -> bytes:
-    with zipfile.ZipFile(fmu(exported, name, version)) as archive:
-        return archive.read(f"binaries/{platform}/{name}.{PLATFORMS[version][platform]}")
+def read(exported: Path, name: str, platform: str) -> bytes:
+    with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
+        return archive.read(f"binaries/{platform}/{name}.{PLATFORMS[platform]}")
 
 
 @BOTH
-@IN_EACH_VERSION
-def test_every_platform_is_there_and_listed(exported: Path, name: str, version: int) -> None:
-    with zipfile.ZipFile(fmu(exported, name, version)) as archive:
+def test_every_platform_is_there_and_listed(exported: Path, name: str) -> None:
+    with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
         entries = archive.namelist()
         text = archive.read("documentation/platforms.txt").decode()
     libraries = [entry for entry in entries if entry.startswith("binaries/")]
-    assert libraries == [
-        f"binaries/{folder}/{name}.{suffix}" for folder, suffix in PLATFORMS[version].items()
-    ]
+    assert libraries == [f"binaries/{folder}/{name}.{suffix}" for folder, suffix in PLATFORMS.items()]
     # A test below checks the version of glibc.
     lines = [re.sub(r"glibc [0-9.]+", "glibc", line) for line in text.splitlines()[2:]]
-    expected = {
-        2: [
-            "aarch64-darwin: Mach-O for aarch64, macOS 11.0 or later",
-            "aarch64-linux: ELF for aarch64, glibc or later",
-            "darwin64: Mach-O for aarch64 and x86-64, macOS 11.0 or later",
-            "linux64: ELF for x86-64, glibc or later",
-            "win64: PE for x86-64",
-        ],
-        3: [
-            "aarch64-darwin: Mach-O for aarch64, macOS 11.0 or later",
-            "aarch64-linux: ELF for aarch64, glibc or later",
-            "x86_64-darwin: Mach-O for aarch64 and x86-64, macOS 11.0 or later",
-            "x86_64-linux: ELF for x86-64, glibc or later",
-            "x86_64-windows: PE for x86-64",
-        ],
-    }
-    assert [line.split("; ")[0] for line in lines] == expected[version]
+    assert [line.split("; ")[0] for line in lines] == [
+        "aarch64-darwin: Mach-O for aarch64, macOS 11.0 or later",
+        "aarch64-linux: ELF for aarch64, glibc or later",
+        "darwin64: Mach-O for aarch64 and x86-64, macOS 11.0 or later",
+        "linux64: ELF for x86-64, glibc or later",
+        "win64: PE for x86-64",
+    ]
 
 
 @BOTH
-@IN_EACH_VERSION
-def test_they_are_small(exported: Path, name: str, version: int) -> None:
-    sizes = {platform: len(read(exported, name, platform, version)) for platform in PLATFORMS[version]}
+def test_they_are_small(exported: Path, name: str) -> None:
+    sizes = {platform: len(read(exported, name, platform)) for platform in PLATFORMS}
     # The universal one holds one for each processor.
-    universal = UNIVERSAL[version]
-    sizes[universal] = max(map(len, thin(read(exported, name, universal, version))))
-    whole = fmu(exported, name, version).stat().st_size
-    print(f"{name}, FMI {version}.0: {sizes}, the FMU {whole} bytes")
+    sizes["darwin64"] = max(map(len, thin(read(exported, name, "darwin64"))))
+    whole = (exported / f"{name}.fmu").stat().st_size
+    print(f"{name}: {sizes}, the FMU {whole} bytes")
     assert max(sizes.values()) < LARGEST_LIBRARY
     assert whole < LARGEST_FMU
 
 
 @BOTH
-@pytest.mark.parametrize(
-    ("version", "platform"), [(2, "linux64"), (2, "aarch64-linux"), (3, "x86_64-linux"), (3, "aarch64-linux")]
-)
-def test_linux(exported: Path, name: str, version: int, platform: str) -> None:
-    library = lief.ELF.parse(list(read(exported, name, platform, version)))
-    assert sorted(symbol.name for symbol in library.exported_symbols) == sorted(FUNCTIONS[version])
+@pytest.mark.parametrize("platform", ["linux64", "aarch64-linux"])
+def test_linux(exported: Path, name: str, platform: str) -> None:
+    library = lief.ELF.parse(list(read(exported, name, platform)))
+    assert sorted(symbol.name for symbol in library.exported_symbols) == sorted(FUNCTIONS)
     assert set(library.libraries) <= LINUX
     versions = {
         tuple(map(int, auxiliary.name.removeprefix("GLIBC_").split(".")))
@@ -140,27 +105,20 @@ def test_linux(exported: Path, name: str, version: int, platform: str) -> None:
 
 
 @BOTH
-@pytest.mark.parametrize(("version", "platform"), [(2, "win64"), (3, "x86_64-windows")])
-def test_windows(exported: Path, name: str, version: int, platform: str) -> None:
-    library = lief.PE.parse(list(read(exported, name, platform, version)))
-    assert sorted(entry.name for entry in library.get_export().entries) == sorted(FUNCTIONS[version])
+def test_windows(exported: Path, name: str) -> None:
+    library = lief.PE.parse(list(read(exported, name, "win64")))
+    assert sorted(entry.name for entry in library.get_export().entries) == sorted(FUNCTIONS)
     assert {imported.name for imported in library.imports} <= WINDOWS
 
 
 @BOTH
 @pytest.mark.parametrize(
-    ("version", "platform", "processors"),
-    [
-        (2, "darwin64", ["X86_64", "ARM64"]),
-        (2, "aarch64-darwin", ["ARM64"]),
-        (3, "x86_64-darwin", ["X86_64", "ARM64"]),
-        (3, "aarch64-darwin", ["ARM64"]),
-    ],
+    ("platform", "processors"), [("darwin64", ["X86_64", "ARM64"]), ("aarch64-darwin", ["ARM64"])]
 )
-def test_macos(exported: Path, name: str, version: int, platform: str, processors: list[str]) -> None:
+def test_macos(exported: Path, name: str, platform: str, processors: list[str]) -> None:
     """Not run here: checks of the file."""
-    content = read(exported, name, platform, version)
-    files = thin(content) if platform == UNIVERSAL[version] else [content]
+    content = read(exported, name, platform)
+    files = thin(content) if platform == "darwin64" else [content]
     # They are valid as long as their container.
     holders = [lief.MachO.parse(list(file)) for file in files]
     libraries = [holder.at(0) for holder in holders]
@@ -168,7 +126,7 @@ def test_macos(exported: Path, name: str, version: int, platform: str, processor
     for file, library in zip(files, libraries, strict=True):
         assert library.header.file_type == lief.MachO.Header.FILE_TYPE.DYLIB
         exports = [symbol.name for symbol in library.exported_symbols]
-        assert sorted(exports) == sorted(f"_{function}" for function in FUNCTIONS[version])
+        assert sorted(exports) == sorted(f"_{function}" for function in FUNCTIONS)
         # Its own name first: not a path of the machine that built it.
         dependencies = [dependency.name for dependency in library.libraries]
         assert dependencies == [f"@rpath/lib{name}.dylib", "/usr/lib/libSystem.B.dylib"]
@@ -198,9 +156,5 @@ def check_signature(file: bytes, library: lief.MachO.Binary) -> None:
 
 
 @BOTH
-@IN_EACH_VERSION
-def test_the_universal_library_holds_the_other_one(exported: Path, name: str, version: int) -> None:
-    alone, universal = (
-        read(exported, name, folder, version) for folder in ("aarch64-darwin", UNIVERSAL[version])
-    )
-    assert alone in universal
+def test_the_universal_library_holds_the_other_one(exported: Path, name: str) -> None:
+    assert read(exported, name, "aarch64-darwin") in read(exported, name, "darwin64")

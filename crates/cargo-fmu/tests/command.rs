@@ -331,6 +331,31 @@ fn libraries_of_fmi_3_are_merged() {
 }
 
 #[test]
+fn a_universal_library_is_for_both_of_its_processors() {
+    let (intel, apple) = (mach_o(MACH_O_X86_64, "intel"), mach_o(MACH_O_ARM64, "apple"));
+    let parts = [("of_intel.fmu", &intel), ("of_apple.fmu", &apple)]
+        .map(|(name, library)| fmu_of(name, &[("binaries/darwin64/Other.dylib", library.as_slice())]));
+    let out = scratch("universal.fmu");
+    let merged = cargo_fmu(&["merge", &parts[0], &parts[1], "--out", out.to_str().unwrap()]);
+    assert!(merged.status.success(), "{}", String::from_utf8_lossy(&merged.stderr));
+    let universal = &files_of(out.to_str().unwrap())["binaries/darwin64/Other.dylib"];
+    let text = description_3("");
+    for (folder, library, is_for_it) in [
+        ("x86_64-darwin", universal, true),
+        ("aarch64-darwin", universal, true),
+        ("x86_64-darwin", &apple, false),
+        ("x86_64-linux", universal, false),
+    ] {
+        let suffix = if folder.ends_with("linux") { "so" } else { "dylib" };
+        let path = format!("binaries/{folder}/Other.{suffix}");
+        let files = [("modelDescription.xml", text.as_bytes()), (&path, library.as_slice())];
+        let found = cargo_fmu(&["validate", &archive_of("of_darwin.fmu", &files)]);
+        let found = String::from_utf8(found.stdout).unwrap();
+        assert_eq!(!found.contains("which is not for this folder"), is_for_it, "{folder}: {found}");
+    }
+}
+
+#[test]
 fn arrays_of_fmi_3_have_sizes_and_their_elements_are_parameters() {
     let text = description_3(
         r#"<Float64 name="map" valueReference="1" causality="parameter" variability="fixed" start="1 2 3 4 5 6">

@@ -137,7 +137,7 @@ fn library(
             Err(error) => return wrong(&LIBRARY_FORMAT, error.to_string()),
             Ok(library)
                 if library.format != format
-                    || !library.architectures.iter().all(|processor| architectures.contains(processor)) =>
+                    || !library.architectures.iter().any(|processor| architectures.contains(processor)) =>
             {
                 return wrong(&LIBRARY_FORMAT, format!("it is {library}, which is not for this folder"));
             }
