@@ -7,7 +7,7 @@ use crate::declaration::{MatchingRule, TerminalDeclaration};
 use fmu_xml::{document, element, empty};
 
 pub(crate) fn write(terminals: &[TerminalDeclaration]) -> String {
-    // Of the format, in every version of FMI.
+    // Of the format, in FMUs of earlier versions, too (FMI 3.0.2, section 2.4.9).
     let version = vec![("fmiVersion", "3.0".to_owned())];
     document(|writer| {
         element(writer, "fmiTerminalsAndIcons", version, |writer| {
