@@ -557,9 +557,9 @@ def clone(exported: Path, tmp_path: Path) -> Path:
 
 def test_every_line_of_the_document_is_run() -> None:
     others = [line for line in LINES if line not in LAB_LINES]
-    # test_readme.py runs the first; tests/run runs the second, with the lock file.
+    # test_readme.py runs the first; tests/run builds the second to test it, with the lock file.
     assert others == ["cargo run --release -- export", "cargo build --release --package boost-lab"]
-    assert "cargo build --release --locked --package boost-lab" in (ROOT / "tests" / "run").read_text()
+    assert "cargo test --release --locked --package boost-lab" in (ROOT / "tests" / "run").read_text()
     assert len(LAB_LINES) - len(FOREIGN_LINES) == 13
 
 

@@ -24,6 +24,9 @@ from master import Fmu  # noqa: E402
 
 NAMES = ["BoostController", "BoostPlant"]
 
+BUILT = [("BoostController", 2), ("BoostPlant", 2), ("BoostController", 3)]
+"""The FMUs for all platforms that `tests/platforms/run` builds, and their version of FMI."""
+
 WINE = {"wine64": "/usr/lib/wine/wine64", "wineserver": "/usr/lib/wine/wineserver64"}
 """Debian's folder for them, which is not in the PATH."""
 
@@ -34,6 +37,11 @@ def exported() -> Path:
     folder = TARGET / "platforms"
     assert folder.is_dir(), "build first: bash release/build"
     return folder
+
+
+def file_of(exported: Path, name: str, version: int) -> Path:
+    """Where `release/build` writes an FMU."""
+    return (exported if version == 2 else exported / "fmi3") / f"{name}.fmu"
 
 
 @pytest.fixture(scope="session")

@@ -10,11 +10,12 @@ from pathlib import Path
 
 import lief
 import pytest
-from conftest import NAMES, thin
+from conftest import BUILT, file_of, thin
 from fmi2 import COMMON, OF_CO_SIMULATION
+from fmi3 import DECLARED
 
-FUNCTIONS = [*COMMON, *OF_CO_SIMULATION]
-"""Those of an FMU for co-simulation alone."""
+FUNCTIONS = {2: [*COMMON, *OF_CO_SIMULATION], 3: [*DECLARED]}
+"""Those of an FMU for co-simulation alone, which are all in FMI 3.0."""
 
 LARGEST_LIBRARY = 600_000
 """Bytes, for each processor."""
@@ -22,13 +23,25 @@ LARGEST_LIBRARY = 600_000
 LARGEST_FMU = 2_000_000
 
 PLATFORMS = {
-    "aarch64-darwin": "dylib",
-    "aarch64-linux": "so",
-    "darwin64": "dylib",
-    "linux64": "so",
-    "win64": "dll",
+    2: {
+        "aarch64-darwin": "dylib",
+        "aarch64-linux": "so",
+        "darwin64": "dylib",
+        "linux64": "so",
+        "win64": "dll",
+    },
+    3: {
+        "aarch64-darwin": "dylib",
+        "aarch64-linux": "so",
+        "x86_64-darwin": "dylib",
+        "x86_64-linux": "so",
+        "x86_64-windows": "dll",
+    },
 }
-"""The suffix of the library."""
+"""The folders in each version of FMI, and the suffix of the library."""
+
+UNIVERSAL = {2: "darwin64", 3: "x86_64-darwin"}
+"""The folder of the library for both of macOS' processors."""
 
 WINDOWS = {
     "KERNEL32.dll",
@@ -51,74 +64,83 @@ LINUX = {
 
 OLDEST_GLIBC = (2, 17)
 
-BOTH = pytest.mark.parametrize("name", NAMES)
+EACH = pytest.mark.parametrize(("name", "version"), BUILT)
 
 
-def read(exported: Path, name: str, platform: str) -> bytes:
-    with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
-        return archive.read(f"binaries/{platform}/{name}.{PLATFORMS[platform]}")
+def read(exported: Path, name: str, version: int, platform: str) -> bytes:
+    with zipfile.ZipFile(file_of(exported, name, version)) as archive:
+        return archive.read(f"binaries/{platform}/{name}.{PLATFORMS[version][platform]}")
 
 
-@BOTH
-def test_every_platform_is_there_and_listed(exported: Path, name: str) -> None:
-    with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
+def on_system(version: int, system: str) -> list[str]:
+    """The folders of an operating system, by the suffix of its libraries."""
+    return [folder for folder, suffix in PLATFORMS[version].items() if suffix == system]
+
+
+@EACH
+def test_every_platform_is_there_and_listed(exported: Path, name: str, version: int) -> None:
+    with zipfile.ZipFile(file_of(exported, name, version)) as archive:
         entries = archive.namelist()
         text = archive.read("documentation/platforms.txt").decode()
     libraries = [entry for entry in entries if entry.startswith("binaries/")]
-    assert libraries == [f"binaries/{folder}/{name}.{suffix}" for folder, suffix in PLATFORMS.items()]
+    assert libraries == [
+        f"binaries/{folder}/{name}.{suffix}" for folder, suffix in PLATFORMS[version].items()
+    ]
     # A test below checks the version of glibc.
     lines = [re.sub(r"glibc [0-9.]+", "glibc", line) for line in text.splitlines()[2:]]
-    assert [line.split("; ")[0] for line in lines] == [
-        "aarch64-darwin: Mach-O for aarch64, macOS 11.0 or later",
-        "aarch64-linux: ELF for aarch64, glibc or later",
-        "darwin64: Mach-O for aarch64 and x86-64, macOS 11.0 or later",
-        "linux64: ELF for x86-64, glibc or later",
-        "win64: PE for x86-64",
-    ]
+    formats = {
+        "aarch64-darwin": "Mach-O for aarch64, macOS 11.0 or later",
+        "aarch64-linux": "ELF for aarch64, glibc or later",
+        UNIVERSAL[version]: "Mach-O for aarch64 and x86-64, macOS 11.0 or later",
+        on_system(version, "so")[-1]: "ELF for x86-64, glibc or later",
+        on_system(version, "dll")[0]: "PE for x86-64",
+    }
+    assert [line.split("; ")[0] for line in lines] == [f"{key}: {formats[key]}" for key in PLATFORMS[version]]
 
 
-@BOTH
-def test_they_are_small(exported: Path, name: str) -> None:
-    sizes = {platform: len(read(exported, name, platform)) for platform in PLATFORMS}
+@EACH
+def test_they_are_small(exported: Path, name: str, version: int) -> None:
+    sizes = {platform: len(read(exported, name, version, platform)) for platform in PLATFORMS[version]}
     # The universal one holds one for each processor.
-    sizes["darwin64"] = max(map(len, thin(read(exported, name, "darwin64"))))
-    whole = (exported / f"{name}.fmu").stat().st_size
-    print(f"{name}: {sizes}, the FMU {whole} bytes")
+    universal = UNIVERSAL[version]
+    sizes[universal] = max(map(len, thin(read(exported, name, version, universal))))
+    whole = file_of(exported, name, version).stat().st_size
+    print(f"{name}, FMI {version}.0: {sizes}, the FMU {whole} bytes")
     assert max(sizes.values()) < LARGEST_LIBRARY
     assert whole < LARGEST_FMU
 
 
-@BOTH
-@pytest.mark.parametrize("platform", ["linux64", "aarch64-linux"])
-def test_linux(exported: Path, name: str, platform: str) -> None:
-    library = lief.ELF.parse(list(read(exported, name, platform)))
-    assert sorted(symbol.name for symbol in library.exported_symbols) == sorted(FUNCTIONS)
-    assert set(library.libraries) <= LINUX
-    versions = {
-        tuple(map(int, auxiliary.name.removeprefix("GLIBC_").split(".")))
-        for requirement in library.symbols_version_requirement
-        for auxiliary in requirement.get_auxiliary_symbols()
-        if auxiliary.name.startswith("GLIBC_")
-    }
-    assert versions
-    assert max(versions) <= OLDEST_GLIBC
+@EACH
+def test_linux(exported: Path, name: str, version: int) -> None:
+    for platform in on_system(version, "so"):
+        library = lief.ELF.parse(list(read(exported, name, version, platform)))
+        assert sorted(symbol.name for symbol in library.exported_symbols) == sorted(FUNCTIONS[version])
+        assert set(library.libraries) <= LINUX
+        versions = {
+            tuple(map(int, auxiliary.name.removeprefix("GLIBC_").split(".")))
+            for requirement in library.symbols_version_requirement
+            for auxiliary in requirement.get_auxiliary_symbols()
+            if auxiliary.name.startswith("GLIBC_")
+        }
+        assert versions
+        assert max(versions) <= OLDEST_GLIBC
 
 
-@BOTH
-def test_windows(exported: Path, name: str) -> None:
-    library = lief.PE.parse(list(read(exported, name, "win64")))
-    assert sorted(entry.name for entry in library.get_export().entries) == sorted(FUNCTIONS)
+@EACH
+def test_windows(exported: Path, name: str, version: int) -> None:
+    (platform,) = on_system(version, "dll")
+    library = lief.PE.parse(list(read(exported, name, version, platform)))
+    assert sorted(entry.name for entry in library.get_export().entries) == sorted(FUNCTIONS[version])
     assert {imported.name for imported in library.imports} <= WINDOWS
 
 
-@BOTH
-@pytest.mark.parametrize(
-    ("platform", "processors"), [("darwin64", ["X86_64", "ARM64"]), ("aarch64-darwin", ["ARM64"])]
-)
-def test_macos(exported: Path, name: str, platform: str, processors: list[str]) -> None:
+@EACH
+@pytest.mark.parametrize("processors", [["X86_64", "ARM64"], ["ARM64"]])
+def test_macos(exported: Path, name: str, version: int, processors: list[str]) -> None:
     """Not run here: checks of the file."""
-    content = read(exported, name, platform)
-    files = thin(content) if platform == "darwin64" else [content]
+    is_universal = len(processors) > 1
+    content = read(exported, name, version, UNIVERSAL[version] if is_universal else "aarch64-darwin")
+    files = thin(content) if is_universal else [content]
     # They are valid as long as their container.
     holders = [lief.MachO.parse(list(file)) for file in files]
     libraries = [holder.at(0) for holder in holders]
@@ -126,7 +148,7 @@ def test_macos(exported: Path, name: str, platform: str, processors: list[str]) 
     for file, library in zip(files, libraries, strict=True):
         assert library.header.file_type == lief.MachO.Header.FILE_TYPE.DYLIB
         exports = [symbol.name for symbol in library.exported_symbols]
-        assert sorted(exports) == sorted(f"_{function}" for function in FUNCTIONS)
+        assert sorted(exports) == sorted(f"_{function}" for function in FUNCTIONS[version])
         # Its own name first: not a path of the machine that built it.
         dependencies = [dependency.name for dependency in library.libraries]
         assert dependencies == [f"@rpath/lib{name}.dylib", "/usr/lib/libSystem.B.dylib"]
@@ -155,6 +177,7 @@ def check_signature(file: bytes, library: lief.MachO.Binary) -> None:
         assert hashlib.sha256(content).digest() == expected, f"page {index}"
 
 
-@BOTH
-def test_the_universal_library_holds_the_other_one(exported: Path, name: str) -> None:
-    assert read(exported, name, "aarch64-darwin") in read(exported, name, "darwin64")
+@EACH
+def test_the_universal_library_holds_the_other_one(exported: Path, name: str, version: int) -> None:
+    universal = read(exported, name, version, UNIVERSAL[version])
+    assert read(exported, name, version, "aarch64-darwin") in universal
