@@ -17,8 +17,8 @@ from fmi3 import DECLARED
 FUNCTIONS = {2: [*COMMON, *OF_CO_SIMULATION], 3: [*DECLARED]}
 """Those of an FMU for co-simulation alone, which are all in FMI 3.0."""
 
-LARGEST_LIBRARY = 600_000
-"""Bytes, for each processor."""
+LARGEST_LIBRARY = {2: 600_000, 3: 700_000}
+"""Bytes, for each processor; FMI 3.0 has twice the functions, in three interfaces."""
 
 LARGEST_FMU = 2_000_000
 
@@ -106,7 +106,7 @@ def test_they_are_small(exported: Path, name: str, version: int) -> None:
     sizes[universal] = max(map(len, thin(read(exported, name, version, universal))))
     whole = file_of(exported, name, version).stat().st_size
     print(f"{name}, FMI {version}.0: {sizes}, the FMU {whole} bytes")
-    assert max(sizes.values()) < LARGEST_LIBRARY
+    assert max(sizes.values()) < LARGEST_LIBRARY[version]
     assert whole < LARGEST_FMU
 
 
