@@ -45,6 +45,8 @@ enum Template {
     Feedthrough3,
     /// A linear system of arrays, whose sizes are structural parameters, for FMI 3.0
     StateSpace,
+    /// Clocks of each kind, for FMI 3.0
+    Clocks,
     /// Data from a file of the FMU
     Resource,
     /// A controller, which samples its inputs and remembers
@@ -86,6 +88,7 @@ impl Template {
             Self::Feedthrough => files!("feedthrough", plot "Float64_continuous_output", features []),
             Self::Feedthrough3 => files!("feedthrough_3", plot "Float64_continuous_output", features []),
             Self::StateSpace => files!("state_space", plot "y", features []),
+            Self::Clocks => files!("clocks", plot "totalInClockTicks", features []),
             Self::Resource => files!("resource", plot "y", features [], "resources/y.txt"),
             Self::Sampled => files!("sampled", plot "command", features ["derive"]),
         }
@@ -184,7 +187,8 @@ fn checkout() -> Option<&'static Path> {
 }
 
 /// Types that the templates use, after which no model can be named.
-const USED_TYPES: [&str; 18] = [
+const USED_TYPES: [&str; 19] = [
+    "Clocked",
     "Context",
     "Equations",
     "Error",

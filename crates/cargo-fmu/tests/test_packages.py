@@ -229,6 +229,7 @@ def test_the_other_templates_export_from_a_workspace(decay, folder):
         "feedthrough": "feedthrough",
         "feedthrough_3": "all-types",
         "state_space": "state-space",
+        "clocks": "clocks",
         "resource": "from-file",
         "sampled": "pi-controller",
     }
@@ -245,7 +246,8 @@ def test_the_other_templates_export_from_a_workspace(decay, folder):
     fmus = sorted((workspace / "all").rglob("*.fmu"), key=lambda fmu: fmu.name)
     assert [fmu.name for fmu in fmus] == exported
     # FMI 2.0 does not have what these declare.
-    assert [fmu.name for fmu in fmus if fmu.parent.name == "fmi3"] == ["all_types.fmu", "state_space.fmu"]
+    of_fmi3 = ["all_types.fmu", "clocks.fmu", "state_space.fmu"]
+    assert [fmu.name for fmu in fmus if fmu.parent.name == "fmi3"] == of_fmi3
     assert [file.name for file in (workspace / "ball/one").iterdir()] == ["ball.fmu"]
     for fmu in fmus:
         assert validate_fmu(fmu) == []

@@ -14,8 +14,11 @@ use serde_json::Value;
 use crate::error::Refusal;
 
 /// The types that FMI 3.0 alone has.
-pub(crate) const TYPES_OF_FMI3: [&str; 9] =
-    ["Float32", "Int8", "UInt8", "Int16", "UInt16", "UInt32", "Int64", "UInt64", "Binary"];
+pub(crate) const TYPES_OF_FMI3: [&str; 10] =
+    ["Float32", "Int8", "UInt8", "Int16", "UInt16", "UInt32", "Int64", "UInt64", "Binary", CLOCK];
+
+/// The type of clocks.
+const CLOCK: &str = "Clock";
 
 /// A model: what it is called and which variables it has.
 #[derive(Debug, Deserialize)]
@@ -74,6 +77,9 @@ pub(crate) struct Declaration {
     pub(crate) terminals: Vec<TerminalDeclaration>,
     /// The clock of a sampled model in Scheduled Execution, at whose ticks a sample is computed.
     pub(crate) clock: Option<ClockDeclaration>,
+    /// The same as a variable, by [`Declaration::complete`].
+    #[serde(skip)]
+    pub(crate) sample_clock: Option<VariableDeclaration>,
 }
 
 /// A clock whose interval is the period of a sampled model (FMI 3.0.2, section 2.2.8).
@@ -86,8 +92,16 @@ pub(crate) struct ClockDeclaration {
 }
 
 impl Declaration {
+    /// Adds what follows from the rest.
+    pub(crate) fn complete(&mut self) -> Result<(), Refusal> {
+        // FMI 3.0.2, section 4.4: an FMU that has clocks has Event Mode.
+        self.capabilities.event_mode |= self.has_clocks();
+        self.sample_clock = self.clock.as_ref().map(ClockDeclaration::variable);
+        self.find_sizes()
+    }
+
     /// Finds the sizes of arrays, of which some are structural parameters.
-    pub(crate) fn find_sizes(&mut self) -> Result<(), Refusal> {
+    fn find_sizes(&mut self) -> Result<(), Refusal> {
         let is_structural =
             |variable: &&VariableDeclaration| variable.causality == Causality::StructuralParameter;
         let structural = self.variables.iter().filter(is_structural);
@@ -121,12 +135,33 @@ impl Declaration {
         Ok(())
     }
 
-    /// Whether a variable has a type that FMI 2.0 does not have.
-    pub(crate) fn needs_fmi3(&self) -> bool {
+    /// The names of the variables' types.
+    fn types(&self) -> impl Iterator<Item = &str> {
         let of_components = self.components.iter().filter_map(|component| component.variables.as_ref());
         let of_types = self.component_types.iter().map(|component_type| &component_type.variables);
         let variables = [&self.variables].into_iter().chain(of_components).chain(of_types).flatten();
-        variables.map(|variable| variable.data_type.as_str()).any(|name| TYPES_OF_FMI3.contains(&name))
+        variables.map(|variable| variable.data_type.as_str())
+    }
+
+    /// Whether a variable has a type that FMI 2.0 does not have.
+    pub(crate) fn needs_fmi3(&self) -> bool {
+        self.types().any(|name| TYPES_OF_FMI3.contains(&name))
+    }
+
+    /// Whether a variable is a clock.
+    pub(crate) fn has_clocks(&self) -> bool {
+        self.types().any(|name| name == CLOCK)
+    }
+}
+
+impl ClockDeclaration {
+    /// The clock as a variable. Its interval is not declared, as it follows from parameters.
+    fn variable(&self) -> VariableDeclaration {
+        let variable = serde_json::json!({
+            "name": self.name, "description": self.description, "type": CLOCK, "causality": "input",
+            "interval_variability": "fixed", "supports_fraction": true, "priority": 0,
+        });
+        serde_json::from_value(variable).expect("it is a variable")
     }
 }
 
@@ -245,7 +280,7 @@ pub(crate) struct VariableDeclaration {
     /// default): exact where they begin at a start value, and events change them.
     pub(crate) initial: Option<Initial>,
     /// Real (the default), Integer, Boolean, String or the name of an enumeration; in FMI 3.0 also `Float32`, `Int8`,
-    /// `UInt8`, `Int16`, `UInt16`, `UInt32`, `Int64`, `UInt64` and `Binary`.
+    /// `UInt8`, `Int16`, `UInt16`, `UInt32`, `Int64`, `UInt64`, `Binary` and `Clock`.
     #[serde(rename = "type", default = "real")]
     pub(crate) data_type: String,
     /// The unit of a Real, such as kg/s, N.m, W/(m2.K) or %; 1 without dimension. For an array also a list.
@@ -282,6 +317,84 @@ pub(crate) struct VariableDeclaration {
     pub(crate) initial_reads: Option<Vec<String>>,
     /// The number by which importers know it; of an array, the number of the first element. Default: the next free one.
     pub(crate) value_reference: Option<u32>,
+    /// The clocks at whose ticks alone the variable changes.
+    #[serde(default)]
+    pub(crate) clocks: Vec<String>,
+    /// Of a clock that is an input: when it ticks. Other clocks are triggered.
+    pub(crate) interval_variability: Option<IntervalVariability>,
+    /// Of a periodic clock: the time between two ticks, in s. Left out of a fixed or tunable one where it follows from
+    /// parameters.
+    pub(crate) interval_decimal: Option<f64>,
+    /// Of a periodic clock whose interval is declared: the time of the first tick after the start, in s.
+    pub(crate) shift_decimal: Option<f64>,
+    /// The interval as a multiple of 1/`resolution` s.
+    pub(crate) interval_counter: Option<u64>,
+    /// The shift as a multiple of 1/`resolution` s.
+    pub(crate) shift_counter: Option<u64>,
+    /// The denominator of `interval_counter` and `shift_counter`.
+    pub(crate) resolution: Option<u64>,
+    /// Of a clock with an interval: whether importers may exchange it as a fraction. Implied by `interval_counter`.
+    #[serde(default)]
+    pub(crate) supports_fraction: bool,
+    /// Of a clock that is an input: whether importers may take back a tick during an event.
+    #[serde(default)]
+    pub(crate) can_be_deactivated: bool,
+    /// Of a clock that is an input: which one comes first where several tick at one time, from 0; needed in Scheduled
+    /// Execution.
+    pub(crate) priority: Option<u32>,
+}
+
+/// When a clock ticks (FMI 3.0.2, section 2.2.8).
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "camelCase")]
+pub(crate) enum IntervalVariability {
+    /// Periodically, as declared.
+    Constant,
+    /// Periodically, by what the importer sets or what follows from fixed parameters.
+    Fixed,
+    /// The same with tunable parameters.
+    Tunable,
+    /// After a time that the model finds at each tick for the next one.
+    Changing,
+    /// After a time that the model finds when it likes.
+    Countdown,
+    /// When something triggers it.
+    Triggered,
+}
+
+impl IntervalVariability {
+    /// Whether ticks are at equal distances.
+    pub(crate) fn is_periodic(self) -> bool {
+        matches!(self, Self::Constant | Self::Fixed | Self::Tunable)
+    }
+
+    /// The text in the standard.
+    pub(crate) fn as_str(self) -> &'static str {
+        match self {
+            Self::Constant => "constant",
+            Self::Fixed => "fixed",
+            Self::Tunable => "tunable",
+            Self::Changing => "changing",
+            Self::Countdown => "countdown",
+            Self::Triggered => "triggered",
+        }
+    }
+}
+
+impl VariableDeclaration {
+    /// A multiple of 1/`resolution` s.
+    #[expect(clippy::cast_precision_loss, reason = "it is a time in s, rounded")]
+    pub(crate) fn seconds(&self, counter: Option<u64>) -> Option<f64> {
+        Some(counter? as f64 / self.resolution? as f64)
+    }
+
+    /// The interval and the shift of a periodic clock in s, where they are declared.
+    pub(crate) fn timing(&self) -> Option<[f64; 2]> {
+        let interval = self.interval_decimal.or(self.seconds(self.interval_counter))?;
+        let shift = self.shift_decimal.or(self.seconds(self.shift_counter));
+        Some([interval, shift.unwrap_or(0.0)])
+    }
 }
 
 /// A size of an array.

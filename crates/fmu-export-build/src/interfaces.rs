@@ -52,7 +52,11 @@ impl Fmi {
     pub(crate) fn macro_name(self, declaration: &Declaration) -> &'static str {
         let has_event_mode = declaration.capabilities.event_mode;
         match (self.version, self.interfaces) {
-            (_, Interfaces::ScheduledExecution) if declaration.clock.is_none() => "fmi3_without_clock",
+            (_, Interfaces::ScheduledExecution)
+                if declaration.clock.is_none() && !declaration.has_clocks() =>
+            {
+                "fmi3_without_clock"
+            }
             (_, Interfaces::ScheduledExecution) => "fmi3_scheduled_execution",
             (Version::Two, Interfaces::CoSimulation) => "fmi2_co_simulation",
             (Version::Two, Interfaces::ModelExchange) => "fmi2_model_exchange",

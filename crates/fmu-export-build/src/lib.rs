@@ -143,7 +143,7 @@ pub fn generate_into(
     let file = declaration;
     let fmi = fmi.into().check().map_err(|reason| Error::of_file(file, reason))?;
     let (mut declaration, source) = Source::read::<Declaration>(file)?;
-    declaration.find_sizes().map_err(|refusal| source.error([refusal]))?;
+    declaration.complete().map_err(|refusal| source.error([refusal]))?;
     let beside = |key: &str, name: &Option<String>| match name.as_ref().map(|name| file.with_file_name(name))
     {
         Some(named) if !named.is_file() => {

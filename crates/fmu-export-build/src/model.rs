@@ -11,8 +11,8 @@ use serde_json::Value;
 use crate::Package;
 use crate::check;
 use crate::declaration::{
-    Causality, ClockDeclaration, ComponentDeclaration, Declaration, Described, Initial, UnitDeclaration,
-    UnitNames, Variability, VariableDeclaration,
+    Causality, ComponentDeclaration, Declaration, Described, Initial, UnitDeclaration, UnitNames,
+    Variability, VariableDeclaration,
 };
 use crate::dependencies;
 use crate::error::{Refusal, Refusals, nearest};
@@ -76,7 +76,7 @@ impl Field<'_> {
     }
 }
 
-/// The field of the generated `Variables` that holds a value; time, event indicators and the clock are in none.
+/// The field of the generated `Variables` that holds a value; time and event indicators are in none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Place {
     Time,
@@ -87,7 +87,7 @@ pub(crate) enum Place {
     Locals,
     Outputs,
     EventIndicators,
-    Clock,
+    Clocks,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -104,6 +104,8 @@ pub(crate) enum DataType {
     Whole(Whole),
     /// In FMI 3.0 alone.
     Binary,
+    /// In FMI 3.0 alone.
+    Clock,
 }
 
 /// The types of whole numbers that FMI 3.0 has beside `Int32`.
@@ -184,8 +186,8 @@ pub(crate) struct Scalar {
     pub(crate) state: Option<usize>,
     /// Of a state: whether events may set it.
     pub(crate) reinit: bool,
-    /// Whether it changes at the ticks of the clock alone.
-    pub(crate) is_clocked: bool,
+    /// The positions of the clocks at whose ticks alone it changes; none where it changes at any time.
+    pub(crate) clocks: Vec<usize>,
     /// Where the value is within its place, e.g. `tank.pressure` or `gain[0][2]`.
     pub(crate) path: String,
     pub(crate) reads: Reads,
@@ -216,7 +218,7 @@ impl Scalar {
             start: None,
             state: None,
             reinit: false,
-            is_clocked: false,
+            clocks: Vec::new(),
             path: String::new(),
             reads: Some(Vec::new()),
             initial_reads: Some(Vec::new()),
@@ -225,7 +227,12 @@ impl Scalar {
 
     /// Whether it is given while the model steps.
     pub(crate) fn known_in_steps(&self) -> bool {
-        matches!(self.place, Place::Inputs | Place::States | Place::Time)
+        matches!(self.place, Place::Inputs | Place::States | Place::Time) || self.is_input_clock()
+    }
+
+    /// Whether it is a clock that the importer activates.
+    pub(crate) fn is_input_clock(&self) -> bool {
+        self.place == Place::Clocks && self.causality == Some(Causality::Input)
     }
 
     /// Whether it is given in initialization.
@@ -237,6 +244,7 @@ impl Scalar {
     pub(crate) fn unknown_in_initialization(&self) -> bool {
         !self.known_in_initialization()
             && (matches!(self.place, Place::Outputs | Place::States | Place::Derivatives)
+                || self.place == Place::Clocks && self.causality == Some(Causality::Output)
                 || self.causality == Some(Causality::CalculatedParameter))
     }
 }
@@ -263,15 +271,16 @@ impl<'a> Model<'a> {
         flattening.refusals.check()?;
         flattening.assign_value_references();
         flattening.look_up_reads();
+        flattening.look_up_clocks();
         let units = flattening.find_units(&Units::new(units));
-        let Flattening { parts, mut scalars, mut refusals, .. } = flattening;
+        let Flattening { mut parts, mut scalars, mut refusals, .. } = flattening;
         check::state_groups(declaration, &parts, &scalars, &mut refusals);
         check::type_names(declaration, &parts, &mut refusals);
         check::types_of_version(&scalars, fmi.version, &mut refusals);
         check::outputs(&scalars, &mut refusals);
         check::calculated_parameters(&scalars, &mut refusals);
         check::terminals(declaration, &scalars, &mut refusals);
-        check::clock(declaration, fmi, &scalars, &mut refusals);
+        check::clocks(declaration, fmi, &parts, &scalars, &mut refusals);
         dependencies::refuse_cycles(&scalars, &mut refusals);
         refusals.check()?;
         if fmi.version == Version::Three && fmi.interfaces.model_exchange() {
@@ -279,9 +288,11 @@ impl<'a> Model<'a> {
         }
         let library = identifier;
         let mut identifier = library.clone();
-        if fmi.interfaces.scheduled_execution() {
+        if fmi.interfaces.scheduled_execution()
+            && let Some(clock) = &declaration.sample_clock
+        {
             identifier += SCHEDULED;
-            add_clock(declaration.clock.as_ref(), &mut scalars);
+            add_sample_clock(clock, &mut parts, &mut scalars);
         }
         Ok(Self {
             declaration,
@@ -319,38 +330,51 @@ impl<'a> Model<'a> {
         arrays
     }
 
+    /// The variable whose first element is at a position.
+    pub(crate) fn field(&self, position: usize) -> &Field<'a> {
+        let mut fields = self.parts.iter().flat_map(|part| &part.fields);
+        fields.find(|field| field.positions.first() == Some(&position)).expect("there is one")
+    }
+
     /// The positions of the variables of a place.
     pub(crate) fn in_place(&self, place: Place) -> impl Iterator<Item = usize> {
         (0..self.scalars.len()).filter(move |&position| self.scalars[position].place == place)
     }
 }
 
-/// Adds the clock, with the value reference that follows all others. Everything that changes does so at its ticks, by all
-/// that is known then.
-fn add_clock(clock: Option<&ClockDeclaration>, scalars: &mut Vec<Scalar>) {
-    let Some(clock) = clock else { return };
+/// Adds the clock of a sampled model, with the value reference that follows all others. Everything that changes does so at
+/// its ticks, by all that is known then.
+fn add_sample_clock<'a>(clock: &'a VariableDeclaration, parts: &mut [Part<'a>], scalars: &mut Vec<Scalar>) {
+    let position = scalars.len();
     for scalar in scalars.iter_mut() {
         if matches!(scalar.place, Place::Inputs | Place::Outputs | Place::Locals)
             && matches!(scalar.variability, Variability::Continuous | Variability::Discrete)
         {
             scalar.variability = Variability::Discrete;
-            scalar.is_clocked = true;
+            scalar.clocks = vec![position];
             scalar.reads = None;
         }
     }
     let last = scalars.iter().map(|scalar| scalar.value_reference).max().unwrap_or(0);
+    let field = Field {
+        declaration: clock,
+        place: Place::Clocks,
+        data_type: DataType::Clock,
+        positions: vec![position],
+    };
     scalars.push(Scalar {
         name: clock.name.clone(),
         value_reference: last + 1,
         description: clock.description.clone(),
-        place: Place::Clock,
+        place: Place::Clocks,
         causality: Some(Causality::Input),
         variability: Variability::Discrete,
-        // A clock ticks or not.
-        data_type: DataType::Boolean,
+        data_type: DataType::Clock,
         unit: None,
+        path: field.name(),
         ..Scalar::time()
     });
+    parts[0].fields.push(field);
 }
 
 /// Adds the event indicators, which in FMI 3.0 are variables, with the value references that follow all others.
@@ -552,6 +576,7 @@ impl<'a> Flattening<'a> {
             });
             let calculated = match checked.place {
                 Place::Inputs | Place::Parameters => false,
+                Place::Clocks => declaration.causality != Causality::Input,
                 Place::States => checked.initial != Some(Initial::Exact),
                 _ => checked.variability != Variability::Constant,
             };
@@ -696,6 +721,46 @@ impl<'a> Flattening<'a> {
                     format!("{name}: no variable reads '{{{connection}}}'")
                 };
                 self.refusals.add(format!("components[{number}].connections.{connection}"), reason);
+            }
+        }
+    }
+
+    /// Turns the names of clocks into positions. Their ticks are among what a variable depends on.
+    fn look_up_clocks(&mut self) {
+        let mut clocked = Vec::new();
+        for field in self.parts.iter().flat_map(|part| &part.fields) {
+            for (number, name) in field.declaration.clocks.iter().enumerate() {
+                let first = &self.scalars[field.positions[0]];
+                let is_clock = |scalar: &&Scalar| scalar.place == Place::Clocks;
+                let found = self.names.get(name).and_then(|positions| positions.first().copied());
+                let reason = match found.filter(|&clock| is_clock(&&self.scalars[clock])) {
+                    None => {
+                        let clocks = self.scalars.iter().filter(is_clock).map(|clock| clock.name.clone());
+                        format!("there is no clock '{name}'{}", nearest(name, clocks))
+                    }
+                    Some(clock) if clock == field.positions[0] => {
+                        "a clock does not tick by itself".to_owned()
+                    }
+                    Some(clock)
+                        if self.scalars[clock].causality == Some(Causality::Local)
+                            && first.causality != Some(Causality::Local) =>
+                    {
+                        format!("the clock '{name}' is local, so that only local variables belong to it")
+                    }
+                    Some(clock) => {
+                        clocked.extend(field.positions.iter().map(|&position| (position, clock)));
+                        continue;
+                    }
+                };
+                self.refusals
+                    .add(format!("{}.clocks[{number}]", first.key), format!("{}: {reason}", first.name));
+            }
+        }
+        for (position, clock) in clocked {
+            let scalar = &mut self.scalars[position];
+            scalar.clocks.push(clock);
+            if let Some(reads) = scalar.reads.as_mut().filter(|reads| !reads.contains(&clock)) {
+                reads.push(clock);
             }
         }
     }

@@ -19,17 +19,20 @@ pub(crate) const FIXED_NAMES: [&str; 6] =
 /// The type that holds all groups of states, where there are any.
 const STATE_GROUPS: &str = "StateGroups";
 
-/// The places that have structs of their own; the derivatives are in those of the states.
-const PLACES: [Place; 5] = [Place::Parameters, Place::Inputs, Place::States, Place::Locals, Place::Outputs];
+/// The places that have structs of their own; the derivatives are in those of the states. Clocks have one where there are
+/// any.
+const PLACES: [Place; 6] =
+    [Place::Parameters, Place::Inputs, Place::States, Place::Locals, Place::Outputs, Place::Clocks];
 
 impl Place {
-    fn type_name(self) -> &'static str {
+    pub(crate) fn type_name(self) -> &'static str {
         match self {
             Self::Parameters => "Parameters",
             Self::Inputs => "Inputs",
             Self::States | Self::Derivatives => "States",
-            Self::Locals | Self::Time | Self::EventIndicators | Self::Clock => "Locals",
+            Self::Locals | Self::Time | Self::EventIndicators => "Locals",
             Self::Outputs => "Outputs",
+            Self::Clocks => "Clocks",
         }
     }
 
@@ -38,10 +41,9 @@ impl Place {
             Self::Parameters => "The parameters",
             Self::Inputs => "The inputs",
             Self::States | Self::Derivatives => "The continuous-time states",
-            Self::Locals | Self::Time | Self::EventIndicators | Self::Clock => {
-                "The local variables other than states"
-            }
+            Self::Locals | Self::Time | Self::EventIndicators => "The local variables other than states",
             Self::Outputs => "The outputs other than states",
+            Self::Clocks => "The clocks",
         }
     }
 
@@ -148,6 +150,9 @@ use ::fmu_export::description as fmi;
             }
         }
         let parts: Vec<_> = model.parts.iter().filter(|part| place.is_in(part)).collect();
+        if place == Place::Clocks && parts.is_empty() {
+            continue;
+        }
         let description = format!("{} of the model.", place.description());
         text += &generator.place_struct(place, place.type_name(), &description, &parts);
     }
@@ -266,6 +271,7 @@ impl Generator<'_, '_> {
             DataType::Float32 => "f32",
             DataType::Whole(whole) => whole.in_rust().0,
             DataType::Binary => "Vec<u8>",
+            DataType::Clock => "::fmu_export::Clock",
         }
         .to_owned();
         for size in declaration.sizes.iter().rev() {
@@ -300,6 +306,10 @@ impl Generator<'_, '_> {
             (_, DataType::String) => "String::new()".to_owned(),
             (_, DataType::Binary) => "Vec::new()".to_owned(),
             (_, DataType::Enumeration(enumeration)) => self.item(enumeration, 0),
+            (_, DataType::Clock) => match self.model.field(position).declaration.timing() {
+                Some([interval, shift]) => format!("::fmu_export::Clock::periodic({interval:?}, {shift:?})"),
+                None => "::fmu_export::Clock::default()".to_owned(),
+            },
         }
     }
 
@@ -322,7 +332,9 @@ impl Generator<'_, '_> {
             ("derivatives", "The time derivatives of the states.", Place::States),
             ("locals", "The local variables other than states.", Place::Locals),
             ("outputs", "The outputs other than states.", Place::Outputs),
+            ("clocks", "The clocks.", Place::Clocks),
         ];
+        let fields = fields.into_iter().take(if self.has_clocks() { 8 } else { 7 });
         let fields = fields.map(|(name, description, place)| {
             let is_generic = self.is_real(place);
             let generic = if is_generic { "<T>" } else { "" };
@@ -334,10 +346,15 @@ impl Generator<'_, '_> {
                 is_copy: false,
             }
         });
-        let places = ["parameters", "inputs", "start", "states", "derivatives", "locals", "outputs"];
-        let starts = places.map(|place| format!("{place}: ::core::default::Default::default()"));
-        structure("Variables", "All variables of the model.", fields.into())
+        let fields: Vec<_> = fields.collect();
+        let start = |field: &StructField| format!("{}: ::core::default::Default::default()", field.name);
+        let starts: Vec<_> = fields.iter().map(start).collect();
+        structure("Variables", "All variables of the model.", fields)
             + &default("Variables", &starts.join(",\n            "))
+    }
+
+    fn has_clocks(&self) -> bool {
+        self.model.in_place(Place::Clocks).next().is_some()
     }
 
     /// Whether the struct of a place is generic over its number type.

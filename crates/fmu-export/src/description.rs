@@ -80,6 +80,43 @@ pub struct VariableDescription {
     pub state: Option<u16>,
 }
 
+/// What a clock is (FMI 3.0.2, section 2.4.4).
+#[derive(Clone, Copy, Debug)]
+#[allow(clippy::struct_excessive_bools, reason = "they are the standard's attributes")]
+pub struct ClockDescription {
+    /// The value reference.
+    pub value_reference: ValueReference,
+    /// Whether the importer activates it; otherwise the model does.
+    pub is_input: bool,
+    /// When it ticks.
+    pub interval_variability: IntervalVariability,
+    /// Whether its interval is declared: importers set that of a fixed or tunable clock, if it is.
+    pub has_interval: bool,
+    /// Whether its interval may be exchanged as a fraction.
+    pub supports_fraction: bool,
+    /// Whether the importer may take a tick back.
+    pub can_be_deactivated: bool,
+}
+
+/// `intervalVariability` (FMI 3.0.2, section 2.4.4).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum IntervalVariability {
+    Constant,
+    Fixed,
+    Tunable,
+    Changing,
+    Countdown,
+    Triggered,
+}
+
+impl IntervalVariability {
+    /// Whether ticks are at equal distances.
+    pub(crate) fn is_periodic(self) -> bool {
+        matches!(self, Self::Constant | Self::Fixed | Self::Tunable)
+    }
+}
+
 /// The versions of the standard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]

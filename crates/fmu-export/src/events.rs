@@ -56,11 +56,6 @@ impl Events {
         }
     }
 
-    /// The time of the last event, in s.
-    pub(crate) fn reached(&self) -> f64 {
-        self.reached
-    }
-
     /// Which indicators have changed since the last event.
     pub(crate) fn changed(&self) -> &[bool] {
         &self.changed

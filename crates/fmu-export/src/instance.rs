@@ -5,6 +5,7 @@
 //! which a reset and a saved state leave. A failed initialization can be repeated.
 
 pub(crate) mod activation;
+pub(crate) mod clocks;
 mod derivatives;
 pub(crate) mod event_mode;
 mod exchange;
@@ -18,7 +19,7 @@ use crate::description::{Causality, ModelDescription, ValueReference};
 use crate::error::{Error, Shown};
 use crate::events::Events;
 use crate::inputs::InputSignal;
-use crate::logger::{Delivery, Logger, RecentMessages, WARNING};
+use crate::logger::{Delivery, Logger, RecentMessages};
 use crate::model::{Context, Experiment, InputsOf, Model, Step, Variables, time_rounding};
 use crate::panics::contain;
 use crate::persistence::{Archive, Persistent};
@@ -26,6 +27,8 @@ use crate::resources::Resources;
 use crate::serialized_state;
 use crate::status::Status;
 use crate::tape::Tape;
+
+use clocks::BeforeTicks;
 
 /// The tolerance of the importer's time relative to the step. Importers compute communication points as `i * h`, as
 /// a sum, or from integer nanoseconds.
@@ -58,8 +61,8 @@ pub(crate) struct Memory<M: Model> {
     events: Events,
     /// Of Event Mode.
     event: EventUnderWay,
-    /// The interval of the clock in s that the importer was told. In another process it is told anew.
-    told_interval: Option<f64>,
+    /// What the ticks of clocks that are computed already began from.
+    before_ticks: Option<Box<BeforeTicks<M>>>,
 }
 
 /// The event iterations since Event Mode was entered.
@@ -96,7 +99,7 @@ impl<M: Model> Memory<M> {
             end: None,
             events: Events::new(indicators),
             event: EventUnderWay::default(),
-            told_interval: None,
+            before_ticks: None,
         }
     }
 
@@ -127,7 +130,8 @@ impl<M: Model> Persistent for Memory<M> {
             end,
             events,
             event,
-            told_interval: _,
+            // Ticks are taken back before.
+            before_ticks: _,
         } = self;
         phase.persist(archive)?;
         model.persist(archive)?;
@@ -150,6 +154,13 @@ impl<M: Model> Persistent for Memory<M> {
 pub(crate) struct Preemption {
     pub(crate) lock: Option<unsafe extern "C" fn()>,
     pub(crate) unlock: Option<unsafe extern "C" fn()>,
+}
+
+/// `fmi3ClockUpdateCallback`, with its argument.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ClockUpdate {
+    pub(crate) function: unsafe extern "C" fn(*mut c_void),
+    pub(crate) environment: *mut c_void,
 }
 
 /// The importer's part in intermediate updates.
@@ -182,6 +193,10 @@ pub(crate) struct Instance<M: Model> {
     pub(crate) preemption: Preemption,
     /// The importer's part in intermediate updates.
     pub(crate) intermediate_update: Option<IntermediateUpdate>,
+    /// Whom to tell of clocks, in Scheduled Execution.
+    pub(crate) clock_update: Option<ClockUpdate>,
+    /// How many model partitions are in Clock Update Mode.
+    clock_updates: u32,
 }
 
 impl<M: Model> Instance<M> {
@@ -196,6 +211,8 @@ impl<M: Model> Instance<M> {
             early_return_allowed: false,
             preemption: Preemption::default(),
             intermediate_update: None,
+            clock_update: None,
+            clock_updates: 0,
         }
     }
 
@@ -344,10 +361,7 @@ impl<M: Model> Instance<M> {
                 // A warning is given once; without one the status is fmi2OK.
                 let mut log = |category, message: core::fmt::Arguments<'_>| {
                     if recent_messages.is_new(&message.to_string()) {
-                        logger.message(category, message);
-                        if category == WARNING {
-                            status = Status::Warning;
-                        }
+                        status = status.max(logger.message(category, message));
                     }
                 };
                 let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
@@ -363,10 +377,15 @@ impl<M: Model> Instance<M> {
             | Phase::ClockActivationMode
             | Phase::IntermediateUpdateMode => {
                 memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.latest());
+                if !M::Variables::CLOCKS.is_empty()
+                    && matches!(memory.phase, Phase::EventMode | Phase::StepEventMode)
+                {
+                    status = self.compute_ticks()?;
+                }
             }
             Phase::Instantiated | Phase::ConfigurationMode | Phase::StepFailed | Phase::Error => {}
         }
-        memory.stale = false;
+        self.memory.stale = false;
         Ok(status)
     }
 
@@ -407,10 +426,7 @@ impl<M: Model> Instance<M> {
         let mut status = Status::Ok;
         let logger = &self.logger;
         let mut log = |category, message: core::fmt::Arguments<'_>| {
-            if category == WARNING {
-                status = Status::Warning;
-            }
-            logger.message(category, message);
+            status = status.max(logger.message(category, message));
         };
         let of_inputs = Step { start, size, inputs: &memory.inputs };
         // If an error or a panic interrupts the step, the instance remains in this state.
@@ -527,6 +543,7 @@ impl<M: Model> Instance<M> {
 
     /// A copy of everything that later calls depend on.
     pub(crate) fn memory(&self) -> Result<&Memory<M>, Error> {
+        self.check_partitions()?;
         if Self::DESCRIPTION.capabilities.get_and_set_state {
             Ok(&self.memory)
         } else {
@@ -534,8 +551,18 @@ impl<M: Model> Instance<M> {
         }
     }
 
+    /// Refuses what concerns all model partitions while one is in Clock Update Mode (FMI 3.0.2, section 5.2.1).
+    fn check_partitions(&self) -> Result<(), Error> {
+        if self.clock_updates == 0 {
+            Ok(())
+        } else {
+            Err(Error::new("must not be called while a model partition runs"))
+        }
+    }
+
     /// Continues from a saved memory.
     pub(crate) fn restore(&mut self, memory: &Memory<M>) -> Result<(), Error> {
+        self.check_partitions()?;
         if memory.interface != self.memory.interface {
             return Err(Error::new(format!(
                 "the state is one of {}, this instance is for {}",
@@ -549,7 +576,9 @@ impl<M: Model> Instance<M> {
     /// A saved memory as bytes.
     pub(crate) fn serialize(memory: &Memory<M>) -> Result<Vec<u8>, Error> {
         Self::check_serializes()?;
-        serialized_state::to_bytes(Self::DESCRIPTION, memory.interface, &mut memory.clone())
+        let mut memory = memory.clone();
+        memory.rewind();
+        serialized_state::to_bytes(Self::DESCRIPTION, memory.interface, &mut memory)
     }
 
     /// The memory that this FMU saved as bytes, in any process.

@@ -7,13 +7,13 @@
 //   fmi2, fmi3                            the functions of a version of the standard
 //   c_boundary                            what the functions of all versions have in common
 //   instance, simulation, dependencies    an instance of an FMU; for a model's tests: the model without one, and its dependencies
-//   integrated, sampled                   models of equations, with an integrator, and sampled ones as models
+//   integrated, sampled, clocked          models of equations, with an integrator, sampled and clocked ones as models
 //   equations, integrator                 the trait of models of equations; Rodas5P
-//   scheduled_execution                   the trait of models whose clock the importer schedules
+//   scheduled_execution                   the trait of models whose clocks the importer schedules
 //   event_mode                            the trait of models that step from event to event
 //   model_exchange                        the trait of models whose states the importer integrates
 //   model                                 the trait of models
-//   events, inputs, logger, calling_sequence, number, tape, linear, resources
+//   clock, events, inputs, logger, calling_sequence, number, tape, linear, resources
 //   serialized_state, saved_states
 //   persistence, wasm
 //   panics
@@ -25,6 +25,8 @@ extern crate self as fmu_export;
 
 mod c_boundary;
 mod calling_sequence;
+mod clock;
+mod clocked;
 mod dependencies;
 pub mod description;
 mod equations;
@@ -57,6 +59,8 @@ mod typed;
 #[doc(hidden)]
 pub mod wasm;
 
+pub use clock::Clock;
+pub use clocked::{Clocked, ClockedModel};
 pub use dependencies::check_dependencies;
 pub use equations::{Equations, VariablesOf};
 pub use error::Error;
@@ -79,8 +83,8 @@ pub use tape::{Recorded, Tape};
 
 /// Defines the FMU of a crate whose library has the model identifier as its name: the module `variables` that
 /// `fmu_export_build::generate` generated from the model's JSON, its items in scope, and the functions of FMI for a
-/// type that implements [`Model`], or after `equations`, [`Equations`], or after `sampled`, [`Sampled`]. `struct` before
-/// the type's name declares it, for a model without other memory.
+/// type that implements [`Model`], or after `equations`, [`Equations`], or after `sampled`, [`Sampled`], or after `clocked`,
+/// [`Clocked`]. `struct` before the type's name declares it, for a model without other memory.
 ///
 /// ```ignore
 /// fmu_export::fmu!(struct Lag);
@@ -111,6 +115,14 @@ macro_rules! fmu {
     (sampled $model:ident) => {
         $crate::fmu!(@variables);
         variables::export_functions!($crate::SampledModel<$model>);
+    };
+    (clocked struct $model:ident) => {
+        $crate::fmu!(@struct $model);
+        $crate::fmu!(clocked $model);
+    };
+    (clocked $model:ident) => {
+        $crate::fmu!(@variables);
+        variables::export_functions!($crate::ClockedModel<$model>);
     };
     ($model:ident) => {
         $crate::fmu!(@variables);

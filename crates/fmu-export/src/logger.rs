@@ -119,13 +119,14 @@ impl Logger {
         }
     }
 
-    /// Logs a message of the model in a category.
-    pub(crate) fn message(&self, category: &'static str, message: fmt::Arguments<'_>) {
+    /// Logs a message of the model in a category. What the call answers because of it.
+    pub(crate) fn message(&self, category: &'static str, message: fmt::Arguments<'_>) -> Status {
         if category == WARNING && self.warns() {
             self.send(Source::Model, Status::Warning, category, message);
         } else if category != WARNING && self.is_enabled(category) {
             self.send(Source::Model, Status::Ok, category, message);
         }
+        if category == WARNING { Status::Warning } else { Status::Ok }
     }
 
     fn warns(&self) -> bool {

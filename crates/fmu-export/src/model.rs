@@ -5,7 +5,8 @@
 
 use core::fmt;
 
-use crate::description::{ModelDescription, ValueReference, VariableDescription};
+use crate::clock::Clock;
+use crate::description::{ClockDescription, ModelDescription, ValueReference, VariableDescription};
 use crate::error::{Error, Shown};
 use crate::inputs::{InputSignal, Inputs};
 use crate::logger;
@@ -43,6 +44,10 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     /// The Real outputs and derivatives, each with the variables that it depends on by the model's JSON (`reads`), where
     /// that says so. For [`check_dependencies`](crate::check_dependencies); a library does not hold it.
     const DEPENDENCIES: &'static [(ValueReference, &'static [ValueReference])] = &[];
+    /// The clocks: first inputs, by their priority, then others.
+    const CLOCKS: &'static [ClockDescription] = &[];
+    /// The variables that belong to clocks, each with the value references of these; ascending.
+    const CLOCKED: &'static [(ValueReference, &'static [ValueReference])] = &[];
     /// The text of the modelDescription.xml. A library that does not use it does not hold it.
     const MODEL_DESCRIPTION_XML: &'static str;
 
@@ -129,6 +134,16 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     /// Sets a Binary variable.
     fn set_binary(&mut self, reference: ValueReference, value: &[u8]) {
         let _ = (reference, value);
+    }
+    /// The clock at a position in [`Variables::CLOCKS`].
+    fn clock(&self, position: usize) -> Option<&Clock> {
+        let _ = position;
+        None
+    }
+    /// The same clock, to be changed.
+    fn clock_mut(&mut self, position: usize) -> Option<&mut Clock> {
+        let _ = position;
+        None
     }
     /// The states take their start values. Without states there is nothing to do.
     fn states_from_start(&mut self) {}
@@ -223,6 +238,22 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     /// leaves everything as it is.
     fn refresh(&mut self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) {
         let _ = (time, variables, inputs);
+    }
+
+    /// Computes the tick of a clock at a time in s, in FMI 3.0: of the clocks that are inputs, one
+    /// [ticks](Clock::ticks). [`Clocked`](crate::Clocked) and [`Sampled`](crate::Sampled) models have clocks.
+    ///
+    /// # Errors
+    /// When the model cannot go on.
+    fn tick(
+        &mut self,
+        time: f64,
+        variables: &mut Self::Variables,
+        inputs: &InputsOf<Self>,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        let _ = (time, variables, inputs, context);
+        Err(Error::new("this model does nothing at the ticks of clocks"))
     }
 
     /// How the calculated variables change, at a time (s) between steps, when inputs and states change along a

@@ -140,6 +140,13 @@ impl<S: Sampled> Model for SampledModel<S> {
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         *self = Self { start_time: context.experiment.start_time, ..Self::default() };
+        // In Scheduled Execution alone.
+        if !S::Variables::CLOCKS.is_empty() {
+            let period = S::period(variables);
+            if let Some(clock) = variables.clock_mut(0) {
+                clock.set_interval(period);
+            }
+        }
         self.sampled.initialize(variables, inputs, context)
     }
 
@@ -166,6 +173,18 @@ impl<S: Sampled> Model for SampledModel<S> {
                 self.sampled.sample(sample, variables, &inputs, context)?;
             }
         }
+    }
+
+    fn tick(
+        &mut self,
+        time: f64,
+        variables: &mut Self::Variables,
+        inputs: &InputsOf<Self>,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        let sample = Sample { number: self.executed, time };
+        self.executed += 1;
+        self.sampled.sample(sample, variables, inputs, context)
     }
 }
 
@@ -229,20 +248,4 @@ impl<S: Sampled> EventMode for SampledModel<S> {
     }
 }
 
-impl<S: Sampled> ScheduledExecution for SampledModel<S> {
-    fn interval(variables: &Self::Variables) -> f64 {
-        S::period(variables)
-    }
-
-    fn activate(
-        &mut self,
-        time: f64,
-        variables: &mut Self::Variables,
-        inputs: &InputsOf<Self>,
-        context: &mut Context<'_>,
-    ) -> Result<(), Error> {
-        let sample = Sample { number: self.executed, time };
-        self.executed += 1;
-        self.sampled.sample(sample, variables, inputs, context)
-    }
-}
+impl<S: Sampled> ScheduledExecution for SampledModel<S> {}

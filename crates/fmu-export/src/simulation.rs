@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use crate::clock::Clock;
 use crate::error::Error;
 use crate::inputs::InputSignal;
 use crate::model::{Context, Experiment, InputsOf, Model, Step, Variables};
@@ -65,6 +66,19 @@ impl<M: Model> Simulation<M> {
     /// Those of the model; also where it asks for the end, at [`Simulation::time`].
     pub fn step(&mut self, size: f64) -> Result<(), Error> {
         self.step_with(size, &InputSignal::constant(self.inputs.clone()))
+    }
+
+    /// Lets a clock tick at the present time, such as `|variables| &mut variables.clocks.sample`.
+    ///
+    /// # Errors
+    /// Those of the model.
+    pub fn tick(&mut self, clock: impl Fn(&mut M::Variables) -> &mut Clock) -> Result<(), Error> {
+        let Self { model, variables, inputs, experiment, messages, time } = self;
+        clock(variables).ticks = true;
+        let mut log = log_to(messages);
+        let ticked = model.tick(*time, variables, inputs, &mut Context::new(*experiment, &mut log));
+        clock(variables).ticks = false;
+        ticked
     }
 
     /// Advances by a communication step of a size in seconds with inputs that may change during it.

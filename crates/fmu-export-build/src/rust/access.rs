@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 
 use super::{Generator, PLACES};
-use crate::declaration::{Initial, Variability};
+use crate::declaration::{Initial, IntervalVariability, Variability};
 use crate::model::{DataType, Place, Scalar};
 use crate::xml;
 
@@ -60,7 +60,7 @@ impl ::fmu_export::Variables for Variables {{
     const MODEL_DESCRIPTION_XML: &'static str = include_str!(\"modelDescription.xml\");
     const STATE_NAMES: &'static [&'static str] = &States::NAMES;
     const STATE_NOMINALS: &'static [f64] = &[{nominals}];
-{event_indicators}{value_references}{dependencies}
+{event_indicators}{value_references}{dependencies}{clock_tables}
     fn inputs(&self) -> &Inputs {{
         &self.inputs
     }}
@@ -68,7 +68,7 @@ impl ::fmu_export::Variables for Variables {{
     fn inputs_mut(&mut self) -> &mut Inputs {{
         &mut self.inputs
     }}
-{numbers}{accessors}
+{numbers}{accessors}{clocks}
     fn states_from_start(&mut self) {{
         self.states = self.start;
     }}
@@ -83,7 +83,7 @@ impl ::fmu_export::Variables for Variables {{
             derivatives: {zero_states},
             locals: {zero_locals},
             outputs: {zero_outputs},
-        }}
+{zero_clocks}        }}
     }}
 
     fn along_derivatives(&self) -> Self {{
@@ -119,6 +119,87 @@ impl ::fmu_export::Variables for Variables {{
             zero_states = self.zero(Place::States),
             zero_locals = self.zero(Place::Locals),
             zero_outputs = self.zero(Place::Outputs),
+            zero_clocks = if self.has_clocks() { "            clocks: Clocks::default(),\n" } else { "" },
+            clock_tables = self.clock_tables(),
+            clocks = self.clocks(),
+        )
+    }
+
+    /// The positions of the clocks: first inputs by their priority, then others.
+    fn clocks_by_priority(&self) -> Vec<usize> {
+        let mut clocks: Vec<_> = self.model.in_place(Place::Clocks).collect();
+        clocks.sort_by_key(|&clock| {
+            let priority = self.model.field(clock).declaration.priority.unwrap_or(u32::MAX);
+            (!self.model.scalars[clock].is_input_clock(), priority)
+        });
+        clocks
+    }
+
+    /// What the clocks are, and the variables that belong to some, where there are any.
+    fn clock_tables(&self) -> String {
+        let reference = |&position: &usize| self.model.scalars[position].value_reference;
+        let (mut clocks, mut clocked) = (String::new(), String::new());
+        for position in self.clocks_by_priority() {
+            let declaration = self.model.field(position).declaration;
+            let _ = writeln!(
+                clocks,
+                "        fmi::ClockDescription {{ value_reference: {}, is_input: {}, interval_variability: \
+                 fmi::IntervalVariability::{:?}, has_interval: {}, supports_fraction: {}, can_be_deactivated: {} }},",
+                reference(&position),
+                self.model.scalars[position].is_input_clock(),
+                declaration.interval_variability.unwrap_or(IntervalVariability::Triggered),
+                declaration.timing().is_some(),
+                declaration.supports_fraction || declaration.interval_counter.is_some(),
+                declaration.can_be_deactivated,
+            );
+        }
+        for position in self.by_value_reference() {
+            let of: Vec<_> = self.model.scalars[position].clocks.iter().map(reference).collect();
+            if !of.is_empty() {
+                let _ = writeln!(clocked, "        ({}, &{of:?}),", reference(&position));
+            }
+        }
+        if clocks.is_empty() {
+            return clocks;
+        }
+        format!(
+            "    const CLOCKS: &'static [fmi::ClockDescription] = &[
+{clocks}    ];
+    const CLOCKED: &'static [(fmi::ValueReference, &'static [fmi::ValueReference])] = &[
+{clocked}    ];
+"
+        )
+    }
+
+    /// The clocks by their positions among them.
+    fn clocks(&self) -> String {
+        let clocks = self.clocks_by_priority();
+        if clocks.is_empty() {
+            return String::new();
+        }
+        let arms = |to: &str| {
+            let arm = |(place, &clock): (usize, &usize)| {
+                let path = full_path(&self.model.scalars[clock]);
+                format!("            {place} => ::core::option::Option::Some({to}self.{path}),\n")
+            };
+            clocks.iter().enumerate().map(arm).collect::<String>()
+        };
+        format!(
+            "
+    fn clock(&self, position: usize) -> ::core::option::Option<&::fmu_export::Clock> {{
+        match position {{
+{}            _ => ::core::option::Option::None,
+        }}
+    }}
+
+    fn clock_mut(&mut self, position: usize) -> ::core::option::Option<&mut ::fmu_export::Clock> {{
+        match position {{
+{}            _ => ::core::option::Option::None,
+        }}
+    }}
+",
+            arms("&"),
+            arms("&mut "),
         )
     }
 
@@ -291,8 +372,7 @@ impl ::fmu_export::Variables for Variables {{
     /// The arms of the getter and the setter of a type.
     fn accessors(&self, accessor: &str) -> (String, String) {
         let (mut getters, mut setters) = (String::new(), String::new());
-        let is_held =
-            |scalar: &&Scalar| !matches!(scalar.place, Place::Time | Place::EventIndicators | Place::Clock);
+        let is_held = |scalar: &&Scalar| !matches!(scalar.place, Place::Time | Place::EventIndicators);
         for scalar in self.model.scalars.iter().filter(is_held) {
             let of_type = match scalar.data_type {
                 DataType::Real => "real",
@@ -302,6 +382,7 @@ impl ::fmu_export::Variables for Variables {{
                 DataType::Float32 => "float32",
                 DataType::Whole(_) => "whole",
                 DataType::Binary => "binary",
+                DataType::Clock => continue,
             };
             if of_type != accessor {
                 continue;
@@ -358,13 +439,13 @@ impl ::fmu_export::Variables for Variables {{
                 match scalar.data_type {
                     DataType::Real => "Real",
                     DataType::Integer => "Integer",
-                    _ if scalar.place == Place::Clock => "Clock",
                     DataType::Boolean => "Boolean",
                     DataType::String => "String",
                     DataType::Enumeration(_) => "Enumeration",
                     DataType::Float32 => "Float32",
                     DataType::Whole(whole) => whole.name(),
                     DataType::Binary => "Binary",
+                    DataType::Clock => "Clock",
                 },
                 super::pascal_case(xml::causality(scalar.causality)),
                 scalar.variability,
@@ -459,7 +540,8 @@ fn full_path(scalar: &Scalar) -> String {
         Place::States => "states",
         Place::Derivatives => "derivatives",
         Place::Outputs => "outputs",
-        Place::Locals | Place::Time | Place::EventIndicators | Place::Clock => "locals",
+        Place::Clocks => "clocks",
+        Place::Locals | Place::Time | Place::EventIndicators => "locals",
     };
     format!("{place}.{}", scalar.path)
 }

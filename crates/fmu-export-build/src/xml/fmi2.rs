@@ -129,7 +129,7 @@ fn type_element(model: &Model<'_>, scalar: &Scalar) -> (&'static str, Attributes
             attributes.push(("declaredType", model.declaration.enumerations[enumeration].name.clone()));
             "Enumeration"
         }
-        DataType::Float32 | DataType::Whole(_) | DataType::Binary => {
+        DataType::Float32 | DataType::Whole(_) | DataType::Binary | DataType::Clock => {
             unreachable!("the checks refuse types that FMI 2.0 does not have")
         }
     };

@@ -6,7 +6,9 @@ use std::io;
 use super::{
     causality, given, initial, start, variability, write_experiment, write_log_categories, write_units,
 };
-use crate::declaration::{Causality, Declaration, Dimension, Variability};
+use crate::declaration::{
+    Causality, Declaration, Dimension, IntervalVariability, Variability, VariableDeclaration,
+};
 use crate::dependencies::{Structure, Unknown};
 use crate::model::{DataType, Model, Place, Scalar};
 use fmu_xml::{Attributes, XmlWriter, document, element, empty, float};
@@ -128,7 +130,7 @@ impl<'m, 'a> Variables<'m, 'a> {
             ("variability", Some(variability(scalar.variability).to_owned())),
             ("initial", scalar.initial.map(|value| initial(value).to_owned())),
         ]);
-        let (name, own) = self.type_element(scalar);
+        let (name, own) = self.type_element(scalar, position);
         let mut attributes = [common, own].concat();
         let starts = elements.iter().map(|&element| self.model.scalars[element].start.as_ref().map(start));
         let starts: Option<Vec<_>> = starts.collect();
@@ -144,8 +146,8 @@ impl<'m, 'a> Variables<'m, 'a> {
         if self.has_intermediate_update(scalar) {
             attributes.push(("intermediateUpdate", true.to_string()));
         }
-        if scalar.is_clocked {
-            let clocks = self.model.in_place(Place::Clock).map(|clock| self.reference(clock));
+        if !scalar.clocks.is_empty() {
+            let clocks = scalar.clocks.iter().map(|&clock| self.reference(clock));
             attributes.push(("clocks", clocks.collect::<Vec<_>>().join(" ")));
         }
         if scalar.reinit && self.model.fmi.interfaces.model_exchange() {
@@ -177,13 +179,11 @@ impl<'m, 'a> Variables<'m, 'a> {
     /// The sizes of an array, from the position of its first element; a derivative has those of its state.
     fn dimensions(&self, position: usize) -> &'m [Dimension] {
         let position = self.model.scalars[position].state.unwrap_or(position);
-        let fields = self.model.parts.iter().flat_map(|part| &part.fields);
-        let field = fields.into_iter().find(|field| field.positions.first() == Some(&position));
-        field.map_or(&[], |field| &field.declaration.dimensions)
+        &self.model.field(position).declaration.dimensions
     }
 
     /// The element that names a variable's type, with its attributes but the start value.
-    fn type_element(&self, scalar: &Scalar) -> (&'static str, Attributes) {
+    fn type_element(&self, scalar: &Scalar, position: usize) -> (&'static str, Attributes) {
         let whole = |bound: f64| bound.to_string();
         match scalar.data_type {
             DataType::Real | DataType::Float32 => {
@@ -204,12 +204,7 @@ impl<'m, 'a> Variables<'m, 'a> {
                 };
                 (name, given([("min", scalar.min.map(whole)), ("max", scalar.max.map(whole))]))
             }
-            // The interval is not declared, as it follows from parameters.
-            _ if scalar.place == Place::Clock => {
-                let attributes =
-                    [("intervalVariability", "fixed"), ("priority", "0"), ("supportsFraction", "true")];
-                ("Clock", attributes.map(|(name, value)| (name, value.to_owned())).into())
-            }
+            DataType::Clock => ("Clock", clock_attributes(self.model.field(position).declaration)),
             DataType::Boolean => ("Boolean", vec![]),
             DataType::String => ("String", vec![]),
             DataType::Binary => ("Binary", vec![]),
@@ -254,8 +249,9 @@ impl<'m, 'a> Variables<'m, 'a> {
         unknowns: &[Unknown],
     ) -> io::Result<()> {
         // Before the first tick of their clock there are only start values.
-        let is_listed =
-            |unknown: &Unknown| name != "InitialUnknown" || !self.model.scalars[unknown.scalar].is_clocked;
+        let is_listed = |unknown: &Unknown| {
+            name != "InitialUnknown" || self.model.scalars[unknown.scalar].clocks.is_empty()
+        };
         let is_first =
             |unknown: &&Unknown| self.variable_of(unknown.scalar) == unknown.scalar && is_listed(unknown);
         unknowns.iter().filter(is_first).try_for_each(|unknown| {
@@ -277,6 +273,25 @@ impl<'m, 'a> Variables<'m, 'a> {
             empty(writer, name, given(attributes))
         })
     }
+}
+
+/// The attributes that clocks alone have. Where an interval is declared in one way, it is written in the other, too:
+/// importers read the decimal number.
+fn clock_attributes(clock: &VariableDeclaration) -> Attributes {
+    let kind = clock.interval_variability.unwrap_or(IntervalVariability::Triggered);
+    let [interval, shift] = clock.timing().map_or([None; 2], |timing| timing.map(Some));
+    let supports_fraction = clock.supports_fraction || clock.interval_counter.is_some();
+    given([
+        ("canBeDeactivated", clock.can_be_deactivated.then(|| true.to_string())),
+        ("priority", clock.priority.map(|priority| priority.to_string())),
+        ("intervalVariability", Some(kind.as_str().to_owned())),
+        ("intervalDecimal", interval.map(float)),
+        ("shiftDecimal", shift.filter(|shift| *shift > 0.0).map(float)),
+        ("supportsFraction", supports_fraction.then(|| true.to_string())),
+        ("resolution", clock.resolution.map(|resolution| resolution.to_string())),
+        ("intervalCounter", clock.interval_counter.map(|counter| counter.to_string())),
+        ("shiftCounter", clock.shift_counter.map(|counter| counter.to_string())),
+    ])
 }
 
 /// The name of an array, from that of its first element: `gain` from `gain[1,1]`, `der(x)` from `der(x[1])`.

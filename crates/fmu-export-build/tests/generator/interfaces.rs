@@ -160,6 +160,82 @@ fn types_of_fmi_3_are_described_and_typed() {
     assert!(error.contains("tiny[1]: FMI 2.0 has no type Int8; FMI 3.0 has it (--fmi 3)"), "{error}");
 }
 
+/// Clocks with their attributes, and what belongs to them (FMI 3.0.2, sections 2.2.8 and 2.4.8).
+#[test]
+fn clocks_are_described_and_typed() {
+    let folder = folder("clocks");
+    let file = folder.join("clocks.json");
+    let generate = |more: &str, interfaces| {
+        let declaration = format!(
+            r#"{{"model_identifier": "clocks", "variables": [
+                {{"name": "slow", "type": "Clock", "causality": "input", "interval_variability": "constant",
+                  "interval_counter": 3, "shift_counter": 1, "resolution": 4, "priority": 1}},
+                {{"name": "fast", "type": "Clock", "causality": "input", "interval_variability": "triggered",
+                  "can_be_deactivated": true, "priority": 0}},
+                {{"name": "count", "type": "Integer", "causality": "output", "clocks": ["slow", "fast"], "reads": []}},
+                {{"name": "done", "type": "Clock", "causality": "output", "reads": ["slow"]}}{more}
+            ]}}"#
+        );
+        fs::write(&file, declaration).expect("the folder is writable");
+        let fmi = Fmi { version: Version::Three, interfaces };
+        generate_into(&file, &folder, &package(), fmi).map_err(|error| error.to_string())
+    };
+    let generated = generate("", Interfaces::Both).unwrap_or_else(|error| panic!("{error}"));
+    let (xml, rust) = (read(&generated.model_description), read(&generated.variables));
+    for text in [
+        r#"priority="1" intervalVariability="constant" intervalDecimal="0.75" shiftDecimal="0.25" supportsFraction="true" resolution="4" intervalCounter="3" shiftCounter="1"/>"#,
+        r#"canBeDeactivated="true" priority="0" intervalVariability="triggered"/>"#,
+        r#"causality="output" variability="discrete" intervalVariability="triggered"/>"#,
+        r#"initial="calculated" clocks="1 2"/>"#,
+        r#"<Output valueReference="3" dependencies="1 2"/>"#,
+        r#"<Output valueReference="4" dependencies="1"/>"#,
+        "<InitialUnknown valueReference=\"4\" dependencies=\"\"/>\n  </ModelStructure>",
+        r#"hasEventMode="true""#,
+    ] {
+        assert!(xml.contains(text), "{text} in {xml}");
+    }
+    // Inputs come first, by their priority.
+    for text in [
+        "slow: ::fmu_export::Clock::periodic(0.75, 0.25)",
+        "0 => ::core::option::Option::Some(&self.clocks.fast)",
+        "2 => ::core::option::Option::Some(&self.clocks.done)",
+        "(3, &[1, 2])",
+        "fmi3_event_mode as export_functions",
+    ] {
+        assert!(rust.contains(text), "{text} in {rust}");
+    }
+    let error = generate_into(&file, &folder, &package(), Interfaces::CoSimulation).unwrap_err().to_string();
+    assert!(error.contains("slow: FMI 2.0 has no type Clock; FMI 3.0 has it (--fmi 3)"), "{error}");
+
+    let local = r#", {"name": "own", "type": "Clock"}"#;
+    let of_local = r#", {"name": "own", "type": "Clock"},
+        {"name": "bad", "causality": "output", "type": "Integer", "clocks": ["own"]}"#;
+    let aimless = r#", {"name": "aimless", "type": "Clock", "causality": "input", "interval_variability": "triggered"}"#;
+    let both = r#"], "clock": {"name": "sample"}, "log_categories": ["#;
+    for (more, interfaces, reason) in [
+        (local, Interfaces::ScheduledExecution, "own: Scheduled Execution has no local clocks"),
+        (
+            of_local,
+            Interfaces::Both,
+            "bad: the clock 'own' is local, so that only local variables belong to it",
+        ),
+        (
+            aimless,
+            Interfaces::ScheduledExecution,
+            "aimless: in Scheduled Execution a clock that is an input needs a",
+        ),
+        (both, Interfaces::ScheduledExecution, "sample: there is another clock, 'slow'"),
+    ] {
+        let refused = generate(more, interfaces).expect_err(reason);
+        assert!(refused.contains(reason), "{refused}");
+    }
+    for (more, interfaces) in
+        [(local, Interfaces::Both), (aimless, Interfaces::Both), ("", Interfaces::ScheduledExecution)]
+    {
+        generate(more, interfaces).unwrap_or_else(|error| panic!("{error}"));
+    }
+}
+
 #[test]
 fn the_typed_interface_has_the_functions_and_the_table_of_the_interfaces() {
     let of_co_simulation = read(&sources().join("Vessels/variables.rs"));

@@ -21,7 +21,7 @@ use crate::description::DataType;
 use crate::error::Error;
 use crate::event_mode::EventMode;
 use crate::instance::event_mode::has_intermediate_update;
-use crate::instance::{self, IntermediateCallback, IntermediateUpdate, Preemption};
+use crate::instance::{self, ClockUpdate, IntermediateCallback, IntermediateUpdate, Preemption};
 use crate::logger::{Logger, Recipient};
 use crate::model::{Experiment, Model, Variables};
 use crate::model_exchange::ModelExchange;
@@ -31,6 +31,7 @@ use crate::wasm::host;
 
 pub use crate::c_boundary::silence_panics;
 
+pub mod clocks;
 pub mod scheduled_execution;
 
 /// `fmi3GetVersion`.
@@ -57,6 +58,7 @@ struct Options {
     early_return_allowed: bool,
     intermediate_update: Option<IntermediateUpdate>,
     preemption: Preemption,
+    clock_update: Option<ClockUpdateCallback>,
 }
 
 /// Instantiates for an interface: null, and a message, when an argument is wrong or `refusal` says why not.
@@ -107,6 +109,7 @@ unsafe fn instantiate<M: Model>(
     c_boundary::instantiate::<M>(function, logger, check(), |instance| {
         instance.early_return_allowed = options.early_return_allowed;
         instance.preemption = options.preemption;
+        instance.clock_update = options.clock_update.map(|function| ClockUpdate { function, environment });
         instance.intermediate_update = options.intermediate_update;
         if description.has_resources {
             // SAFETY: the caller's promise.
@@ -134,6 +137,7 @@ pub unsafe fn instantiate_co_simulation<M: Model>(
 ) -> Instance {
     let event_mode_used = event_mode_used != FALSE;
     let has_event_mode = M::Variables::DESCRIPTION.capabilities.event_mode;
+    let has_clocks = M::Variables::DESCRIPTION.interfaces.co_simulation && !M::Variables::CLOCKS.is_empty();
     // SAFETY: the array is the importer's (see the module).
     let registered = unsafe {
         elements(
@@ -147,6 +151,10 @@ pub unsafe fn instantiate_co_simulation<M: Model>(
         Err(error) => (Err(error), Box::default()),
         Ok(_) if event_mode_used && !has_event_mode => {
             let error = "eventModeUsed is true, but this FMU has no Event Mode (hasEventMode is false)";
+            (Err(Error::new(error)), Box::default())
+        }
+        Ok(_) if !event_mode_used && has_clocks => {
+            let error = "eventModeUsed is false, but this FMU has clocks, which tick in Event Mode";
             (Err(Error::new(error)), Box::default())
         }
         Ok(registered) if event_mode_used => (Ok(Interface::CoSimulationWithEvents), registered),
@@ -421,23 +429,6 @@ pub unsafe fn set_float64_with_updates<M: EventMode>(
     }
 }
 
-/// Refuses every variable, as none is of the function's type.
-///
-/// # Safety
-/// As for [`call`]; there are as many value references as counted.
-unsafe fn refuse_all<M: Model>(
-    instance: Instance,
-    function: Function,
-    (references, count): (*const ValueReference, usize),
-) -> Status {
-    // SAFETY: the caller's promise.
-    unsafe {
-        call::<M>(instance, function, |_| {
-            instance::Instance::<M>::refuse_all(&elements("valueReferences", references, count)?)
-        })
-    }
-}
-
 /// `fmi3GetBinary`. The values stay valid until the next call for this instance.
 pub unsafe fn get_binary<M: Model>(
     instance: Instance,
@@ -490,32 +481,6 @@ pub unsafe fn set_binary<M: Model>(
             },
         )
     }
-}
-
-/// Defines functions of clocks where there are none, or for clocks that they are not for.
-macro_rules! clocks {
-    ($($name:ident($($argument:ty),*): $function:ident;)*) => {$(
-        #[doc = concat!("`fmi3", stringify!($function), "`: an error for each variable.")]
-        pub unsafe fn $name<M: Model>(
-            instance: Instance,
-            references: *const ValueReference,
-            count: usize,
-            $(_: $argument),*
-        ) -> Status {
-            // SAFETY: the instance and the array are the importer's (see the module).
-            unsafe { refuse_all::<M>(instance, Function::$function, (references, count)) }
-        }
-    )*};
-}
-
-// The one clock that an FMU may have activates itself at an interval that follows from parameters.
-clocks! {
-    get_clock(*mut Clock): GetClock;
-    set_clock(*const Clock): SetClock;
-    set_interval_decimal(*const f64): SetIntervalDecimal;
-    set_interval_fraction(*const u64, *const u64): SetIntervalFraction;
-    set_shift_decimal(*const f64): SetShiftDecimal;
-    set_shift_fraction(*const u64, *const u64): SetShiftFraction;
 }
 
 /// `fmi3GetString`. The strings stay valid until its next call for this instance.
@@ -976,9 +941,8 @@ pub mod without_model_exchange {
 /// The functions of Scheduled Execution of an FMU that does not offer it.
 pub mod without_scheduled_execution {
     use super::{
-        Boolean, ClockUpdateCallback, Enumeration, Error, Function, Instance, InstanceEnvironment,
-        LogMessageCallback, Model, Options, PreemptionCallback, Status, String, ValueReference, call,
-        instantiate, refuse_all,
+        Boolean, ClockUpdateCallback, Error, Function, Instance, InstanceEnvironment, LogMessageCallback,
+        Model, Options, PreemptionCallback, Status, String, ValueReference, call, instantiate,
     };
 
     /// `fmi3InstantiateScheduledExecution`: null, and a message.
@@ -1014,15 +978,8 @@ pub mod without_scheduled_execution {
         activate_model_partition(ValueReference, f64): ActivateModelPartition, "this FMU does not offer Scheduled Execution";
     }
 
-    clocks! {
-        get_interval_decimal(*mut f64, *mut Enumeration): GetIntervalDecimal;
-        get_interval_fraction(*mut u64, *mut u64, *mut Enumeration): GetIntervalFraction;
-        get_shift_decimal(*mut f64): GetShiftDecimal;
-        get_shift_fraction(*mut u64, *mut u64): GetShiftFraction;
-    }
-
     /// Calls a function: nothing preempts it.
-    pub unsafe fn locked<M: Model>(_instance: Instance, function: impl FnOnce() -> Status) -> Status {
+    pub unsafe fn locked<M: Model, T>(_instance: Instance, function: impl FnOnce() -> T) -> T {
         function()
     }
 }

@@ -79,10 +79,8 @@ const DIFFERENTIABLE: &[Phase] = &[
 const SOLVABLE: &[Phase] = &[InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error];
 /// The states in which the sizes of what a solver needs can be read.
 const COUNTABLE: &[Phase] = &[Instantiated, EventMode];
-/// The states in which intervals of clocks can be read.
+/// The states in which intervals of clocks can be read and set.
 const TIMED: &[Phase] = &[InitializationMode, EventMode, StepEventMode, ClockActivationMode];
-/// Those in which they can be set.
-const SETTING_TIME: &[Phase] = &[InitializationMode, EventMode, StepEventMode];
 /// Event Mode of all interfaces.
 const AT_EVENTS: &[Phase] = &[EventMode, StepEventMode];
 
@@ -108,7 +106,8 @@ functions! {
         GetBoolean: READABLE,
         GetString: READABLE,
         GetBinary: READABLE,
-        GetClock: AT_EVENTS,
+        // In Scheduled Execution it belongs into Clock Update Mode. Reference-FMUs' scs_synchronous.c calls it afterwards.
+        GetClock: &[EventMode, StepEventMode, ClockActivationMode],
         SetFloat32: WRITABLE,
         SetFloat64: WRITABLE_NUMBERS,
         SetInt8: WRITABLE,
@@ -139,8 +138,8 @@ functions! {
         GetIntervalFraction: TIMED,
         GetShiftDecimal: &[InitializationMode],
         GetShiftFraction: &[InitializationMode],
-        SetIntervalDecimal: SETTING_TIME,
-        SetIntervalFraction: SETTING_TIME,
+        SetIntervalDecimal: TIMED,
+        SetIntervalFraction: TIMED,
         SetShiftDecimal: &[InitializationMode],
         SetShiftFraction: &[InitializationMode],
         EvaluateDiscreteStates: AT_EVENTS,

@@ -59,7 +59,8 @@ macro_rules! fmi3_scheduled_execution {
 macro_rules! fmi3_without_clock {
     ($model:ty) => {
         ::core::compile_error!(
-            "Scheduled Execution needs a clock in the model's JSON, such as \"clock\": {\"name\": \"sample_clock\"}"
+            "Scheduled Execution needs a clock in the model's JSON: a variable of the type Clock, or of a sampled model \
+             \"clock\": {\"name\": \"sample_clock\"}"
         );
     };
 }
@@ -119,8 +120,8 @@ macro_rules! fmi3_functions {
                     vr: *const ValueReference, count: usize, sizes: *mut usize, values: *mut Binary, n: usize);
                 fmi3SetBinary = set_binary(
                     vr: *const ValueReference, count: usize, sizes: *const usize, values: *const Binary, n: usize);
-                fmi3GetClock = get_clock(vr: *const ValueReference, count: usize, values: *mut Clock);
-                fmi3SetClock = set_clock(vr: *const ValueReference, count: usize, values: *const Clock);
+                fmi3GetClock = clocks::get_clock(vr: *const ValueReference, count: usize, values: *mut Clock);
+                fmi3SetClock = clocks::set_clock(vr: *const ValueReference, count: usize, values: *const Clock);
                 fmi3GetNumberOfVariableDependencies = get_number_of_variable_dependencies(
                     vr: ValueReference, count: *mut usize);
                 fmi3GetVariableDependencies = get_variable_dependencies(
@@ -143,22 +144,22 @@ macro_rules! fmi3_functions {
                     seed: *const f64, seed_count: usize, sensitivity: *mut f64, sensitivity_count: usize);
                 fmi3EnterConfigurationMode = enter_configuration_mode();
                 fmi3ExitConfigurationMode = exit_configuration_mode();
-                fmi3GetIntervalDecimal = $scheduled::get_interval_decimal(
+                fmi3GetIntervalDecimal = clocks::get_interval_decimal(
                     vr: *const ValueReference, count: usize, intervals: *mut f64, qualifiers: *mut Enumeration);
-                fmi3GetIntervalFraction = $scheduled::get_interval_fraction(
+                fmi3GetIntervalFraction = clocks::get_interval_fraction(
                     vr: *const ValueReference, count: usize, counters: *mut u64, resolutions: *mut u64,
                     qualifiers: *mut Enumeration);
-                fmi3GetShiftDecimal = $scheduled::get_shift_decimal(
+                fmi3GetShiftDecimal = clocks::get_shift_decimal(
                     vr: *const ValueReference, count: usize, shifts: *mut f64);
-                fmi3GetShiftFraction = $scheduled::get_shift_fraction(
+                fmi3GetShiftFraction = clocks::get_shift_fraction(
                     vr: *const ValueReference, count: usize, counters: *mut u64, resolutions: *mut u64);
-                fmi3SetIntervalDecimal = set_interval_decimal(
+                fmi3SetIntervalDecimal = clocks::set_interval_decimal(
                     vr: *const ValueReference, count: usize, intervals: *const f64);
-                fmi3SetIntervalFraction = set_interval_fraction(
+                fmi3SetIntervalFraction = clocks::set_interval_fraction(
                     vr: *const ValueReference, count: usize, counters: *const u64, resolutions: *const u64);
-                fmi3SetShiftDecimal = set_shift_decimal(
+                fmi3SetShiftDecimal = clocks::set_shift_decimal(
                     vr: *const ValueReference, count: usize, shifts: *const f64);
-                fmi3SetShiftFraction = set_shift_fraction(
+                fmi3SetShiftFraction = clocks::set_shift_fraction(
                     vr: *const ValueReference, count: usize, counters: *const u64, resolutions: *const u64);
                 fmi3EvaluateDiscreteStates = evaluate_discrete_states();
                 fmi3UpdateDiscreteStates = $($model_exchange::)?update_discrete_states(
@@ -186,8 +187,14 @@ macro_rules! fmi3_functions {
                 fmi3DoStep = $do_step(
                     time: f64, size: f64, no_set_fmu_state_prior: Boolean, event_handling_needed: *mut Boolean,
                     terminate: *mut Boolean, early_return: *mut Boolean, last_successful_time: *mut f64);
-                fmi3ActivateModelPartition = $scheduled::activate_model_partition(clock: ValueReference, time: f64);
             }
+            #[unsafe(no_mangle)]
+            unsafe extern "C" fn fmi3ActivateModelPartition(instance: Instance, clock: ValueReference, time: f64) -> Status {
+                // It locks by itself, but for the time in which the importer is told of clocks.
+                // SAFETY: the arguments are the importer's, unchanged.
+                unsafe { $crate::fmi3::c_api::$scheduled::activate_model_partition::<$model>(instance, clock, time) }
+            }
+
             $crate::fmi3_functions! { @accessors $model; $scheduled;
                 fmi3GetFloat32 = get_float32, fmi3SetFloat32 = set_float32, f32;
                 fmi3GetFloat64 = $get_float64, fmi3SetFloat64 = $set_float64, f64;
@@ -212,7 +219,7 @@ macro_rules! fmi3_functions {
         unsafe extern "C" fn $symbol(instance: Instance, $($argument: $type),*) -> Status {
             // SAFETY: the arguments are the importer's, unchanged.
             unsafe {
-                $crate::fmi3::c_api::$scheduled::locked::<$model>(instance, || {
+                $crate::fmi3::c_api::$scheduled::locked::<$model, _>(instance, || {
                     $crate::fmi3::c_api::$($function)::+::<$model>(instance, $($argument),*)
                 })
             }

@@ -1,93 +1,81 @@
-//! Scheduled Execution: the clock and its model partition (FMI 3.0.2, sections 2.2.8 and 5.2).
+//! Scheduled Execution: the clocks' model partitions (FMI 3.0.2, section 5.2).
 
 use core::mem;
 
-use super::{Answer, Instance, check_finite};
+use super::{Answer, ClockUpdate, Instance};
 use crate::calling_sequence::Phase;
-use crate::description::{DataType, ValueReference};
+use crate::description::{ClockDescription, IntervalVariability, ValueReference};
 use crate::error::{Error, Shown};
-use crate::logger::WARNING;
-use crate::model::{Context, time_rounding};
+use crate::model::{Variables, time_rounding};
 use crate::scheduled_execution::ScheduledExecution;
-use crate::status::Status;
-
-/// What is told of a clock's interval: `fmi3IntervalQualifier`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(i32)]
-pub(crate) enum IntervalQualifier {
-    Unchanged = 1,
-    Changed = 2,
-}
 
 impl<M: ScheduledExecution> Instance<M> {
-    /// Refuses variables that are not clocks.
-    pub(crate) fn check_clocks(references: &[ValueReference]) -> Result<(), Error> {
-        references.iter().try_for_each(|&reference| Self::variable(reference, &[DataType::Clock]).map(|_| ()))
-    }
-
-    /// The clock's interval in s, and whether the importer has not been told so before. As it follows from parameters, it
-    /// is fixed when initialization ends.
-    pub(crate) fn interval(&mut self) -> Result<(f64, IntervalQualifier), Error> {
-        let interval = M::interval(&self.memory.variables);
-        if !(interval > 0.0 && interval.is_finite()) {
-            return Err(Error::new(format!(
-                "the clock's interval is {} s; it must be finite and above 0",
-                Shown(interval)
-            )));
-        }
-        let told = self.memory.told_interval.replace(interval);
-        let is_told = told.map(f64::to_bits) == Some(interval.to_bits())
-            || self.memory.phase != Phase::InitializationMode;
-        Ok((interval, if is_told { IntervalQualifier::Unchanged } else { IntervalQualifier::Changed }))
-    }
-
     /// Computes the model partition of a clock at a time in s.
     pub(crate) fn activate(&mut self, clock: ValueReference, time: f64) -> Answer {
-        Self::check_clocks(&[clock])?;
-        self.check_activation(time)?;
+        let (position, description) = Self::clock(clock)?;
+        if !description.is_input {
+            let name = Self::clock_name(description);
+            return Err(Error::new(format!(
+                "the clock {name} is no input, so that it has no model partition"
+            )));
+        }
+        self.check_activation(position, time)?;
         let memory = &mut self.memory;
         memory.inputs.update();
         if memory.parameters_changed {
             M::check_parameters(&memory.variables)?;
             memory.parameters_changed = false;
         }
-        let mut status = Status::Ok;
-        let logger = &self.logger;
-        let mut log = |category, message: core::fmt::Arguments<'_>| {
-            if category == WARNING {
-                status = Status::Warning;
-            }
-            logger.message(category, message);
-        };
+        if memory.stale {
+            memory.model.refresh(time, &mut memory.variables, memory.inputs.latest());
+        }
         // If an error or a panic interrupts the partition, the instance remains in this state.
         let phase = mem::replace(&mut memory.phase, Phase::Error);
-        let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
-        memory.model.activate(time, &mut memory.variables, memory.inputs.initial(), &mut context)?;
-        if let Some(end) = context.end()? {
+        let status = self.compute_tick(position, time)?;
+        let memory = &mut self.memory;
+        if let Some(end) = memory.end {
             // There is no other way to tell.
             return Err(Error::new(format!(
                 "the model asks for the end of the simulation, at {} s",
                 Shown(end)
             )));
         }
-        check_finite(&memory.variables, time)?;
-        memory.events.set_next(None, time, false)?;
+        memory.clock_mut(position).activated = Some(time);
         memory.time = time;
         memory.stale = false;
         memory.phase = phase;
         Ok(status)
     }
 
-    /// Refuses a time that is not after that of the last activation, or not in the experiment.
-    fn check_activation(&self, time: f64) -> Result<(), Error> {
-        let (start, last) = (self.memory.experiment.start_time, self.memory.events.reached());
+    /// Whether clocks of the model tick, or there are new intervals, and whom to tell. Clock Update Mode begins.
+    pub(crate) fn begin_clock_update(&mut self) -> Option<ClockUpdate> {
+        let is_told = |(position, description): (usize, &ClockDescription)| {
+            let is_countdown = description.interval_variability == IntervalVariability::Countdown;
+            let clock = self.memory.variables.clock(position);
+            clock.is_some_and(|clock| clock.ticks && !description.is_input || clock.is_new && is_countdown)
+        };
+        let has_update = M::Variables::CLOCKS.iter().enumerate().any(is_told);
+        let update = self.clock_update.filter(|_| has_update)?;
+        self.clock_updates += 1;
+        Some(update)
+    }
+
+    /// Clock Update Mode ends.
+    pub(crate) fn end_clock_update(&mut self) {
+        self.clock_updates -= 1;
+    }
+
+    /// Refuses a time that is not after that of the clock's last activation, or not in the experiment.
+    fn check_activation(&self, position: usize, time: f64) -> Result<(), Error> {
+        let start = self.memory.experiment.start_time;
+        let last = self.memory.variables.clock(position).and_then(|clock| clock.activated);
         let stop = self.stop_time().unwrap_or(f64::INFINITY);
         let refuse = |reason: String| Err(Error::new(format!("activationTime is {}{reason}", Shown(time))));
         if !time.is_finite() {
             refuse(String::new())
         } else if time < start {
             refuse(format!(", which is before the startTime {}", Shown(start)))
-        } else if time <= last {
+        } else if let Some(last) = last.filter(|last| time <= *last) {
             refuse(format!("; the last activation was at {}", Shown(last)))
         } else if time > stop + time_rounding(stop) {
             refuse(format!(", which is after the stopTime {}", Shown(stop)))

@@ -7,7 +7,6 @@ use crate::calling_sequence::{Interface, Phase};
 use crate::description::ValueReference;
 use crate::error::{Error, Shown};
 use crate::events::{Event, MOST_ITERATIONS};
-use crate::logger::WARNING;
 use crate::model::{Context, Variables, time_rounding};
 use crate::model_exchange::ModelExchange;
 use crate::status::Status;
@@ -86,12 +85,14 @@ impl<M: ModelExchange> Instance<M> {
             _ => Phase::EventMode,
         };
         self.memory.event = EventUnderWay::default();
+        self.memory.begin_event();
         Ok(Status::Ok)
     }
 
     pub(crate) fn enter_continuous_time_mode(&mut self) -> Answer {
         self.check_changed_parameters()?;
         let status = self.compute_values()?;
+        self.memory.end_ticks();
         self.memory.phase = Phase::ContinuousTimeMode;
         Ok(status)
     }
@@ -123,10 +124,7 @@ impl<M: ModelExchange> Instance<M> {
             let before = memory.states();
             let logger = &self.logger;
             let mut log = |category, message: core::fmt::Arguments<'_>| {
-                if category == WARNING {
-                    status = Status::Warning;
-                }
-                logger.message(category, message);
+                status = status.max(logger.message(category, message));
             };
             let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
             // If an error or a panic interrupts the event, the instance remains in this state.
@@ -156,6 +154,7 @@ impl<M: ModelExchange> Instance<M> {
             );
         }
         info.next = self.memory.events.next;
+        self.memory.end_ticks();
         Ok((status, info))
     }
 

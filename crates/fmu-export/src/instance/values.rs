@@ -43,14 +43,6 @@ impl<M: Model> Instance<M> {
         Error::new(format!("the variable {} is of the type {data_type}", variable.name))
     }
 
-    /// Gets or sets variables of a type that no variable has.
-    pub(crate) fn refuse_all(references: &[ValueReference]) -> Answer {
-        for &reference in references {
-            Self::variable(reference, &[])?;
-        }
-        Ok(Status::Ok)
-    }
-
     fn is_real_input(reference: ValueReference) -> bool {
         M::Variables::description(reference).is_some_and(|variable| variable.real_input.is_some())
     }
@@ -284,6 +276,10 @@ impl<M: Model> Instance<M> {
         types: &[DataType],
         setter: &Setter<M::Variables, T>,
     ) -> Answer {
+        if !M::Variables::CLOCKS.is_empty() {
+            self.check_ticking(references)?;
+            self.memory.rewind();
+        }
         if self.memory.phase == Phase::ContinuousTimeMode {
             return self.set_between_events(references, values, types, setter);
         }

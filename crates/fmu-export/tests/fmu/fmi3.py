@@ -76,6 +76,9 @@ INTERMEDIATE_UPDATE = CFUNCTYPE(
 )
 """`fmi3IntermediateUpdateCallback`."""
 
+CLOCK_UPDATE = CFUNCTYPE(None, c_void_p)
+"""`fmi3ClockUpdateCallback`."""
+
 PREEMPTION = CFUNCTYPE(None)
 """`fmi3LockPreemptionCallback` and `fmi3UnlockPreemptionCallback`."""
 
@@ -105,7 +108,7 @@ TYPES = {
     "fmi3IntervalQualifier": c_int,
     "fmi3LogMessageCallback": LOGGER,
     "fmi3IntermediateUpdateCallback": INTERMEDIATE_UPDATE,
-    "fmi3ClockUpdateCallback": c_void_p,
+    "fmi3ClockUpdateCallback": CLOCK_UPDATE,
     "fmi3LockPreemptionCallback": PREEMPTION,
     "fmi3UnlockPreemptionCallback": PREEMPTION,
 }
@@ -242,6 +245,14 @@ class Instance:
         target = (c_uint8 * size.value).from_buffer(data)
         assert self.call("fmi3SerializeFMUState", state, target, size) == Status.OK
         return data.raw
+
+    def restore(self, content: bytes) -> None:
+        """Goes on from a serialized state."""
+        state = c_void_p()
+        data = (c_uint8 * len(content)).from_buffer_copy(content)
+        assert self.call("fmi3DeserializeFMUState", data, len(content), byref(state)) == Status.OK
+        self.ok("fmi3SetFMUState", FMUState=state)
+        self.ok("fmi3FreeFMUState", FMUState=byref(state))
 
     def free(self) -> None:
         """Frees the instance."""

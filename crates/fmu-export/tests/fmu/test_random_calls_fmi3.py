@@ -19,15 +19,14 @@ from random import Random
 from typing import Any
 
 import pytest
-from fmi3 import CO_SIMULATION, DECLARED, EVENT_MODE, SCHEDULED_EXECUTION, TYPES, Instance, Status
+from fmi3 import CO_SIMULATION, DECLARED, SCHEDULED_EXECUTION, TYPES, Instance, Status
 from test_fmi3 import (
-    ALLOWED,
-    COUNTS,
+    CLOCKED,
+    INSTANCES,
     KINDS,
-    OF_OTHERS,
-    SAMPLED,
-    SCHEDULED,
     STATES,
+    allows,
+    counts,
     described,
     libraries,
     make,
@@ -54,6 +53,7 @@ USEFUL += [
     "EnterEventMode",
 ]
 USEFUL += ["EnterInitializationMode", "ExitInitializationMode", "EnterStepMode", "ActivateModelPartition"]
+OF_CLOCKS = ["SetClock", "GetClock", "GetIntervalDecimal", "SetIntervalDecimal", "SetInt32", "GetString"]
 AFTER = {
     "EnterInitializationMode": "initialization",
     "EnterEventMode": "event",
@@ -89,15 +89,16 @@ def _size(type: Any) -> int:
 class Importer:
     """An instance and what an importer knows of it: the state, the time and the saved states."""
 
-    def __init__(self, make: Callable[..., Instance], interface: str, references: list[int]) -> None:
-        self.make, self.interface, self.references = make, interface, references
-        self.instance = make(interface, loggingOn=True)
+    def __init__(self, make: Callable[..., Instance], interface: str, model: str) -> None:
+        self.interface, self.model = interface, model
+        self.references = [0] + [v.valueReference for v in described(model)[1].modelVariables]
+        self.instance = make(interface, model=model, loggingOn=True)
         self.state, self.time = "instantiated", 0.0
         self.saved: list[tuple[c_void_p, str, float]] = []
 
     def allows(self, function: str) -> bool:
         """Whether the standard's table allows a function now."""
-        return self.state in ALLOWED[function] and function not in OF_OTHERS[self.interface]
+        return allows(function, self.state, self.interface, self.model)
 
     def call(self, function: str, random: Random) -> tuple[Any, ...]:
         """Calls a function with random arguments: what it returned."""
@@ -130,6 +131,7 @@ class Importer:
         if (
             short in ("GetFloat64", "GetFloat32", "GetContinuousStateDerivatives", "GetEventIndicators")
             and status <= 1
+            and guarded
         ):
             assert all(
                 math.isfinite(value)
@@ -150,7 +152,7 @@ class Importer:
         names = [
             name for type, name, pointer in DECLARED[f"fmi3{function}"][1] if type is c_size_t and not pointer
         ]
-        sizes = {name: COUNTS.get(name, 1) for name in names}
+        sizes = {name: counts(self.model).get(name, 1) for name in names}
         if function[3:] in KINDS:
             sizes = dict.fromkeys(names, random.randint(0, 3))
         if random.random() < 0.05 and names:
@@ -254,11 +256,7 @@ class Importer:
 
     def restore(self, content: bytes, state: str, time: float) -> None:
         """Goes on from a snapshot, without saved states."""
-        saved = c_void_p()
-        data = (c_uint8 * len(content)).from_buffer_copy(content)
-        assert self.instance.call("fmi3DeserializeFMUState", data, len(content), byref(saved)) == Status.OK
-        self.instance.ok("fmi3SetFMUState", FMUState=saved)
-        self.instance.ok("fmi3FreeFMUState", FMUState=byref(saved))
+        self.instance.restore(content)
         self.state, self.time, self.saved = state, time, []
 
 
@@ -267,26 +265,24 @@ def _plain(value: Any) -> Any:
     return repr(value) if isinstance(value, float) else value
 
 
-def choose(random: Random) -> str:
-    return f"fmi3{random.choice(USEFUL)}" if random.random() < 0.7 else random.choice(FUNCTIONS)
-
-
-@pytest.mark.parametrize("interface", STATES)
+@pytest.mark.parametrize(("interface", "model"), INSTANCES)
 def test_calls_in_any_order(
     make: Callable[..., Instance],
     capfd: pytest.CaptureFixture[str],
     interface: str,
+    model: str,
 ) -> None:
-    _, description = described(
-        {EVENT_MODE: SAMPLED, SCHEDULED_EXECUTION: SCHEDULED}.get(interface, "TestModel")
-    )
-    references = [0] + [variable.valueReference for variable in description.modelVariables]
+    useful = USEFUL + OF_CLOCKS if model.startswith(CLOCKED) else USEFUL
+
+    def choose(random: Random) -> str:
+        return f"fmi3{random.choice(useful)}" if random.random() < 0.7 else random.choice(FUNCTIONS)
+
     made, seed, reached = 0, 0, set()
-    fresh = Importer(make, interface, references).snapshot()
+    fresh = Importer(make, interface, model).snapshot()
     while made < CALLS:
         seed += 1
         random = Random(seed)
-        importer = Importer(make, interface, references)
+        importer = Importer(make, interface, model)
         for opening in ("EnterInitializationMode", "ExitInitializationMode")[: random.randint(0, 3)]:
             importer.instance.ok(f"fmi3{opening}")
             importer.follow(opening, Status.OK)
@@ -300,7 +296,7 @@ def test_calls_in_any_order(
         importer.saved = []
         expected = importer.run(tail)
         end = importer.snapshot()
-        for other in (importer, Importer(make, interface, references)):
+        for other in (importer, Importer(make, interface, model)):
             other.restore(content, state, time)
             assert other.snapshot() == content
             assert other.run(tail) == expected

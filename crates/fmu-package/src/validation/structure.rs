@@ -188,7 +188,11 @@ fn initial_unknowns(model: &Model<'_>, states: &BTreeSet<usize>, report: &mut Re
             || is_calculated && (is_output || states.contains(&index) || derivatives.contains(&index))
     };
     let expected = (0..model.variables.len()).filter(is_expected).collect();
-    let may_be = |index: usize| model.variables[index].is_clocked();
+    // Clocks have no `initial`, and FMPy wants those that are outputs.
+    let may_be = |index: usize| {
+        let variable = &model.variables[index];
+        variable.is_clocked() || variable.causality == "output" && variable.kind() == "Clock"
+    };
     compare(model, "InitialUnknown", &expected, may_be, &INITIAL_UNKNOWNS, report);
 }
 

@@ -1,0 +1,38 @@
+//! Clocks: a periodic one, a triggered one, one that the model winds up, and one by which it triggers others.
+
+use fmu_export::{Clocked, Context, Error};
+
+fmu_export::fmu!(clocked struct {Type});
+
+impl Clocked for {Type} {
+    type Variables = Variables;
+
+    fn tick(
+        &mut self,
+        time: f64,
+        variables: &mut Variables,
+        inputs: &Inputs,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        let (clocks, outputs) = (&mut variables.clocks, &mut variables.outputs);
+        outputs.total_in_clock_ticks += 1;
+        if clocks.in_clock1.ticks() {
+            outputs.in_clock1_ticks += 1;
+            if (4.0..5.0).contains(&time) {
+                clocks.in_clock3.set_interval(0.0);
+            }
+        }
+        if clocks.in_clock2.ticks() {
+            outputs.in_clock2_ticks += 1;
+            outputs.result2 += inputs.input2;
+        }
+        if clocks.in_clock3.ticks() {
+            outputs.in_clock3_ticks += 1;
+            outputs.output3 = 1000;
+        }
+        if outputs.total_in_clock_ticks % 5 == 0 {
+            clocks.out_clock.tick();
+        }
+        Ok(())
+    }
+}

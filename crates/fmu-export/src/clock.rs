@@ -1,0 +1,95 @@
+//! The clocks of FMI 3.0 (FMI 3.0.2, section 2.2.8), as a model sees them in its variables.
+
+use crate::description::IntervalVariability;
+
+/// A clock: whether it ticks now, and when it ticks next where the model tells that.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Clock {
+    pub(crate) ticks: bool,
+    /// Of a time-based clock, in s: between two ticks, otherwise up to the next one.
+    interval: Option<f64>,
+    /// Of a periodic clock: from the start to the first tick, in s.
+    pub(crate) shift: f64,
+    /// Whether the model has set the interval since the importer was told one.
+    pub(crate) is_new: bool,
+    /// The interval that the importer was told.
+    told: Option<f64>,
+    /// Whether it has ticked since Event Mode was entered.
+    pub(crate) has_ticked: bool,
+    /// In Scheduled Execution, the time of the last tick in s.
+    pub(crate) activated: Option<f64>,
+}
+
+crate::persistent!(Clock { ticks, interval, shift, is_new, told, has_ticked, activated });
+
+/// What is told of a clock's interval: `fmi3IntervalQualifier`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(i32)]
+pub(crate) enum IntervalQualifier {
+    NotYetKnown = 0,
+    Unchanged = 1,
+    Changed = 2,
+}
+
+impl Clock {
+    /// A clock with an interval and a shift in s, as declared.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn periodic(interval: f64, shift: f64) -> Self {
+        Self { interval: Some(interval), shift, ..Self::default() }
+    }
+
+    /// Whether it ticks now. Of the inputs one does at a time.
+    #[must_use]
+    pub fn ticks(&self) -> bool {
+        self.ticks
+    }
+
+    /// Lets it tick: an output or a local clock, which the importer is told.
+    pub fn tick(&mut self) {
+        self.ticks = true;
+    }
+
+    /// The interval in s, where it is known.
+    #[must_use]
+    pub fn interval(&self) -> Option<f64> {
+        self.interval
+    }
+
+    /// Sets the interval in s: of a periodic clock the time between two ticks, which follows from parameters; otherwise
+    /// the time from now to the next tick.
+    pub fn set_interval(&mut self, interval: f64) {
+        self.interval = Some(interval);
+        self.is_new = true;
+    }
+
+    /// The time in s from the start to the first tick of a periodic clock.
+    #[must_use]
+    pub fn shift(&self) -> f64 {
+        self.shift
+    }
+
+    /// Sets this time in s, where it follows from parameters.
+    pub fn set_shift(&mut self, shift: f64) {
+        self.shift = shift;
+    }
+
+    /// A tick begins, after which the interval of an aperiodic clock is another one.
+    pub(crate) fn begin_tick(&mut self, kind: IntervalVariability) {
+        self.ticks = true;
+        if !kind.is_periodic() {
+            self.interval = None;
+            self.is_new = false;
+        }
+    }
+
+    /// How the interval, which the importer is told now, relates to the one that it was told before.
+    pub(crate) fn tell(&mut self, kind: IntervalVariability) -> IntervalQualifier {
+        let Some(interval) = self.interval else { return IntervalQualifier::NotYetKnown };
+        let told = self.told.replace(interval);
+        let is_new = core::mem::take(&mut self.is_new);
+        let has_changed =
+            if kind.is_periodic() { told.map(f64::to_bits) != Some(interval.to_bits()) } else { is_new };
+        if has_changed { IntervalQualifier::Changed } else { IntervalQualifier::Unchanged }
+    }
+}

@@ -1,0 +1,331 @@
+//! Clocks: their activation, their intervals, and what their ticks compute (FMI 3.0.2, sections 2.2.8 and 2.3.5).
+//!
+//! In Event Mode a tick is computed when a value is asked for, from the state before, which is kept until
+//! `fmi3UpdateDiscreteStates`: whatever the importer sets or takes back until then, the tick is computed anew.
+
+use core::mem;
+
+use super::{Answer, Instance, Memory, check_finite};
+use crate::calling_sequence::Phase;
+use crate::clock::{Clock, IntervalQualifier};
+use crate::description::{ClockDescription, DataType, IntervalVariability, ValueReference};
+use crate::error::{Error, Shown};
+use crate::logger::RecentMessages;
+use crate::model::{Context, Model, Variables};
+use crate::status::Status;
+
+/// What ticks that are computed already began from.
+#[derive(Clone)]
+pub(super) struct BeforeTicks<M: Model> {
+    model: M,
+    variables: M::Variables,
+    end: Option<f64>,
+}
+
+impl<M: Model> Memory<M> {
+    const CLOCKS: &'static [ClockDescription] = M::Variables::CLOCKS;
+
+    pub(super) fn clock_mut(&mut self, position: usize) -> &mut Clock {
+        self.variables.clock_mut(position).expect("each position has a clock")
+    }
+
+    /// The clocks of the importer that tick.
+    fn ticking(&self) -> impl Iterator<Item = usize> {
+        (0..Self::CLOCKS.len()).filter(|&position| {
+            Self::CLOCKS[position].is_input && self.variables.clock(position).is_some_and(|clock| clock.ticks)
+        })
+    }
+
+    /// Takes back ticks that were computed; they are computed anew when a value is asked for.
+    pub(super) fn rewind(&mut self) {
+        if let Some(before) = self.before_ticks.take() {
+            let BeforeTicks { model, variables, end } = *before;
+            (self.model, self.variables, self.end) = (model, variables, end);
+            self.stale = true;
+        }
+    }
+
+    /// Ends the ticks: what they computed is the state from now on.
+    pub(super) fn end_ticks(&mut self) {
+        if self.before_ticks.take().is_some() {
+            self.recent_messages = RecentMessages::default();
+        }
+        for (position, description) in Self::CLOCKS.iter().enumerate() {
+            let clock = self.clock_mut(position);
+            clock.has_ticked |= mem::take(&mut clock.ticks) && description.is_input;
+        }
+    }
+
+    /// Event Mode begins.
+    pub(super) fn begin_event(&mut self) {
+        for position in 0..Self::CLOCKS.len() {
+            self.clock_mut(position).has_ticked = false;
+        }
+    }
+}
+
+/// Refuses times of clocks that are no such times.
+fn check_time(what: &str, name: &str, time: f64, is_allowed: bool) -> Result<(), Error> {
+    if is_allowed && time.is_finite() {
+        Ok(())
+    } else {
+        Err(Error::new(format!("{} s for the {what} of the clock {name}", Shown(time))))
+    }
+}
+
+impl<M: Model> Instance<M> {
+    /// The clock of a value reference, with its position among them.
+    pub(super) fn clock(reference: ValueReference) -> Result<(usize, &'static ClockDescription), Error> {
+        let variable = Self::variable(reference, &[DataType::Clock])?;
+        let mut clocks = M::Variables::CLOCKS.iter().enumerate();
+        clocks
+            .find(|(_, clock)| clock.value_reference == reference)
+            .ok_or_else(|| Error::new(format!("{} is no clock", variable.name)))
+    }
+
+    pub(super) fn clock_name(clock: &ClockDescription) -> &'static str {
+        Self::checked(clock.value_reference).name
+    }
+
+    /// Computes the ticks of the clocks that the importer has activated, unless that is done.
+    pub(super) fn compute_ticks(&mut self) -> Answer {
+        let ticking: Vec<_> = self.memory.ticking().collect();
+        let memory = &mut self.memory;
+        if ticking.is_empty() || memory.before_ticks.is_some() {
+            return Ok(Status::Ok);
+        }
+        memory.before_ticks = Some(Box::new(BeforeTicks {
+            model: memory.model.clone(),
+            variables: memory.variables.clone(),
+            end: memory.end,
+        }));
+        for &position in &ticking {
+            memory.clock_mut(position).ticks = false;
+        }
+        // If an error or a panic interrupts a tick, the instance remains in this state.
+        let phase = mem::replace(&mut memory.phase, Phase::Error);
+        let mut status = Status::Ok;
+        for &position in &ticking {
+            status = status.max(self.compute_tick(position, self.memory.time)?);
+        }
+        let memory = &mut self.memory;
+        for &position in &ticking {
+            memory.clock_mut(position).ticks = true;
+        }
+        memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.latest());
+        memory.phase = phase;
+        Ok(status)
+    }
+
+    /// Computes the tick of one clock at a time in s.
+    pub(super) fn compute_tick(&mut self, position: usize, time: f64) -> Answer {
+        let memory = &mut self.memory;
+        memory.clock_mut(position).begin_tick(M::Variables::CLOCKS[position].interval_variability);
+        let mut status = Status::Ok;
+        let (logger, recent_messages) = (&self.logger, &mut memory.recent_messages);
+        let mut log = |category, message: core::fmt::Arguments<'_>| {
+            // A tick that is computed anew says it once.
+            if recent_messages.is_new(&format!("{time:?} {position} {message}")) {
+                status = status.max(logger.message(category, message));
+            }
+        };
+        let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
+        memory.model.tick(time, &mut memory.variables, memory.inputs.latest(), &mut context)?;
+        memory.end = context.end()?.or(memory.end);
+        memory.clock_mut(position).ticks = false;
+        check_finite(&memory.variables, time)?;
+        Ok(status)
+    }
+
+    /// Refuses variables of clocks none of which ticks: they are set where one does.
+    pub(super) fn check_ticking(&self, references: &[ValueReference]) -> Result<(), Error> {
+        if !matches!(
+            self.memory.phase,
+            Phase::StepComplete | Phase::EventMode | Phase::StepEventMode | Phase::ContinuousTimeMode
+        ) {
+            return Ok(());
+        }
+        let clocked = M::Variables::CLOCKED;
+        for &reference in references {
+            let found = clocked.binary_search_by_key(&reference, |(clocked, _)| *clocked);
+            let Ok(found) = found else { continue };
+            let mut clocks = clocked[found].1.iter().map(|&clock| Self::clock(clock).map(|(place, _)| place));
+            let ticks = |position: Result<usize, Error>| {
+                position.is_ok_and(|at| self.memory.variables.clock(at).is_some_and(|clock| clock.ticks))
+            };
+            if !clocks.any(ticks) {
+                return Err(Error::new(format!(
+                    "the variable {} is set while its clock ticks, which it does not now",
+                    M::Variables::description(reference).map_or("", |variable| variable.name)
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// Which clocks tick. In Scheduled Execution an output that ticks says so once.
+    pub(crate) fn get_clock(&mut self, references: &[ValueReference], values: &mut [u8]) -> Answer {
+        let is_scheduled = self.memory.phase == Phase::ClockActivationMode;
+        for &reference in references {
+            let (_, clock) = Self::clock(reference)?;
+            if is_scheduled && clock.is_input {
+                let name = Self::clock_name(clock);
+                return Err(Error::new(format!(
+                    "the clock {name} is an input, whose ticks the importer knows"
+                )));
+            }
+        }
+        let status = self.compute_values()?;
+        for (&reference, value) in references.iter().zip(values) {
+            let clock = self.memory.clock_mut(Self::clock(reference)?.0);
+            *value = u8::from(clock.ticks);
+            clock.ticks &= !is_scheduled;
+        }
+        Ok(status)
+    }
+
+    /// Activates clocks, or takes that back.
+    pub(crate) fn set_clock(&mut self, references: &[ValueReference], values: &[u8]) -> Answer {
+        for (&reference, &value) in references.iter().zip(values) {
+            let (position, clock) = Self::clock(reference)?;
+            let name = Self::clock_name(clock);
+            let state = self.memory.clock_mut(position);
+            let refuse = |reason: &str| Err(Error::new(format!("the clock {name} {reason}")));
+            if !clock.is_input {
+                return refuse("is no input, so that it ticks by itself");
+            } else if value == 0 && state.ticks && !clock.can_be_deactivated {
+                return refuse("cannot be deactivated (canBeDeactivated is false)");
+            } else if value != 0 && state.has_ticked && clock.interval_variability.is_periodic() {
+                return refuse("is periodic, and has ticked in this event");
+            }
+        }
+        self.memory.rewind();
+        for (&reference, &value) in references.iter().zip(values) {
+            self.memory.clock_mut(Self::clock(reference)?.0).ticks = value != 0;
+        }
+        self.memory.stale = true;
+        Ok(Status::Ok)
+    }
+
+    /// Gets the intervals of time-based clocks in s. `write` is given each with its place; none where it is not known yet.
+    pub(crate) fn get_intervals(
+        &mut self,
+        references: &[ValueReference],
+        is_fraction: bool,
+        mut write: impl FnMut(usize, Option<f64>, IntervalQualifier) -> Result<(), Error>,
+    ) -> Answer {
+        let is_scheduled = self.memory.phase == Phase::ClockActivationMode;
+        for &reference in references {
+            let clock = Self::time_based_clock(reference, is_fraction)?;
+            let is_countdown = clock.interval_variability == IntervalVariability::Countdown;
+            if is_scheduled && is_countdown && self.clock_updates == 0 {
+                let name = Self::clock_name(clock);
+                return Err(Error::new(format!(
+                    "the interval of the countdown clock {name} is told in Clock Update Mode"
+                )));
+            }
+        }
+        let status = self.compute_values()?;
+        for (place, &reference) in references.iter().enumerate() {
+            let (position, clock) = Self::clock(reference)?;
+            let (name, kind) = (Self::clock_name(clock), clock.interval_variability);
+            let state = self.memory.clock_mut(position);
+            let interval = state.interval();
+            match interval {
+                Some(interval) => {
+                    let is_allowed = interval > 0.0 || interval >= 0.0 && !kind.is_periodic();
+                    check_time("interval", name, interval, is_allowed)?;
+                }
+                None if kind == IntervalVariability::Countdown => {}
+                None => {
+                    return Err(Error::new(format!(
+                        "the model has not set the interval of the clock {name}"
+                    )));
+                }
+            }
+            write(place, interval, state.tell(kind))?;
+        }
+        Ok(status)
+    }
+
+    /// Sets the intervals of clocks in s, or their shifts.
+    pub(crate) fn set_times(
+        &mut self,
+        references: &[ValueReference],
+        times: &[f64],
+        is_interval: bool,
+        is_fraction: bool,
+    ) -> Answer {
+        let phase = self.memory.phase;
+        for (&reference, &time) in references.iter().zip(times) {
+            let clock = Self::time_based_clock(reference, is_fraction)?;
+            let (name, kind) = (Self::clock_name(clock), clock.interval_variability);
+            let is_settable = clock.has_interval
+                && match kind {
+                    IntervalVariability::Fixed => phase == Phase::InitializationMode,
+                    IntervalVariability::Tunable => true,
+                    _ => false,
+                };
+            let what = if is_interval { "interval" } else { "shift" };
+            if !is_settable {
+                return Err(Error::new(format!(
+                    "the {what} of the clock {name} cannot be set in the state {phase}"
+                )));
+            }
+            check_time(what, name, time, time > 0.0 || time >= 0.0 && !is_interval)?;
+        }
+        self.memory.rewind();
+        for (&reference, &time) in references.iter().zip(times) {
+            let clock = self.memory.clock_mut(Self::clock(reference)?.0);
+            if is_interval { clock.set_interval(time) } else { clock.set_shift(time) }
+        }
+        self.memory.stale = true;
+        Ok(Status::Ok)
+    }
+
+    /// Gets the shifts of periodic clocks in s.
+    pub(crate) fn get_shifts(
+        &mut self,
+        references: &[ValueReference],
+        is_fraction: bool,
+        mut write: impl FnMut(usize, f64) -> Result<(), Error>,
+    ) -> Answer {
+        for &reference in references {
+            let clock = Self::time_based_clock(reference, is_fraction)?;
+            if !clock.interval_variability.is_periodic() {
+                let name = Self::clock_name(clock);
+                return Err(Error::new(format!("the clock {name} is aperiodic, so that it has no shift")));
+            }
+        }
+        let status = self.compute_values()?;
+        for (place, &reference) in references.iter().enumerate() {
+            let (position, clock) = Self::clock(reference)?;
+            let shift = self.memory.clock_mut(position).shift;
+            check_time("shift", Self::clock_name(clock), shift, shift >= 0.0)?;
+            write(place, shift)?;
+        }
+        Ok(status)
+    }
+
+    /// A clock that has intervals, and, where they are exchanged so, as fractions.
+    fn time_based_clock(
+        reference: ValueReference,
+        is_fraction: bool,
+    ) -> Result<&'static ClockDescription, Error> {
+        let (_, clock) = Self::clock(reference)?;
+        let name = Self::clock_name(clock);
+        if clock.interval_variability == IntervalVariability::Triggered {
+            return Err(Error::new(format!("the clock {name} is triggered, so that it has no interval")));
+        }
+        if is_fraction && !clock.supports_fraction {
+            return Err(Error::new(format!("the clock {name} has no fractions (supportsFraction is false)")));
+        }
+        Ok(clock)
+    }
+}
+
+/// A fraction as a number of seconds.
+#[expect(clippy::cast_precision_loss, reason = "it is a time in s, rounded")]
+pub(crate) fn seconds(counter: u64, resolution: u64) -> f64 {
+    counter as f64 / resolution as f64
+}

@@ -1,0 +1,79 @@
+//! A model with a clock of each kind, for tests of the exporter.
+#![allow(non_snake_case)] // the library is named after the model identifier
+
+use fmu_export::{Clocked, Context, Error, Persistent};
+
+fmu_export::fmu!(clocked ClockedModel);
+
+/// What the model remembers: the sum.
+#[derive(Clone, Debug, Default, Persistent)]
+pub struct ClockedModel {
+    sum: i32,
+}
+
+impl Clocked for ClockedModel {
+    type Variables = Variables;
+
+    fn initialize(
+        &mut self,
+        variables: &mut Variables,
+        _inputs: &Inputs,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        let Variables { parameters, clocks, .. } = variables;
+        clocks.sample.set_interval(parameters.sample_time);
+        clocks.sample.set_shift(parameters.delay);
+        clocks.pulse.set_interval(0.125);
+        Ok(())
+    }
+
+    fn refresh(&mut self, _time: f64, variables: &mut Variables, _inputs: &Inputs) {
+        variables.clocks.tuned.set_interval(variables.parameters.tuned_time);
+    }
+
+    fn tick(
+        &mut self,
+        time: f64,
+        variables: &mut Variables,
+        inputs: &Inputs,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        let Variables { clocks, outputs, locals, .. } = variables;
+        let names = [
+            (clocks.constant, "constant"),
+            (clocks.trigger, "trigger"),
+            (clocks.given, "given"),
+            (clocks.tuned, "tuned"),
+            (clocks.adapted, "adapted"),
+            (clocks.pulse, "pulse"),
+            (clocks.alarm, "alarm"),
+            (clocks.sample, "sample"),
+        ];
+        for (_, name) in names.iter().filter(|(clock, _)| clock.ticks()) {
+            outputs.order += name;
+            outputs.order += " ";
+            outputs.count += 1;
+        }
+        locals.last = time;
+        if clocks.trigger.ticks() {
+            self.sum += inputs.amount;
+            outputs.sum = self.sum;
+            if inputs.amount < 0 {
+                context.warn(format_args!("the amount is {}", inputs.amount));
+            }
+            match inputs.amount {
+                101.. => return Err(Error::new("the amount is too large")),
+                100 => context.terminate(time),
+                11.. => clocks.alarm.set_interval(f64::from(inputs.amount - 11)),
+                _ => {}
+            }
+        }
+        if clocks.pulse.ticks() {
+            clocks.pulse.set_interval(0.125 * f64::from(outputs.count));
+        }
+        if outputs.count % 3 == 0 {
+            clocks.third.tick();
+        }
+        Ok(())
+    }
+}
