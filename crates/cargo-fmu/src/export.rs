@@ -4,6 +4,7 @@
 //! goes into the FMU is the very file that the build wrote and compiled into the library, as cargo's
 //! messages tell, so the two cannot differ.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::fs;
@@ -19,8 +20,9 @@ use fmu_package::terminal::{complain, print};
 use fmu_package::{Fmu, Library, Platform, PlatformList, library, reading, writing};
 
 use super::compile::{Compiled, compile};
+use super::sources::Counts;
 use super::target::{Build, Made, Target, WebAssembly};
-use super::{licenses, of_platform, validate};
+use super::{licenses, of_platform, sources, validate};
 
 /// Compile the models of this workspace and write their .fmu files
 #[derive(Args, Debug)]
@@ -53,8 +55,11 @@ pub struct Export {
     #[arg(long = "binary", value_name = "PLATFORM=FILE", value_parser = of_platform::<PathBuf>)]
     binaries: Vec<(Platform, PathBuf)>,
     /// Write the models as WebAssembly modules, MODEL.wasm, and no FMUs; docs/wasm.md says how programs run them
-    #[arg(long, conflicts_with_all = ["targets", "binaries"])]
+    #[arg(long, conflicts_with_all = ["targets", "binaries", "sources"])]
     wasm: bool,
+    /// Include the models as C in FMUs of FMI 2.0, for platforms without a library; docs/sources.md says what it takes
+    #[arg(long)]
+    sources: bool,
 }
 
 /// What will be exported, and where to; nothing is built yet.
@@ -64,6 +69,8 @@ pub struct Plan {
     builds: Vec<Build>,
     /// Whether modules are written instead of FMUs.
     wasm: bool,
+    /// Whether FMUs have sources.
+    sources: bool,
     /// Nothing where the environment decides.
     versions: Vec<Option<Version>>,
     interfaces: Option<Interfaces>,
@@ -80,12 +87,13 @@ impl Export {
     /// # Errors
     /// When there is no workspace, no such model, or no such target, or when the tools for a target are missing.
     pub fn plan(self) -> Result<Plan> {
-        let builds = if self.wasm {
+        if self.sources {
+            sources::check_tools()?;
+        }
+        if self.wasm || self.sources {
             WebAssembly::check_tools()?;
-            vec![]
-        } else {
-            builds(&self.targets)?
-        };
+        }
+        let builds = if self.wasm { vec![] } else { builds(&self.targets)? };
         let mut command = MetadataCommand::new();
         // Nothing is asked of the dependencies: else cargo would fetch those of members that are not exported.
         command.no_deps();
@@ -99,11 +107,15 @@ impl Export {
         if interfaces == Some(Interfaces::ScheduledExecution) && versions.contains(&Version::Two) {
             bail!("--interfaces se is of FMI 3.0; --fmi names 2");
         }
+        if self.sources && versions.contains(&Version::Three) {
+            bail!("--sources is for FMI 2.0; --fmi names 3");
+        }
         versions.sort();
         versions.dedup();
         let versions =
             if versions.is_empty() { vec![None] } else { versions.into_iter().map(Some).collect() };
-        Ok(Plan { metadata, builds, wasm: self.wasm, versions, interfaces, binaries, models, out })
+        let Self { wasm, sources, .. } = self;
+        Ok(Plan { metadata, builds, wasm, sources, versions, interfaces, binaries, models, out })
     }
 }
 
@@ -175,7 +187,8 @@ impl Plan {
                 let models = self.models().collect::<Vec<_>>().join(" or ");
                 bail!("{}: it was built from another description than {models}", stray.refused());
             }
-            written.extend(self.pack(&built, &descriptions, of_these)?);
+            let modules = self.sources.then(|| self.compile_for(&WebAssembly, "", version)).transpose()?;
+            written.extend(self.pack(&built, modules.as_ref(), &descriptions, of_these)?);
         }
         Ok(written)
     }
@@ -190,6 +203,25 @@ impl Plan {
             write_file(&self.fmu_of(model, &description).with_extension("wasm"), &module)?;
         }
         Ok(())
+    }
+
+    /// The files of the folder `sources` for the FMU of a model.
+    fn sources_of(
+        &self,
+        model: &str,
+        identifier: &str,
+        modules: &Compiled,
+        description: &str,
+    ) -> Result<Vec<(String, Vec<u8>)>> {
+        if is_fmi3(description) {
+            bail!("--sources is for FMI 2.0, and {model} is exported for FMI 3.0");
+        }
+        if modules.description(model)? != description {
+            bail!("the build for WebAssembly made another description of {model}");
+        }
+        let module = reading::bytes(modules.library(model)?)?;
+        let folder = self.metadata.target_directory.as_std_path().join("fmu-sources");
+        sources::files(identifier, &module, Counts::of(description), &folder)
     }
 
     /// Builds the libraries of a version of FMI.
@@ -219,6 +251,7 @@ impl Plan {
     fn pack(
         &self,
         built: &[(Build, Compiled)],
+        modules: Option<&Compiled>,
         descriptions: &BTreeMap<&str, String>,
         given: Vec<ModelLibrary<'_>>,
     ) -> Result<Vec<PathBuf>> {
@@ -232,13 +265,19 @@ impl Plan {
             let mut files = documentation(&generated, description, &libraries)?;
             files.extend(resources(&generated)?);
             files.extend(licenses::files(name, &self.models[name], built)?);
+            let mut description = Cow::Borrowed(description.as_str());
+            if let Some(modules) = modules {
+                let sources = self.sources_of(name, identifier, modules, &description)?;
+                description = with_source_files(&description, sources::compiled(&sources))?.into();
+                files.extend(sources);
+            }
             let fmu = Fmu {
                 model_identifier: identifier,
-                model_description: description,
+                model_description: &description,
                 libraries: libraries.into_iter().collect(),
                 files,
             };
-            let file = self.fmu_of(identifier, description);
+            let file = self.fmu_of(identifier, &description);
             create_folder_of(&file)?;
             write(&fmu, &file)?;
             validate::check(&file)?;
@@ -483,6 +522,31 @@ fn resources(generated: &Path) -> Result<Vec<(String, Vec<u8>)>> {
         }
     }
     Ok(files)
+}
+
+/// A description of FMI 2.0 with the files to compile (FMI 2.0.5, section 2.2.7: `SourceFiles` is the first element of an
+/// interface).
+fn with_source_files<'a>(description: &str, files: impl Iterator<Item = &'a str>) -> Result<String> {
+    let mut list = "\n    <SourceFiles>\n".to_owned();
+    for name in files {
+        list += &format!("      <File name=\"{name}\"/>\n");
+    }
+    list += "    </SourceFiles>\n";
+    let mut text = description.to_owned();
+    for interface in ["CoSimulation", "ModelExchange"] {
+        let Some(begin) =
+            text.find(&format!("<{interface}\n")).or_else(|| text.find(&format!("<{interface} ")))
+        else {
+            continue;
+        };
+        let end = begin + text[begin..].find('>').context("an element does not end")?;
+        if text[..end].ends_with('/') {
+            text.replace_range(end - 1..=end, &format!(">{list}  </{interface}>"));
+        } else {
+            text.insert_str(end + 1, list.trim_end());
+        }
+    }
+    Ok(text)
 }
 
 /// A custom section of a WebAssembly module (WebAssembly Core Specification 1.0, sections 5.5.2 and 5.5.3).

@@ -13,6 +13,7 @@ mod merge;
 mod new;
 mod parameter_binding;
 mod parameters;
+mod sources;
 mod target;
 mod validate;
 
@@ -75,6 +76,7 @@ Examples:
   cargo fmu export --fmi 2,3                            # for FMI 2.0, and for FMI 3.0 in the folder fmi3
   cargo fmu export --target linux64 --binary darwin64=libdecay.dylib
   cargo fmu export --parameters slow.ssv                # and decay.ssp, in which the set is bound
+  cargo fmu export --sources                            # with the models as C, too
   cargo fmu export --wasm                               # WebAssembly modules instead of FMUs")]
     Export {
         #[command(flatten)]

@@ -148,6 +148,22 @@ fn scheduled_execution_is_refused_in_fmi_2() {
 }
 
 #[test]
+fn sources_take_one_version_of_wasm2c() {
+    let refusal = |program: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"));
+        let output =
+            command.args(["export", "--sources"]).env("WASM2C", program).current_dir(workspace()).output();
+        let output = output.unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let missing = "`--sources` takes wasm2c 1.0.32: on Debian 12, `apt-get install wabt` brings it";
+    assert!(refusal("no-such-program").contains(missing), "{}", refusal("no-such-program"));
+    let another = "this one is cargo-fmu ";
+    assert!(refusal(env!("CARGO_BIN_EXE_cargo-fmu")).contains(another));
+}
+
+#[test]
 fn a_target_without_its_tools_is_refused_with_their_names() {
     let refusal = |target: &[&str], variables: &[(&str, &str)]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"));

@@ -232,7 +232,7 @@ pub(crate) unsafe fn c_string<'a>(name: &str, text: *const c_char) -> Result<&'a
 }
 
 /// Reads the state with a handle.
-fn with_state<M: Model, T>(
+pub(crate) fn with_state<M: Model, T>(
     state: *mut c_void,
     body: impl FnOnce(&Memory<M>) -> Result<T, Error>,
 ) -> Result<T, Error> {
@@ -244,7 +244,7 @@ fn with_state<M: Model, T>(
 }
 
 /// Keeps a memory as a new state, and returns its handle.
-fn keep<M: Model>(handle: *mut c_void, memory: Memory<M>) -> *mut c_void {
+pub(crate) fn keep<M: Model>(handle: *mut c_void, memory: Memory<M>) -> *mut c_void {
     ptr::without_provenance_mut(saved_states::keep(handle.addr(), memory))
 }
 

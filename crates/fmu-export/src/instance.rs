@@ -258,6 +258,12 @@ impl<M: Model> Instance<M> {
         self.logger.take()
     }
 
+    /// Goes on as after a panic.
+    #[cfg(target_family = "wasm")]
+    pub(crate) fn fail(&mut self) {
+        self.memory.phase = Phase::Error;
+    }
+
     pub(crate) fn set_debug_logging(&mut self, on: bool, categories: &[&CStr]) -> Answer {
         self.logger
             .set_debug_logging(on, categories)
@@ -576,15 +582,36 @@ impl<M: Model> Instance<M> {
     /// A saved memory as bytes.
     pub(crate) fn serialize(memory: &Memory<M>) -> Result<Vec<u8>, Error> {
         Self::check_serializes()?;
+        Self::to_bytes(memory)
+    }
+
+    /// A saved memory as bytes, whatever the FMU offers.
+    pub(crate) fn to_bytes(memory: &Memory<M>) -> Result<Vec<u8>, Error> {
         let mut memory = memory.clone();
         memory.rewind();
         serialized_state::to_bytes(Self::DESCRIPTION, memory.interface, &mut memory)
     }
 
+    /// The memory of any interface that this FMU saved as bytes.
+    #[cfg(target_family = "wasm")]
+    pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Memory<M>, Error> {
+        let [first, others @ ..] = [
+            Interface::CoSimulation,
+            Interface::CoSimulationWithEvents,
+            Interface::ModelExchange,
+            Interface::ScheduledExecution,
+        ]
+        .map(|interface| Self::read(interface, bytes));
+        others.into_iter().fold(first, Result::or)
+    }
+
     /// The memory that this FMU saved as bytes, in any process.
     pub(crate) fn deserialize(&self, bytes: &[u8]) -> Result<Memory<M>, Error> {
         Self::check_serializes()?;
-        let interface = self.memory.interface;
+        Self::read(self.memory.interface, bytes)
+    }
+
+    fn read(interface: Interface, bytes: &[u8]) -> Result<Memory<M>, Error> {
         let mut memory = Memory::<M>::new(interface);
         serialized_state::from_bytes(Self::DESCRIPTION, interface, bytes, &mut memory)?;
         memory.model.restored(&memory.variables);

@@ -8,8 +8,13 @@
 
 use core::alloc::Layout;
 use core::ffi::{CStr, c_char, c_void};
+use core::ptr;
+use core::slice;
 use std::alloc::{alloc, dealloc};
 
+use crate::c_boundary::{Exported, keep, with_state};
+use crate::instance::Instance;
+use crate::model::Model;
 use crate::panics;
 use crate::status::Status;
 
@@ -79,7 +84,7 @@ fn layout(size: usize) -> Option<Layout> {
 #[must_use]
 pub fn allocate(size: usize) -> *mut u8 {
     // SAFETY: the size is not 0.
-    layout(size).map_or(core::ptr::null_mut(), |layout| unsafe { alloc(layout) })
+    layout(size).map_or(ptr::null_mut(), |layout| unsafe { alloc(layout) })
 }
 
 /// `fmu_free`.
@@ -93,11 +98,76 @@ pub unsafe fn free(memory: *mut u8, size: usize) {
     }
 }
 
+/// `fmu_fail`: the instance waits to be reset, as one does that has panicked. For hosts that replace a module after a trap.
+///
+/// # Safety
+/// The handle is null or came from the function that instantiates, and is not freed.
+pub unsafe fn fail<M: Model>(handle: *mut c_void) {
+    // SAFETY: the caller's promise.
+    if let Some(instance) = unsafe { Exported::<M>::instance_of(handle) } {
+        instance.fail();
+    }
+}
+
+/// `fmu_state_size`: the number of bytes of a saved state, or 0.
+#[must_use]
+pub fn state_size<M: Model>(state: *mut c_void) -> usize {
+    with_state(state, Instance::<M>::to_bytes).map_or(0, |bytes| bytes.len())
+}
+
+/// `fmu_save_state`: writes the bytes of a saved state, which may be freed then.
+///
+/// # Safety
+/// There are as many bytes as [`state_size`] said.
+pub unsafe fn save_state<M: Model>(state: *mut c_void, target: *mut u8) {
+    if let Ok(bytes) = with_state(state, Instance::<M>::to_bytes) {
+        // SAFETY: the caller's promise.
+        unsafe { target.copy_from_nonoverlapping(bytes.as_ptr(), bytes.len()) }
+    }
+}
+
+/// `fmu_load_state`: the state that was saved as bytes, of an instance, or null.
+///
+/// # Safety
+/// There are as many bytes as counted.
+pub unsafe fn load_state<M: Model>(instance: *mut c_void, bytes: *const u8, size: usize) -> *mut c_void {
+    // SAFETY: the caller's promise.
+    let bytes = unsafe { slice::from_raw_parts(bytes, size) };
+    Instance::<M>::from_bytes(bytes).map_or(ptr::null_mut(), |memory| keep(instance, memory))
+}
+
 /// Makes the functions that a module exports beside those of FMI.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! wasm_functions {
-    () => {
+    ($model:ty) => {
+        #[unsafe(no_mangle)]
+        unsafe extern "C" fn fmu_fail(instance: *mut ::core::ffi::c_void) {
+            // SAFETY: the argument is the host's, unchanged.
+            unsafe { $crate::wasm::fail::<$model>(instance) }
+        }
+
+        #[unsafe(no_mangle)]
+        extern "C" fn fmu_state_size(state: *mut ::core::ffi::c_void) -> usize {
+            $crate::wasm::state_size::<$model>(state)
+        }
+
+        #[unsafe(no_mangle)]
+        unsafe extern "C" fn fmu_save_state(state: *mut ::core::ffi::c_void, bytes: *mut u8) {
+            // SAFETY: the arguments are the host's, unchanged.
+            unsafe { $crate::wasm::save_state::<$model>(state, bytes) }
+        }
+
+        #[unsafe(no_mangle)]
+        unsafe extern "C" fn fmu_load_state(
+            instance: *mut ::core::ffi::c_void,
+            bytes: *const u8,
+            size: usize,
+        ) -> *mut ::core::ffi::c_void {
+            // SAFETY: the arguments are the host's, unchanged.
+            unsafe { $crate::wasm::load_state::<$model>(instance, bytes, size) }
+        }
+
         #[unsafe(no_mangle)]
         extern "C" fn fmu_allocate(size: usize) -> *mut u8 {
             $crate::wasm::allocate(size)

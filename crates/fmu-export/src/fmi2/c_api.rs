@@ -692,7 +692,7 @@ macro_rules! fmi2_functions {
             }
             $($crate::fmi2_functions! { @$interface $model })*
             #[cfg(target_family = "wasm")]
-            $crate::wasm_functions! {}
+            $crate::wasm_functions! { $model }
         };
     };
     (@co_simulation $model:ty) => {

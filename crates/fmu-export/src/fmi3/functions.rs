@@ -210,7 +210,7 @@ macro_rules! fmi3_functions {
                 fmi3GetString = get_string, fmi3SetString = set_string, String;
             }
             #[cfg(target_family = "wasm")]
-            $crate::wasm_functions! {}
+            $crate::wasm_functions! { $model }
         };
     };
     (@functions $model:ty; $scheduled:ident; $($symbol:ident =

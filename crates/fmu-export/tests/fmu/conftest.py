@@ -106,4 +106,5 @@ def unharmed(
 
 def pytest_configure(config: pytest.Config) -> None:
     """An exception in a logger written in Python fails the test."""
+    config.addinivalue_line("markers", "native: what compiled sources do differently, and why")
     config.addinivalue_line("filterwarnings", "error::pytest.PytestUnraisableExceptionWarning")

@@ -88,11 +88,13 @@ def bystander(make: Make) -> Iterator[None]:
         ("initialize", "fmi2ExitInitializationMode"),
         # In Initialization Mode, getting a value computes it (section 4.2.4, note 2).
         ("initialize", "fmi2GetReal"),
-        ("step", "fmi2DoStep"),
+        # The instance that compiled sources make anew has its start values.
+        pytest.param("step", "fmi2DoStep", marks=pytest.mark.native),
         ("refresh", "fmi2GetReal"),
         ("differentiate", "fmi2GetDirectionalDerivative"),
         ("differentiate", "fmi2GetRealOutputDerivatives"),
-        ("restored", "fmi2DeSerializeFMUstate"),
+        # Compiled sources serialize and restore states more often.
+        pytest.param("restored", "fmi2DeSerializeFMUstate", marks=pytest.mark.native),
     ],
 )
 def test_a_panic(make: Make, fmu: Fmu, place: str, function: str, manner: str) -> None:
@@ -133,6 +135,8 @@ def test_a_saved_state_leads_back_from_a_panic(make: Make) -> None:
     assert instance.get("tank.level") == 3 * STEP
 
 
+# The model remembers this fault outside of its instances, which compiled sources do not share.
+@pytest.mark.native
 def test_a_panic_as_an_instance_is_made(make: Make) -> None:
     """No instance, and the reason through the logger (section 2.1.5, fmi2Instantiate)."""
     make().choose(fault__place="default").initialize()
@@ -150,7 +154,8 @@ def test_a_panic_as_an_instance_is_made(make: Make) -> None:
         ("default", "fmi2Reset", "the default"),
         ("drop", "fmi2Reset", "the drop"),
         ("clone", "fmi2GetFMUstate", "the clone"),
-        ("persist", "fmi2SerializedFMUstateSize", "the serialization"),
+        # Compiled sources serialize states as they are got.
+        pytest.param("persist", "fmi2SerializedFMUstateSize", "the serialization", marks=pytest.mark.native),
     ],
 )
 def test_a_panic_as_the_model_is_copied_or_dropped(make: Make, place: str, function: str, cause: str) -> None:
@@ -196,6 +201,8 @@ def test_a_panic_as_an_instance_is_freed(make: Make) -> None:
     assert instance.messages == []
 
 
+# Compiled sources keep bytes, which are freed without the model.
+@pytest.mark.native
 @pytest.mark.parametrize("states", [1, 2, 5])
 def test_panics_as_an_instance_is_freed_with_its_states(fmu: Fmu, tmp_path: Path, states: int) -> None:
     """Each remaining state panics, and the instance, too."""
@@ -220,6 +227,8 @@ def test_a_payload_that_panics(fmu: Fmu, tmp_path: Path) -> None:
     )
 
 
+# As above.
+@pytest.mark.native
 def test_a_panic_as_a_saved_state_is_freed(make: Make) -> None:
     """The state is freed nevertheless; its handle is invalid, so that it is not freed twice."""
     instance = make().choose(fault__place="drop").initialize()
