@@ -77,7 +77,8 @@ fn panel(time: &[f64], columns: &[&Column]) -> Panel {
             unit if !has_one_unit && !unit.is_empty() => format!("{} ({unit})", column.name),
             _ => column.name.clone(),
         };
-        let line = Line::new(time, column.values.iter().map(|value| factor * value)).label(&label);
+        let line = Line::new(time, column.values.iter().map(|value| factor * value));
+        let line = line.label(&label).source(&column.name, *factor);
         if is_reference {
             lines.insert(0, line.color(color::INK).thin());
         } else if let Some(&color) = colors.next() {
