@@ -36,7 +36,7 @@ enum Command {
         #[command(flatten)]
         export: cargo_fmu::Export,
         /// Parameter sets, each bound in Boost.ssp to the FMU that has its parameters
-        #[arg(long, value_name = "FILE.ssv")]
+        #[arg(long, value_name = "FILE.ssv", conflicts_with = "wasm")]
         parameters: Vec<PathBuf>,
     },
     Merge(Merge),

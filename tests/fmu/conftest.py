@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from master import Fmu, Instance, Instance3
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 ROOT = Path(__file__).resolve().parents[2]
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
@@ -86,6 +91,25 @@ def controller_fmu(exported: Path, tmp_path_factory: pytest.TempPathFactory) -> 
 def fmus(plant_fmu: Fmu, controller_fmu: Fmu) -> dict[str, Fmu]:
     """Both, by name."""
     return {"BoostPlant": plant_fmu, "BoostController": controller_fmu}
+
+
+@pytest.fixture(scope="session")
+def launch() -> Iterator[Callable[..., Browser]]:
+    """Starts Debian's Chromium, with additional environment variables."""
+    # The first tier's environment does not have it.
+    from playwright.sync_api import sync_playwright
+
+    chromium = shutil.which("chromium")
+    assert chromium, "chromium is missing: bash tests/run rest installs it"
+    with sync_playwright() as playwright:
+        launch = playwright.chromium.launch
+        yield lambda **more: launch(executable_path=chromium, env={**os.environ, **more})
+
+
+@pytest.fixture(scope="session")
+def browser(launch: Callable[..., Browser]) -> Browser:
+    """A Chromium."""
+    return launch()
 
 
 @pytest.fixture

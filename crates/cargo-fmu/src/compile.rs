@@ -10,7 +10,7 @@ use cargo_metadata::{CrateType, Message, Metadata, Package};
 use fmu_export_build::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
 use fmu_package::reading;
 
-use super::target::Build;
+use super::target::Made;
 
 /// What cargo built.
 pub struct Compiled {
@@ -51,15 +51,16 @@ impl Compiled {
     }
 }
 
-/// Compiles packages of a workspace, for the version of FMI and the interfaces that are chosen, if any; cargo's progress shows on stderr.
+/// Compiles packages of a workspace, for the version of FMI and the interfaces that are chosen, if any; cargo's progress
+/// shows on stderr.
 pub fn compile<'a>(
     metadata: &Metadata,
     packages: impl Iterator<Item = &'a Package>,
-    build: &Build,
+    build: &dyn Made,
     version: Option<Version>,
     interfaces: Option<Interfaces>,
 ) -> Result<Compiled> {
-    let mut command = build.command();
+    let mut command = build.command(metadata.target_directory.as_std_path());
     command
         .arg("--message-format=json-render-diagnostics")
         .arg("--manifest-path")
@@ -83,8 +84,8 @@ pub fn compile<'a>(
             Message::BuildScriptExecuted(script) => compiled.generated.push(script.out_dir.into()),
             Message::CompilerArtifact(artifact) => {
                 if artifact.target.crate_types.contains(&CrateType::CDyLib) {
-                    let suffix = build.platform.format().suffix();
-                    let library = artifact.filenames.iter().find(|file| file.extension() == Some(suffix));
+                    let suffix = Some(build.suffix());
+                    let library = artifact.filenames.iter().find(|file| file.extension() == suffix);
                     if let Some(file) = library {
                         compiled.libraries.insert(artifact.target.name, file.clone().into());
                     }

@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::fs;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -18,7 +19,7 @@ use fmu_package::terminal::{complain, print};
 use fmu_package::{Fmu, Library, Platform, PlatformList, library, reading, writing};
 
 use super::compile::{Compiled, compile};
-use super::target::{Build, Target};
+use super::target::{Build, Made, Target, WebAssembly};
 use super::{licenses, of_platform, validate};
 
 /// Compile the models of this workspace and write their .fmu files
@@ -51,6 +52,9 @@ pub struct Export {
     /// A library that was built elsewhere from the same sources, and its platform
     #[arg(long = "binary", value_name = "PLATFORM=FILE", value_parser = of_platform::<PathBuf>)]
     binaries: Vec<(Platform, PathBuf)>,
+    /// Write the models as WebAssembly modules, MODEL.wasm, and no FMUs; docs/wasm.md says how programs run them
+    #[arg(long, conflicts_with_all = ["targets", "binaries"])]
+    wasm: bool,
 }
 
 /// What will be exported, and where to; nothing is built yet.
@@ -58,6 +62,8 @@ pub struct Export {
 pub struct Plan {
     metadata: Metadata,
     builds: Vec<Build>,
+    /// Whether modules are written instead of FMUs.
+    wasm: bool,
     /// Nothing where the environment decides.
     versions: Vec<Option<Version>>,
     interfaces: Option<Interfaces>,
@@ -74,7 +80,12 @@ impl Export {
     /// # Errors
     /// When there is no workspace, no such model, or no such target, or when the tools for a target are missing.
     pub fn plan(self) -> Result<Plan> {
-        let builds = builds(&self.targets)?;
+        let builds = if self.wasm {
+            WebAssembly::check_tools()?;
+            vec![]
+        } else {
+            builds(&self.targets)?
+        };
         let mut command = MetadataCommand::new();
         // Nothing is asked of the dependencies: else cargo would fetch those of members that are not exported.
         command.no_deps();
@@ -92,7 +103,7 @@ impl Export {
         versions.dedup();
         let versions =
             if versions.is_empty() { vec![None] } else { versions.into_iter().map(Some).collect() };
-        Ok(Plan { metadata, builds, versions, interfaces, binaries, models, out })
+        Ok(Plan { metadata, builds, wasm: self.wasm, versions, interfaces, binaries, models, out })
     }
 }
 
@@ -128,8 +139,8 @@ impl Plan {
         }
     }
 
-    /// Builds and writes the FMUs, says so, and returns their files. `inputs` and `outputs` are other files that the command reads and
-    /// writes: none may be read and written.
+    /// Builds and writes the FMUs or modules, says so, and returns the files of the FMUs. `inputs` and `outputs` are other
+    /// files that the command reads and writes: none may be read and written.
     ///
     /// # Errors
     /// When a library cannot be built or does not fit, or a file cannot be read or written.
@@ -146,6 +157,10 @@ impl Plan {
         let inputs: Vec<_> =
             self.binaries.iter().map(|(_, file)| file.clone()).chain(inputs.iter().cloned()).collect();
         writing::refuse_overlap(&outputs, &inputs)?;
+        if self.wasm {
+            self.versions.iter().try_for_each(|&version| self.write_modules(version))?;
+            return Ok(vec![]);
+        }
 
         let mut written = vec![];
         for (number, &version) in self.versions.iter().enumerate() {
@@ -165,6 +180,18 @@ impl Plan {
         Ok(written)
     }
 
+    /// Builds and writes the modules of a version of FMI.
+    fn write_modules(&self, version: Option<Version>) -> Result<()> {
+        let compiled = self.compile_for(&WebAssembly, "", version)?;
+        for model in self.models() {
+            let description = compiled.description(model)?;
+            let mut module = reading::bytes(compiled.library(model)?)?;
+            module.extend(custom_section("modelDescription.xml", description.as_bytes()));
+            write_file(&self.fmu_of(model, &description).with_extension("wasm"), &module)?;
+        }
+        Ok(())
+    }
+
     /// Builds the libraries of a version of FMI.
     fn compile(&self, version: Option<Version>) -> Result<Vec<(Build, Compiled)>> {
         let compile = |(number, build): (usize, &Build)| {
@@ -172,16 +199,20 @@ impl Plan {
                 1 => String::new(),
                 builds => format!(" ({} of {builds})", number + 1),
             };
-            // Its progress, and that it waits for another cargo, are on standard error, which is this one's.
-            complain(&format!(
-                "Compiling {} for {}{of}, a minute or more the first time; cargo says how far it is:",
-                self.models().collect::<Vec<_>>().join(", "),
-                build.name()
-            ));
-            let compiled = compile(&self.metadata, self.models.values(), build, version, self.interfaces)?;
-            Ok((build.clone(), compiled))
+            Ok((build.clone(), self.compile_for(build, &of, version)?))
         };
         self.builds.iter().enumerate().map(compile).collect()
+    }
+
+    /// Builds a version of FMI for one target; `of` says which of how many it is.
+    fn compile_for(&self, build: &dyn Made, of: &str, version: Option<Version>) -> Result<Compiled> {
+        // Its progress, and that it waits for another cargo, are on standard error, which is this one's.
+        complain(&format!(
+            "Compiling {} for {}{of}, a minute or more the first time; cargo says how far it is:",
+            self.models().collect::<Vec<_>>().join(", "),
+            build.name()
+        ));
+        compile(&self.metadata, self.models.values(), build, version, self.interfaces)
     }
 
     /// Writes the FMUs of what was built, with libraries that were built elsewhere, says so, and returns their files.
@@ -208,10 +239,7 @@ impl Plan {
                 files,
             };
             let file = self.fmu_of(identifier, description);
-            if let Some(folder) = file.parent() {
-                fs::create_dir_all(folder)
-                    .with_context(|| format!("cannot create the folder {}", folder.display()))?;
-            }
+            create_folder_of(&file)?;
             write(&fmu, &file)?;
             validate::check(&file)?;
             written.push(file);
@@ -457,6 +485,39 @@ fn resources(generated: &Path) -> Result<Vec<(String, Vec<u8>)>> {
     Ok(files)
 }
 
+/// A custom section of a WebAssembly module (WebAssembly Core Specification 1.0, sections 5.5.2 and 5.5.3).
+fn custom_section(name: &str, bytes: &[u8]) -> Vec<u8> {
+    let name = [&number(name.len()), name.as_bytes()].concat();
+    [&[0], &*number(name.len() + bytes.len()), &name, bytes].concat()
+}
+
+/// A number in the format LEB128 (section 5.2.2).
+fn number(mut rest: usize) -> Vec<u8> {
+    let mut bytes = vec![];
+    loop {
+        let [low, ..] = rest.to_le_bytes();
+        rest >>= 7;
+        if rest == 0 {
+            bytes.push(low & 0x7f);
+            return bytes;
+        }
+        bytes.push(low | 0x80);
+    }
+}
+
+/// Creates the folder of a file.
+fn create_folder_of(file: &Path) -> Result<()> {
+    let Some(folder) = file.parent() else { return Ok(()) };
+    fs::create_dir_all(folder).with_context(|| format!("cannot create the folder {}", folder.display()))
+}
+
+/// Writes a file with the bytes of another one and says so.
+fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
+    create_folder_of(path)?;
+    writing::write(path, |writer| writer.write_all(bytes))?;
+    say(path, "")
+}
+
 /// Writes an FMU and says so.
 fn write(fmu: &Fmu<'_>, path: &Path) -> Result<()> {
     writing::write(path, |writer| fmu.write(writer))?;
@@ -471,4 +532,17 @@ pub fn say(path: &Path, rest: &str) -> Result<()> {
     let size = fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len();
     let line = format!("{}  {} kB  {rest}", path.display(), size.div_ceil(1000));
     Ok(print(&format!("{}\n", line.trim_end()))?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_those_of_the_format() {
+        // The second is the example of Wikipedia's article LEB128.
+        assert_eq!(number(0x7f), [0x7f]);
+        assert_eq!(number(624_485), [0xe5, 0x8e, 0x26]);
+        assert_eq!(custom_section("ab", b"c"), [0, 4, 2, b'a', b'b', b'c']);
+    }
 }

@@ -74,12 +74,13 @@ Examples:
   cargo fmu export --interfaces cs,me                   # for co-simulation and Model Exchange
   cargo fmu export --fmi 2,3                            # for FMI 2.0, and for FMI 3.0 in the folder fmi3
   cargo fmu export --target linux64 --binary darwin64=libdecay.dylib
-  cargo fmu export --parameters slow.ssv                # and decay.ssp, in which the set is bound")]
+  cargo fmu export --parameters slow.ssv                # and decay.ssp, in which the set is bound
+  cargo fmu export --wasm                               # WebAssembly modules instead of FMUs")]
     Export {
         #[command(flatten)]
         export: Export,
         /// Parameter sets; each is bound to the FMU that has its parameters, in a package MODEL.ssp beside it
-        #[arg(long, value_name = "FILE.ssv")]
+        #[arg(long, value_name = "FILE.ssv", conflicts_with = "wasm")]
         parameters: Vec<PathBuf>,
     },
     #[command(after_help = "\

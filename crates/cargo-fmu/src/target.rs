@@ -104,37 +104,117 @@ fn triples(platform: Platform) -> &'static [&'static str] {
     }
 }
 
-impl Build {
-    /// The build for the platform that this runs on.
-    pub fn host() -> Result<Self> {
-        let platform = Platform::host()
-            .context("FMI 2.0 has no name for this platform; see binaries/ in its section 2.3")?;
-        Ok(Self { platform, target: None })
+/// What cargo makes of a model.
+pub trait Made {
+    /// What messages call it.
+    fn name(&self) -> &str;
+
+    /// How the names of its files end.
+    fn suffix(&self) -> &'static str;
+
+    /// The command that builds it in cargo's target folder; which packages is the caller's.
+    fn command(&self, target: &Path) -> Command;
+}
+
+/// WebAssembly modules.
+#[derive(Debug)]
+pub struct WebAssembly;
+
+impl WebAssembly {
+    const TRIPLE: &'static str = "wasm32-unknown-unknown";
+
+    /// The variable that names the compiler, where it is another than cargo's.
+    const COMPILER: &'static str = "FMU_WASM_RUSTC";
+
+    /// The compiler, unless cargo's is taken.
+    fn compiler() -> Option<OsString> {
+        env::var_os(Self::COMPILER)
     }
 
-    /// What messages call it.
-    pub fn name(&self) -> &str {
+    /// Refuses to build without the standard library or its source.
+    pub fn check_tools() -> Result<()> {
+        if Self::builds_std()? { Ok(()) } else { refuse_missing_std(Self::TRIPLE) }
+    }
+
+    /// Whether cargo compiles the standard library, too: that of a named compiler, which has the source instead.
+    fn builds_std() -> Result<bool> {
+        let Some(compiler) = Self::compiler() else { return Ok(false) };
+        let output = Command::new(&compiler)
+            .args(["--print", "sysroot"])
+            .output()
+            .with_context(|| format!("cannot run {}, which {} names", compiler.display(), Self::COMPILER))?;
+        let sysroot = String::from_utf8(output.stdout).context("rustc's answer is not text")?;
+        let has_source =
+            Path::new(sysroot.trim()).join("lib/rustlib/src/rust/library/std/Cargo.toml").is_file();
+        if !has_source {
+            bail!(
+                "{}, which {} names, has no source of the standard library: on Debian, `apt-get install \
+                 rust-web-src` brings it",
+                compiler.display(),
+                Self::COMPILER
+            );
+        }
+        Ok(true)
+    }
+}
+
+impl Made for WebAssembly {
+    fn name(&self) -> &'static str {
+        "WebAssembly"
+    }
+
+    fn suffix(&self) -> &'static str {
+        "wasm"
+    }
+
+    fn command(&self, target: &Path) -> Command {
+        let mut command = build_command();
+        command.args(["--target", Self::TRIPLE]);
+        // Nothing unwinds there; and modules are small, as they are sent, and translated to C.
+        for setting in [r#"panic="abort""#, r#"opt-level="s""#] {
+            command.args(["--config", &format!("profile.{PROFILE}.{setting}")]);
+        }
+        if let Some(compiler) = Self::compiler() {
+            // Cargo would take the modules of two compilers for each other's.
+            command.arg("--target-dir").arg(target.join("fmu-wasm"));
+            command.env("RUSTC", compiler).env("RUSTC_BOOTSTRAP", "1");
+            command.env("CARGO_UNSTABLE_BUILD_STD", "std,panic_abort");
+            command.env("CARGO_UNSTABLE_BUILD_STD_FEATURES", "optimize_for_size");
+        }
+        command
+    }
+}
+
+/// The beginning of the commands that build, with cargo.
+fn build_command() -> Command {
+    let mut command = cargo();
+    command.arg("build");
+    with_profile(command)
+}
+
+fn with_profile(mut command: Command) -> Command {
+    command.args(["--profile", PROFILE]);
+    command.args(["--config", &format!(r#"profile.{PROFILE}.inherits="release""#)]);
+    command
+}
+
+impl Made for Build {
+    fn name(&self) -> &str {
         self.target.as_deref().unwrap_or(self.platform.folder())
     }
 
-    /// Rust's name of the target; none for the host.
-    pub fn triple(&self) -> Option<&str> {
-        self.target.as_deref().map(|target| split(target).0)
+    fn suffix(&self) -> &'static str {
+        self.platform.format().suffix()
     }
 
-    /// The command that builds the libraries; where to, and which packages, is the caller's.
-    pub fn command(&self) -> Command {
+    fn command(&self, _target: &Path) -> Command {
         let mut command = if self.links_with_zig() {
             let mut command = Command::new("cargo-zigbuild");
             command.arg("zigbuild");
-            command
+            with_profile(command)
         } else {
-            let mut command = cargo();
-            command.arg("build");
-            command
+            build_command()
         };
-        command.args(["--profile", PROFILE]);
-        command.args(["--config", &format!(r#"profile.{PROFILE}.inherits="release""#)]);
         if let Some(target) = &self.target {
             command.args(["--target", target]);
         }
@@ -151,6 +231,20 @@ impl Build {
             _ => {}
         }
         command
+    }
+}
+
+impl Build {
+    /// The build for the platform that this runs on.
+    pub fn host() -> Result<Self> {
+        let platform = Platform::host()
+            .context("FMI 2.0 has no name for this platform; see binaries/ in its section 2.3")?;
+        Ok(Self { platform, target: None })
+    }
+
+    /// Rust's name of the target; none for the host.
+    pub fn triple(&self) -> Option<&str> {
+        self.target.as_deref().map(|target| split(target).0)
     }
 
     /// Refuses to build where the target's standard library or linker is missing, with what brings them.

@@ -33,7 +33,10 @@ use crate::status::Status;
 /// importer's logger instead. The hook belongs to this library, into which the standard library is linked.
 pub fn silence_panics() {
     static ONCE: std::sync::Once = std::sync::Once::new();
+    #[cfg(not(target_family = "wasm"))]
     ONCE.call_once(|| std::panic::set_hook(Box::new(|_| {})));
+    #[cfg(target_family = "wasm")]
+    ONCE.call_once(crate::wasm::report_panics);
 }
 
 /// What an importer's handle points to. The FMUs of a coupled system are in one process; the first word distinguishes

@@ -15,7 +15,8 @@
 //   model                                 the trait of models
 //   events, inputs, logger, calling_sequence, number, tape, linear, resources
 //   serialized_state, saved_states
-//   persistence, panics
+//   persistence, wasm
+//   panics
 //   error, description, status
 
 // This crate's macros refer to it by this name.
@@ -52,6 +53,9 @@ mod simulation;
 mod status;
 mod tape;
 mod typed;
+#[cfg(target_family = "wasm")]
+#[doc(hidden)]
+pub mod wasm;
 
 pub use dependencies::check_dependencies;
 pub use equations::{Equations, VariablesOf};

@@ -22,7 +22,7 @@ pub(crate) fn contain<T>(body: impl FnOnce() -> T) -> Result<T, Error> {
 }
 
 /// The message of a panic.
-fn message(payload: &(dyn Any + Send)) -> &str {
+pub(crate) fn message(payload: &(dyn Any + Send)) -> &str {
     payload
         .downcast_ref::<&str>()
         .copied()

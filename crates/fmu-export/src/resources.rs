@@ -1,6 +1,7 @@
 //! The files of an FMU's folder `resources`, which an importer names by a URI (FMI 2.0.5, section 2.1.5).
 
 use std::borrow::Cow;
+#[cfg(not(target_family = "wasm"))]
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -43,7 +44,14 @@ impl Resources {
     pub(crate) fn read(&self, name: &str) -> Result<Vec<u8>, Error> {
         let unreadable = |why: &str| Error::new(format!("the resource {name} cannot be read: {why}"));
         let file = self.0.as_ref().map_err(|why| unreadable(why))?.join(name);
-        fs::read(&file).map_err(|error| unreadable(&format!("{}: {error}", file.display())))
+        #[cfg(not(target_family = "wasm"))]
+        let bytes = fs::read(&file).map_err(|error| unreadable(&format!("{}: {error}", file.display())));
+        #[cfg(target_family = "wasm")]
+        let bytes = file
+            .to_str()
+            .and_then(crate::wasm::read_file)
+            .ok_or_else(|| unreadable(&file.display().to_string()));
+        bytes
     }
 }
 

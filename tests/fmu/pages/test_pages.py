@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import itertools
-import os
 import shutil
 import zipfile
 from collections.abc import Callable, Iterator
@@ -16,7 +15,7 @@ import matplotlib
 import pytest
 from conftest import ROOT, TARGET, Run
 from fontTools.ttLib import TTFont
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
 
 WIDTHS = [360, 420, 1280, 1920]
 """Of telephones and screens, in CSS pixels."""
@@ -62,21 +61,6 @@ def files(lab: Run, exported: Path, tmp_path_factory: pytest.TempPathFactory) ->
     run("simulate", steps, "--fmus", exported, "--out", folder, "--plot", plot)
     reports = {name: folder / name / "report.html" for name in REPORTS}
     return {**files, **reports, "simulation": plot}
-
-
-@pytest.fixture(scope="session")
-def launch() -> Iterator[Callable[..., Browser]]:
-    """Starts Debian's Chromium, with additional environment variables."""
-    chromium = shutil.which("chromium")
-    assert chromium, "chromium is missing: bash tests/run rest installs it"
-    with sync_playwright() as playwright:
-        launch = playwright.chromium.launch
-        yield lambda **more: launch(executable_path=chromium, env={**os.environ, **more})
-
-
-@pytest.fixture(scope="session")
-def browser(launch: Callable[..., Browser]) -> Browser:
-    return launch()
 
 
 @dataclass

@@ -33,6 +33,7 @@ pub const TYPES_PLATFORM: &CStr = c"default";
 
 /// The importer's logger, with its arguments that identify the instance.
 #[derive(Debug)]
+#[cfg_attr(target_family = "wasm", expect(dead_code, reason = "a module calls the host's function instead"))]
 struct Callback {
     function: CallbackLogger,
     environment: *mut c_void,
@@ -40,6 +41,12 @@ struct Callback {
 }
 
 impl Recipient for Callback {
+    #[cfg(target_family = "wasm")]
+    fn receive(&self, status: Status, category: &CStr, text: &CStr) {
+        crate::wasm::log(self.environment, status, category, text);
+    }
+
+    #[cfg(not(target_family = "wasm"))]
     fn receive(&self, status: Status, category: &CStr, text: &CStr) {
         // SAFETY: the importer passed the callback for this purpose (section 2.1.5); every pointer is to a
         // NUL-terminated string that outlives the call, and the variadic argument is the one that "%s" reads.
@@ -684,6 +691,8 @@ macro_rules! fmi2_functions {
                     seed: *const f64, sensitivity: *mut f64);
             }
             $($crate::fmi2_functions! { @$interface $model })*
+            #[cfg(target_family = "wasm")]
+            $crate::wasm_functions! {}
         };
     };
     (@co_simulation $model:ty) => {

@@ -26,6 +26,8 @@ use crate::logger::{Logger, Recipient};
 use crate::model::{Experiment, Model, Variables};
 use crate::model_exchange::ModelExchange;
 use crate::resources::Resources;
+#[cfg(target_family = "wasm")]
+use crate::wasm::host;
 
 pub use crate::c_boundary::silence_panics;
 
@@ -71,6 +73,8 @@ unsafe fn instantiate<M: Model>(
     log_message: Option<LogMessageCallback>,
 ) -> Instance {
     let description = M::Variables::DESCRIPTION;
+    #[cfg(target_family = "wasm")]
+    let log_message = log_message.map(|_| host::log as LogMessageCallback);
     let recipient = log_message.map(|function| Callback { function, environment });
     let logger = Logger::new(recipient, description.log_categories, logging_on != FALSE, false);
     let check = || -> Result<Interface, Error> {
@@ -148,6 +152,9 @@ pub unsafe fn instantiate_co_simulation<M: Model>(
         Ok(registered) if event_mode_used => (Ok(Interface::CoSimulationWithEvents), registered),
         Ok(registered) => (Ok(Interface::CoSimulation), registered),
     };
+    #[cfg(target_family = "wasm")]
+    let intermediate_update =
+        intermediate_update.map(|_| host::intermediate_update as IntermediateUpdateCallback);
     let intermediate_update = intermediate_update.filter(|_| has_event_mode).map(|function| {
         IntermediateUpdate { callback: IntermediateCallback { function, environment }, registered }
     });

@@ -202,6 +202,8 @@ macro_rules! fmi3_functions {
                 fmi3GetBoolean = get_boolean, fmi3SetBoolean = set_boolean, Boolean;
                 fmi3GetString = get_string, fmi3SetString = set_string, String;
             }
+            #[cfg(target_family = "wasm")]
+            $crate::wasm_functions! {}
         };
     };
     (@functions $model:ty; $scheduled:ident; $($symbol:ident =

@@ -7,6 +7,8 @@ use super::{
 };
 use crate::instance::activation::fraction;
 use crate::scheduled_execution::ScheduledExecution;
+#[cfg(target_family = "wasm")]
+use crate::wasm::host;
 
 /// `fmi3InstantiateScheduledExecution`: null, and a message, when an argument is wrong. There is no clock to be updated.
 #[must_use]
@@ -23,6 +25,11 @@ pub unsafe fn instantiate_scheduled_execution<M: ScheduledExecution>(
     unlock_preemption: Option<PreemptionCallback>,
 ) -> Instance {
     let strings = [instance_name, instantiation_token, resource_path];
+    #[cfg(target_family = "wasm")]
+    let (lock_preemption, unlock_preemption) = (
+        lock_preemption.map(|_| host::lock_preemption as PreemptionCallback),
+        unlock_preemption.map(|_| host::unlock_preemption as PreemptionCallback),
+    );
     let preemption = Preemption { lock: lock_preemption, unlock: unlock_preemption };
     // SAFETY: the strings are the importer's (see the module).
     unsafe {

@@ -1,0 +1,112 @@
+//! A model as a WebAssembly module: what its host provides and is given beside the functions of FMI.
+//!
+//! An importer's callbacks are functions of the host, which a module cannot call by an address: the module imports them
+//! from `fmu`. As in C, a callback that the importer leaves null is not called.
+//!
+//! A panic ends the call with a trap, as nothing unwinds there; the host has its message from `panic` before. The module
+//! is then of no more use.
+
+use core::alloc::Layout;
+use core::ffi::{CStr, c_char, c_void};
+use std::alloc::{alloc, dealloc};
+
+use crate::panics;
+use crate::status::Status;
+
+/// What the host provides. The last three are imported by modules of FMI 3.0 that call them.
+pub(crate) mod host {
+    use super::{Status, c_char, c_void};
+
+    #[link(wasm_import_module = "fmu")]
+    unsafe extern "C" {
+        /// Receives a message: the environment that the importer passed, status, category, text.
+        pub fn log(environment: *mut c_void, status: Status, category: *const c_char, text: *const c_char);
+        /// Receives the message of a panic, before the trap: UTF-8, and its number of bytes.
+        pub fn panic(text: *const u8, size: usize);
+        /// The size of a file in bytes, or less than 0 if it cannot be read; its path is UTF-8.
+        pub fn file_size(path: *const u8, path_size: usize) -> i64;
+        /// Reads so many bytes of a file; whether that succeeded.
+        pub fn read_file(path: *const u8, path_size: usize, bytes: *mut u8, size: usize) -> i32;
+        /// `fmi3IntermediateUpdateCallback`.
+        pub fn intermediate_update(
+            environment: *mut c_void,
+            time: f64,
+            set_requested: u8,
+            get_allowed: u8,
+            step_finished: u8,
+            can_return_early: u8,
+            early_return_requested: *mut u8,
+            early_return_time: *mut f64,
+        );
+        /// `fmi3LockPreemptionCallback`.
+        pub fn lock_preemption();
+        /// `fmi3UnlockPreemptionCallback`.
+        pub fn unlock_preemption();
+    }
+}
+
+/// Logs a message by the importer's logger.
+pub(crate) fn log(environment: *mut c_void, status: Status, category: &CStr, text: &CStr) {
+    // SAFETY: the host reads the strings, which outlive the call. No reference to an instance exists during it.
+    unsafe { host::log(environment, status, category.as_ptr(), text.as_ptr()) }
+}
+
+/// Tells the host the message of a panic, which then traps.
+pub(crate) fn report_panics() {
+    std::panic::set_hook(Box::new(|panic| {
+        let text = panics::message(panic.payload());
+        // SAFETY: the host reads the text, which outlives the call.
+        unsafe { host::panic(text.as_ptr(), text.len()) }
+    }));
+}
+
+/// Reads a file of the host.
+pub(crate) fn read_file(path: &str) -> Option<Vec<u8>> {
+    // SAFETY: the host reads the path, which outlives the call.
+    let size = unsafe { host::file_size(path.as_ptr(), path.len()) };
+    let mut bytes = vec![0; usize::try_from(size).ok()?];
+    // SAFETY: likewise, and it writes as many bytes as there are.
+    let is_read = unsafe { host::read_file(path.as_ptr(), path.len(), bytes.as_mut_ptr(), bytes.len()) };
+    (is_read != 0).then_some(bytes)
+}
+
+/// The memory of arguments and results, aligned for any of them.
+fn layout(size: usize) -> Option<Layout> {
+    Layout::from_size_align(size.max(1), align_of::<u64>()).ok()
+}
+
+/// `fmu_allocate`: memory for arguments and results, or null.
+#[must_use]
+pub fn allocate(size: usize) -> *mut u8 {
+    // SAFETY: the size is not 0.
+    layout(size).map_or(core::ptr::null_mut(), |layout| unsafe { alloc(layout) })
+}
+
+/// `fmu_free`.
+///
+/// # Safety
+/// The memory was allocated with this size.
+pub unsafe fn free(memory: *mut u8, size: usize) {
+    if let Some(layout) = layout(size).filter(|_| !memory.is_null()) {
+        // SAFETY: the caller's promise.
+        unsafe { dealloc(memory, layout) }
+    }
+}
+
+/// Makes the functions that a module exports beside those of FMI.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! wasm_functions {
+    () => {
+        #[unsafe(no_mangle)]
+        extern "C" fn fmu_allocate(size: usize) -> *mut u8 {
+            $crate::wasm::allocate(size)
+        }
+
+        #[unsafe(no_mangle)]
+        unsafe extern "C" fn fmu_free(memory: *mut u8, size: usize) {
+            // SAFETY: the arguments are the host's, unchanged.
+            unsafe { $crate::wasm::free(memory, size) }
+        }
+    };
+}
