@@ -157,6 +157,18 @@ mod tests {
         assert_eq!(lengths, [6, 6, 6, 2]);
     }
 
+    /// For pages that draw further points: the variable of each line, and the factor to the axis' unit.
+    #[test]
+    fn lines_name_their_variables_without_points() {
+        let record = record(&[("boost_pressure", "Pa", 2000.0), ("duty", "%", 40.0)]);
+        let html = draw(&record, "", None).without_points().html();
+        for meta in ["\"meta\":\"0.001 boost_pressure\"", "\"meta\":\"1.0 duty\""] {
+            assert!(html.contains(meta), "{html}");
+        }
+        assert_eq!(html.matches("\"y\":[]").count(), 2, "{html}");
+        assert!(html.contains("kPa"));
+    }
+
     /// What is drawn: names, the axis' unit and values in it.
     #[test]
     fn panels_are_drawn_as_the_scenario_says() {

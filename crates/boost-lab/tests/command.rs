@@ -177,6 +177,28 @@ fn outputs_that_are_inputs_or_each_other_are_refused_before_anything_runs() {
     assert!(message.contains("the input identified.ssv would be lost"), "{message}");
 }
 
+#[test]
+fn a_page_is_made_of_modules_alone() {
+    let bench = Bench::new();
+    fs::write(bench.path("empty.wasm"), b"\0asm\x01\0\0\0").unwrap();
+    bench.write("text.wasm", "none");
+    for (module, reason) in [
+        ("missing.wasm", "missing.wasm: "),
+        ("text.wasm", "text.wasm is not a module of `boost-fmu export --wasm`: "),
+        ("careless.fmu", "careless.fmu is not a module of `boost-fmu export --wasm`: "),
+        (
+            "empty.wasm",
+            "empty.wasm is not a module of `boost-fmu export --wasm`: it has no section modelDescription.xml",
+        ),
+    ] {
+        let message = bench.refusal(&["live", "--plant", module, "--fmus", ".", "--out", "live.html"]);
+        assert!(message.contains(reason), "{message}");
+    }
+    let message = bench.refusal(&["live", "--plant", "text.wasm", "--fmus", ".", "--out", "text.wasm"]);
+    assert!(message.contains("the input text.wasm would be lost"), "{message}");
+    assert!(!bench.path("live.html").exists() && bench.read("text.wasm") == "none");
+}
+
 /// Two runs of equal duration; the file is one of theirs.
 #[test]
 fn two_processes_with_one_output_leave_one_complete_file() {

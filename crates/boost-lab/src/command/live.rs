@@ -1,7 +1,7 @@
 //! `live`: a page that runs both FMUs in a browser.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use clap::Args;
@@ -71,7 +71,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// A module, of the same model as an FMU: else the page would be compared with another one.
-fn read(module: &PathBuf, fmu: &PathBuf) -> Result<Module> {
+fn read(module: &Path, fmu: &Path) -> Result<Module> {
     let read = Module::read(module)?;
     let description = FmuDescription::read(fmu)?;
     if read.description.guid() != description.guid() {

@@ -16,7 +16,7 @@ use wasmparser::{Parser, Payload};
 
 use crate::page::page;
 use crate::plot::escaped;
-use crate::reproduce::{Claim, Reproduced, Run, shipped};
+use crate::reproduce::{Claim, PaperFigure, Reproduced, Run, shipped};
 use crate::scenario::{Assignment, Input, Member, Scenario, Signal};
 
 /// The closed loop that the page begins with: its constant inputs are those that the user changes.
@@ -56,9 +56,8 @@ impl Module {
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = reading::bytes(path)?;
         let description = Self::description(&bytes);
-        let description = description.with_context(|| {
-            format!("{} is not a module of `boost-fmu export --wasm`", path.display())
-        })?;
+        let description = description
+            .with_context(|| format!("{} is not a module of `boost-fmu export --wasm`", path.display()))?;
         Ok(Self { bytes, description })
     }
 
@@ -96,15 +95,18 @@ impl Live<'_> {
             let all = self.experiments.iter().flat_map(|experiment| &experiment.runs);
             std::iter::once(self.closed_loop).chain(all)
         };
-        let plots: String =
-            runs().map(|run| format!("<template class=\"plots\">\n{}</template>\n", run.plot.html())).collect();
-        let buttons: String = self.experiments.iter().map(|experiment| {
-            let figure = experiment.figure;
-            format!("<button type=\"button\"><b>Fig. {}</b> {}</button>\n", figure.number, escaped(figure.title))
-        }).collect();
+        let mut plots = String::new();
+        for run in runs() {
+            plots += &format!("<template class=\"plots\">\n{}</template>\n", run.plot.html());
+        }
+        let mut buttons = String::new();
+        for PaperFigure { number, title, .. } in self.experiments.iter().map(|experiment| experiment.figure) {
+            buttons += &format!("<button type=\"button\"><b>Fig. {number}</b> {}</button>\n", escaped(title));
+        }
         // No `<` may end the script.
         let data = self.data()?.to_string().replace('<', "\\u003c");
-        let body = BODY.replace("{engine}", ENGINE).replace("{plots}", &plots).replace("{experiments}", &buttons);
+        let body =
+            BODY.replace("{engine}", ENGINE).replace("{plots}", &plots).replace("{experiments}", &buttons);
         let scripts = SCRIPTS.join("\n");
         let body = format!(
             "{body}<script type=\"application/json\" id=\"laboratory\">{data}</script>\n\
@@ -114,10 +116,14 @@ impl Live<'_> {
     }
 
     fn data(&self) -> Result<Json> {
-        let modules: serde_json::Map<_, _> =
-            self.modules.iter().map(|(name, module)| ((*name).to_owned(), BASE64_STANDARD.encode(&module.bytes).into())).collect();
+        let modules: serde_json::Map<_, _> = self
+            .modules
+            .iter()
+            .map(|(name, module)| ((*name).to_owned(), BASE64_STANDARD.encode(&module.bytes).into()))
+            .collect();
         let plant = self.modules.iter().find(|(name, _)| *name == "plant").context("a plant")?.1;
-        let plants = self.plants.iter().map(|set| plant_json(set, &plant.description)).collect::<Result<Vec<_>>>()?;
+        let plants =
+            self.plants.iter().map(|set| plant_json(set, &plant.description)).collect::<Result<Vec<_>>>()?;
         let mut templates = 1..;
         let experiments = self.experiments.iter().map(|experiment| {
             json!({
@@ -140,7 +146,8 @@ impl Live<'_> {
 /// A parameter set in the plant's units.
 fn plant_json(set: &ParameterSet, plant: &FmuDescription) -> Result<Json> {
     let fitted = set.fit(plant).with_context(|| format!("the parameter set '{}'", set.name))?;
-    let values = fitted.parameters.iter().map(|parameter| json!([parameter.name, value_json(&parameter.value)]));
+    let values =
+        fitted.parameters.iter().map(|parameter| json!([parameter.name, value_json(&parameter.value)]));
     Ok(json!({
         "name": set.name.replace('_', " "),
         "description": set.description,

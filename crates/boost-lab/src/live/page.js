@@ -57,12 +57,18 @@ function setRunning(isRunning) {
 // How far the simulation is due.
 const pace = {
   factor: 1,
-  begin(now = performance.now()) { Object.assign(this, { since: now, from: state.run?.now ?? 0, late: 0 }); },
+  begin(now = performance.now()) { Object.assign(this, { since: now, from: state.run?.now ?? 0 }); },
   due(now) { return this.from + this.factor * (now - this.since) / 1000; },
 };
 
-// The closed loop from its start, or a run of an experiment.
-async function start(scenario, values) {
+// The closed loop from its start, or a run of an experiment; what begins meanwhile waits.
+let starting = Promise.resolve();
+function start(scenario, values) {
+  starting = starting.then(() => startNow(scenario, values));
+  return starting;
+}
+
+async function startNow(scenario, values) {
   element("failure").hidden = true;
   state.failed = false;
   state.run = undefined;
@@ -81,7 +87,7 @@ async function startLoop() {
   state.experiment = undefined;
   element("sliders").disabled = false;
   document.querySelectorAll("#choices [aria-current]").forEach(button => button.removeAttribute("aria-current"));
-  element("caption").textContent = "The closed loop. Drag to zoom; “Reset axes” follows the time again.";
+  element("caption").textContent = "The closed loop. Where you zoom, the plots stand still; “Reset axes” lets them follow the time again.";
   const inputs = laboratory.loop.inputs.map(([name]) => [name, state.inputs.get(name)]);
   await start({ ...laboratory.loop, inputs }, { plant: state.plant, controller: [...state.parameters] });
 }
@@ -178,7 +184,7 @@ function frame(now) {
     }
     if (run && isDue) {
       if (frame.steps !== run.stepsDone || frame.run !== run) {
-        if (!plots.stale?.size) plots.changed();
+        plots.changed();
         engine.update(state.isRunning ? Math.min((now - (frame.shown ?? now)) / 1000, 0.1) : 0);
         Object.assign(frame, { steps: run.stepsDone, run });
       }
@@ -191,7 +197,7 @@ function frame(now) {
   }
   meter.spent += performance.now() - begun;
   meter.frames += 1;
-  if (run && now - meter.since > 1000) showMeter(now, run);
+  if (run && (now - meter.since > 1000 || run.now < meter.from)) showMeter(now, run);
   requestAnimationFrame(frame);
   // The next run begins once, though frames go on while it is prepared.
   if (state.isRunning && run?.isOver && frame.over !== run) {
@@ -201,9 +207,10 @@ function frame(now) {
 }
 
 function showMeter(now, run) {
-  const reached = (run.now - meter.from) / ((now - meter.since) / 1000);
+  // A run that has just begun has reached no pace yet.
+  const reached = Math.max(run.now - meter.from, 0) / ((now - meter.since) / 1000);
   const load = meter.spent / meter.frames;
-  const shownPace = state.isRunning && reached >= 0 ? `${number(Number(reached.toPrecision(2)))} × · ${load.toFixed(1)} ms a frame` : "paused";
+  const shownPace = state.isRunning ? `${number(Number(reached.toPrecision(2)))} × · ${load.toFixed(1)} ms a frame` : "paused";
   element("clock").replaceChildren(make("b", { textContent: `${run.now.toFixed(2)} s` }), ` ${shownPace}`);
   Object.assign(element("clock").dataset, { time: run.now, load: load.toFixed(2), pace: reached.toFixed(2) });
   Object.assign(meter, { since: now, from: run.now, spent: 0, frames: 0 });

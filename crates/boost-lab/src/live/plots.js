@@ -28,10 +28,9 @@ function rowsToDraw(time, values, from, to) {
 
 class Plots {
   constructor(figure) {
-    this.figure = figure;
-    this.panels = [];
+    Object.assign(this, { figure, panels: [], stale: new Set(), rests: 0 });
     // interactive.js draws anew by day and by night, without what is not in the page.
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { this.stale = new Set(this.panels); });
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.changed());
   }
 
   // Shows a run in the panels of a template. One that ends soon is in the view as a whole.
@@ -55,11 +54,12 @@ class Plots {
     const keys = Object.keys(change).filter(key => key.startsWith("xaxis."));
     if (keys.length === 0) return;
     this.zoom = keys.includes("xaxis.autorange") ? undefined : [...plot.layout.xaxis.range].map(Number);
-    this.stale = new Set(this.panels);
+    this.changed();
   }
 
+  // Those that wait for long come first.
   changed() {
-    this.stale = new Set(this.panels);
+    this.panels.forEach(plot => this.stale.add(plot));
   }
 
   range() {
@@ -69,9 +69,17 @@ class Plots {
     return [from, from + VIEW];
   }
 
-  // Draws the next panel that is not up to date: one in a frame, so that no frame takes long.
+  // Draws the next panel that is not up to date: one in a frame, so that no frame takes long, and then none for as long as
+  // that took, so that there is time for all else.
   drawNext() {
-    const [plot] = this.stale ?? [];
+    if (performance.now() < this.rests) return;
+    const begun = performance.now();
+    this.draw();
+    this.rests = 2 * performance.now() - begun;
+  }
+
+  draw() {
+    const [plot] = this.stale;
     if (!plot) return;
     this.stale.delete(plot);
     const { time, columns } = this.run;
@@ -88,6 +96,6 @@ class Plots {
   }
 
   drawAll() {
-    while (this.stale?.size) this.drawNext();
+    while (this.stale.size > 0) this.draw();
   }
 }
