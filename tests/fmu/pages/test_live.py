@@ -100,8 +100,8 @@ def test_lambda_acts_and_stays_after_reset(paused: Page) -> None:
     paused.locator("#boost_reference").fill("125")
     paused.locator("#reset").click()
     paused.wait_for_function("live.run?.now === 0")
-    # The reference model's 1.2 s in place of 0.3 s: after 0.5 s a third of the step, in place of four fifths; half
-    # of the difference, since delays take of both.
+    # The reference model's 1.2 s in place of 0.3 s: after 0.5 s a third of the step, in place of four
+    # fifths; half of the difference, since delays take of both.
     assert response(paused) < quick - 2.5e3
 
 

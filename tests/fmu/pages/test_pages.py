@@ -31,6 +31,8 @@ REPORTS = ["reproduction", "identification", "tuning", "simulation"]
 
 LIVE = "live"
 
+PAGES = [*FMUS, *REPORTS, LIVE]
+
 LARGEST = 6e6
 """Bytes of a report."""
 
@@ -111,9 +113,7 @@ def opened(browser: Browser, files: dict[str, Path]) -> Iterator[Callable[..., P
         context.close()
 
 
-@pytest.fixture(
-    scope="module", params=itertools.product([*FMUS, *REPORTS, LIVE], ["light", "dark"]), ids="-".join
-)
+@pytest.fixture(scope="module", params=itertools.product(PAGES, ["light", "dark"]), ids="-".join)
 def visit(request: pytest.FixtureRequest, browser: Browser, files: dict[str, Path]) -> Iterator[Visit]:
     """Each page by day and by night, inspected and pictured at each width."""
     name, scheme = request.param
