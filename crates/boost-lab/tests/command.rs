@@ -194,6 +194,24 @@ fn a_page_is_made_of_modules_alone() {
         let message = bench.refusal(&["live", "--plant", module, "--fmus", ".", "--out", "live.html"]);
         assert!(message.contains(reason), "{message}");
     }
+    // A custom section: its id, its size, its name with that one's size, and the description.
+    let module = |version| {
+        let description = format!("<fmiModelDescription fmiVersion=\"{version}\" modelName=\"m\"/>");
+        let section = [b"\x14modelDescription.xml", description.as_bytes()].concat();
+        let size = u8::try_from(section.len()).unwrap();
+        assert!(size < 0x80, "a size of one byte");
+        [b"\0asm\x01\0\0\0\0".as_slice(), &[size], &section].concat()
+    };
+    fs::write(bench.path("three.wasm"), module("3.0")).unwrap();
+    fs::write(bench.path("other.wasm"), module("2.0")).unwrap();
+    fs::copy(bench.path("careless.fmu"), bench.path("BoostPlant.fmu")).unwrap();
+    for (module, reason) in [
+        ("three.wasm", "it has FMI 3.0; the page calls FMI 2.0"),
+        ("other.wasm", "other.wasm and ./BoostPlant.fmu are of different models"),
+    ] {
+        let message = bench.refusal(&["live", "--plant", module, "--fmus", ".", "--out", "live.html"]);
+        assert!(message.contains(reason), "{message}");
+    }
     let message = bench.refusal(&["live", "--plant", "text.wasm", "--fmus", ".", "--out", "text.wasm"]);
     assert!(message.contains("the input text.wasm would be lost"), "{message}");
     assert!(!bench.path("live.html").exists() && bench.read("text.wasm") == "none");

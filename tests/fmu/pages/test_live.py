@@ -180,6 +180,13 @@ def test_plots_follow_zoom_and_colours(opened: Open) -> None:
     ranges = "[...document.querySelectorAll('.plot')].map((plot) => plot.layout.xaxis.range.map(Math.round))"
     # The plots are drawn one after the other.
     page.wait_for_function(f"{ranges}.every((range) => range[0] > 0)")
+    # The one under the cursor stands still.
+    page.locator(".plot").first.hover()
+    held = page.evaluate(ranges)
+    page.wait_for_function(f"{ranges}[1][0] > {held[1][0]}")
+    assert page.evaluate(ranges)[0] == held[0]
+    page.mouse.move(0, 0)
+    page.wait_for_function(f"{ranges}[0][0] > {held[0][0]}")
     page.locator(".plot").first.locator("[data-title='Zoom in']").press("Enter")
     page.wait_for_function(f"new Set({ranges}.map(String)).size === 1")
     zoomed = page.evaluate(ranges)

@@ -87,7 +87,7 @@ async function startLoop() {
   state.experiment = undefined;
   element("sliders").disabled = false;
   document.querySelectorAll("#choices [aria-current]").forEach(button => button.removeAttribute("aria-current"));
-  element("caption").textContent = "The closed loop. Where you zoom, the plots stand still; “Reset axes” lets them follow the time again.";
+  element("caption").textContent = "The closed loop. A plot under the cursor stands still, and all do where you zoom, until “Reset axes”.";
   const inputs = laboratory.loop.inputs.map(([name]) => [name, state.inputs.get(name)]);
   await start({ ...laboratory.loop, inputs }, { plant: state.plant, controller: [...state.parameters] });
 }

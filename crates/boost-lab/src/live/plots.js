@@ -5,6 +5,9 @@ const VIEW = 40;
 // A line has at most so many strips of two points, each with its least and greatest value.
 const STRIPS = 1200;
 
+// A plot under the cursor stands still, so that its values can be read; fingers leave none behind.
+const cursor = matchMedia("(hover: hover)");
+
 // The rows of a record between two times: all, or the least and greatest of each strip.
 function rowsToDraw(time, values, from, to) {
   let begin = time.findLastIndex(instant => instant <= from);
@@ -39,7 +42,7 @@ class Plots {
     this.figure.replaceChildren(template.content.cloneNode(true));
     await showFigures(this.figure);
     const length = run.scenario.steps * run.scenario.step;
-    Object.assign(this, { run, zoom: undefined, length: Math.min(length, 10 * VIEW), scrolls: length > 10 * VIEW });
+    Object.assign(this, { run, zoom: undefined, urgent: undefined, length: Math.min(length, 10 * VIEW), scrolls: length > 10 * VIEW });
     this.panels = [...this.figure.querySelectorAll(".plot")];
     for (const plot of this.panels) {
       plot.on("plotly_relayout", change => this.follow(plot, change));
@@ -54,6 +57,7 @@ class Plots {
     const keys = Object.keys(change).filter(key => key.startsWith("xaxis."));
     if (keys.length === 0) return;
     this.zoom = keys.includes("xaxis.autorange") ? undefined : [...plot.layout.xaxis.range].map(Number);
+    this.urgent = plot;
     this.changed();
   }
 
@@ -69,19 +73,23 @@ class Plots {
     return [from, from + VIEW];
   }
 
+  next() {
+    return [...this.stale].find(plot => plot === this.urgent || !(cursor.matches && plot.matches(":hover")));
+  }
+
   // Draws the next panel that is not up to date: one in a frame, so that no frame takes long, and then none for as long as
   // that took, so that there is time for all else.
   drawNext() {
-    if (performance.now() < this.rests) return;
+    const plot = this.next();
+    if (!plot || performance.now() < this.rests) return;
     const begun = performance.now();
-    this.draw();
+    this.draw(plot);
     this.rests = 2 * performance.now() - begun;
   }
 
-  draw() {
-    const [plot] = this.stale;
-    if (!plot) return;
+  draw(plot) {
     this.stale.delete(plot);
+    if (plot === this.urgent) this.urgent = undefined;
     const { time, columns } = this.run;
     const [from, to] = this.zoom ?? this.range();
     const margin = this.zoom ? to - from : 0;
@@ -96,6 +104,6 @@ class Plots {
   }
 
   drawAll() {
-    while (this.stale.size > 0) this.draw();
+    for (let plot = this.next(); plot; plot = this.next()) this.draw(plot);
   }
 }
