@@ -112,6 +112,24 @@ def browser(launch: Callable[..., Browser]) -> Browser:
     return launch()
 
 
+@pytest.fixture(scope="session")
+def modules() -> Path:
+    """The folder of the WebAssembly modules, which tests/run exports."""
+    folder = TARGET / "wasm"
+    assert folder.is_dir(), f"{folder} is missing: bash tests/run rest exports to it"
+    return folder
+
+
+@pytest.fixture(scope="session")
+def live(lab: Run, exported: Path, modules: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page that runs both FMUs in a browser."""
+    file = tmp_path_factory.mktemp("live") / "live.html"
+    plant, controller = modules / "BoostPlant.wasm", modules / "BoostController.wasm"
+    done = lab("live", "--plant", plant, "--controller", controller, "--fmus", exported, "--out", file)
+    assert (done.returncode, done.stderr) == (0, "")
+    return file
+
+
 @pytest.fixture
 def make() -> Iterator[Callable[[Fmu], Instance]]:
     """Makes instances, and frees them after the test."""

@@ -66,7 +66,7 @@ def test_walk_knows_every_line() -> None:
     walked = done.stdout.splitlines()
     for line in LINES:
         assert line in walked or any(each.endswith(f"): {line}") for each in walked)
-    assert sum(line.startswith("not run") for line in walked) == 4
+    assert sum(line.startswith("not run") for line in walked) == 8
 
 
 def test_export(clone: Path) -> None:

@@ -15,6 +15,7 @@
 //! - [`sweep`] runs a scenario for many values of parameters.
 //! - [`reproduce`] compares the results with the paper, figure by figure.
 //! - [`tune`] tunes the controller to a plant.
+//! - [`live`] writes a page that runs both FMUs in a browser.
 //! - [`command`] is the command line.
 #![deny(unsafe_code)]
 
@@ -23,6 +24,7 @@ mod compare;
 mod identify;
 mod importer;
 mod journal;
+mod live;
 mod mapping;
 mod master;
 mod measure;

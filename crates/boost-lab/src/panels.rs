@@ -77,7 +77,8 @@ fn panel(time: &[f64], columns: &[&Column]) -> Panel {
             unit if !has_one_unit && !unit.is_empty() => format!("{} ({unit})", column.name),
             _ => column.name.clone(),
         };
-        let line = Line::new(time, column.values.iter().map(|value| factor * value)).label(&label);
+        let line = Line::new(time, column.values.iter().map(|value| factor * value));
+        let line = line.label(&label).source(&column.name, *factor);
         if is_reference {
             lines.insert(0, line.color(color::INK).thin());
         } else if let Some(&color) = colors.next() {
@@ -154,6 +155,18 @@ mod tests {
         let columns: Vec<_> = names.iter().map(|name| (name.as_str(), "m", 1.0)).collect();
         let lengths: Vec<_> = self::names(&columns).iter().map(Vec::len).collect();
         assert_eq!(lengths, [6, 6, 6, 2]);
+    }
+
+    /// For pages that draw further points: the variable of each line, and the factor to the axis' unit.
+    #[test]
+    fn lines_name_their_variables_without_points() {
+        let record = record(&[("boost_pressure", "Pa", 2000.0), ("duty", "%", 40.0)]);
+        let html = draw(&record, "", None).without_points().html();
+        for meta in ["\"meta\":\"0.001 boost_pressure\"", "\"meta\":\"1.0 duty\""] {
+            assert!(html.contains(meta), "{html}");
+        }
+        assert_eq!(html.matches("\"y\":[]").count(), 2, "{html}");
+        assert!(html.contains("kPa"));
     }
 
     /// What is drawn: names, the axis' unit and values in it.

@@ -177,6 +177,46 @@ fn outputs_that_are_inputs_or_each_other_are_refused_before_anything_runs() {
     assert!(message.contains("the input identified.ssv would be lost"), "{message}");
 }
 
+#[test]
+fn a_page_is_made_of_modules_alone() {
+    let bench = Bench::new();
+    fs::write(bench.path("empty.wasm"), b"\0asm\x01\0\0\0").unwrap();
+    bench.write("text.wasm", "none");
+    for (module, reason) in [
+        ("missing.wasm", "missing.wasm: "),
+        ("text.wasm", "text.wasm is not a module of `boost-fmu export --wasm`: "),
+        ("careless.fmu", "careless.fmu is not a module of `boost-fmu export --wasm`: "),
+        (
+            "empty.wasm",
+            "empty.wasm is not a module of `boost-fmu export --wasm`: it has no section modelDescription.xml",
+        ),
+    ] {
+        let message = bench.refusal(&["live", "--plant", module, "--fmus", ".", "--out", "live.html"]);
+        assert!(message.contains(reason), "{message}");
+    }
+    // A custom section: its id, its size, its name with that one's size, and the description.
+    let module = |version| {
+        let description = format!("<fmiModelDescription fmiVersion=\"{version}\" modelName=\"m\"/>");
+        let section = [b"\x14modelDescription.xml", description.as_bytes()].concat();
+        let size = u8::try_from(section.len()).unwrap();
+        assert!(size < 0x80, "a size of one byte");
+        [b"\0asm\x01\0\0\0\0".as_slice(), &[size], &section].concat()
+    };
+    fs::write(bench.path("three.wasm"), module("3.0")).unwrap();
+    fs::write(bench.path("other.wasm"), module("2.0")).unwrap();
+    fs::copy(bench.path("careless.fmu"), bench.path("BoostPlant.fmu")).unwrap();
+    for (module, reason) in [
+        ("three.wasm", "it has FMI 3.0; the page calls FMI 2.0"),
+        ("other.wasm", "other.wasm and ./BoostPlant.fmu are of different models"),
+    ] {
+        let message = bench.refusal(&["live", "--plant", module, "--fmus", ".", "--out", "live.html"]);
+        assert!(message.contains(reason), "{message}");
+    }
+    let message = bench.refusal(&["live", "--plant", "text.wasm", "--fmus", ".", "--out", "text.wasm"]);
+    assert!(message.contains("the input text.wasm would be lost"), "{message}");
+    assert!(!bench.path("live.html").exists() && bench.read("text.wasm") == "none");
+}
+
 /// Two runs of equal duration; the file is one of theirs.
 #[test]
 fn two_processes_with_one_output_leave_one_complete_file() {

@@ -29,6 +29,10 @@ FMUS = ["BoostPlant", "BoostController"]
 
 REPORTS = ["reproduction", "identification", "tuning", "simulation"]
 
+LIVE = "live"
+
+PAGES = [*FMUS, *REPORTS, LIVE]
+
 LARGEST = 6e6
 """Bytes of a report."""
 
@@ -38,8 +42,8 @@ INSPECT = (Path(__file__).parent / "inspect.js").read_text()
 
 
 @pytest.fixture(scope="session")
-def files(lab: Run, exported: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """The pages of the FMUs, and a report of each command."""
+def files(lab: Run, exported: Path, live: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The pages of the FMUs, a report of each command, and the page that runs them."""
     folder = tmp_path_factory.mktemp("pages")
     files = {}
     for name in FMUS:
@@ -60,7 +64,7 @@ def files(lab: Run, exported: Path, tmp_path_factory: pytest.TempPathFactory) ->
     run("tune", *plant, "--controller", exported / "BoostController.fmu", "--out", folder / "tuning")
     run("simulate", steps, "--fmus", exported, "--out", folder, "--plot", plot)
     reports = {name: folder / name / "report.html" for name in REPORTS}
-    return {**files, **reports, "simulation": plot}
+    return {**files, **reports, "simulation": plot, LIVE: live}
 
 
 @dataclass
@@ -109,7 +113,7 @@ def opened(browser: Browser, files: dict[str, Path]) -> Iterator[Callable[..., P
         context.close()
 
 
-@pytest.fixture(scope="module", params=itertools.product(FMUS + REPORTS, ["light", "dark"]), ids="-".join)
+@pytest.fixture(scope="module", params=itertools.product(PAGES, ["light", "dark"]), ids="-".join)
 def visit(request: pytest.FixtureRequest, browser: Browser, files: dict[str, Path]) -> Iterator[Visit]:
     """Each page by day and by night, inspected and pictured at each width."""
     name, scheme = request.param
@@ -137,7 +141,7 @@ def sheet(browser: Browser) -> Iterator[None]:
     PICTURES.mkdir()
     yield
     rows = []
-    for name in FMUS + REPORTS:
+    for name in PAGES:
         pictures = [
             f'<td><img src="{name}-{scheme}-{width}.jpeg" style="width:{60 + width // 6}px"></td>'
             for width in WIDTHS

@@ -15,14 +15,6 @@ from playwright.sync_api import Browser
 DOCUMENT = (ROOT / "docs" / "wasm.md").read_text()
 
 
-@pytest.fixture(scope="session")
-def modules() -> Path:
-    """The folder of the modules, which tests/run exports."""
-    folder = TARGET / "wasm"
-    assert folder.is_dir(), f"{folder} is missing: bash tests/run rest exports to it"
-    return folder
-
-
 @pytest.fixture
 def boost_pressure(plant: Make) -> float:
     """That of the native library after one second, in Pa."""

@@ -2,6 +2,7 @@
 
 mod compare;
 mod identify;
+mod live;
 mod reproduce;
 mod show;
 mod simulate;
@@ -77,6 +78,8 @@ enum Command {
         #[arg(long, value_name = "DIR", default_value = "target/reproduction")]
         out: PathBuf,
     },
+    /// Write a page that runs plant and controller live in a browser
+    Live(live::Arguments),
     /// Tune the controller's gain schedule to a plant
     Tune(tune::Arguments),
     /// Run a scenario for many values of parameters, on all cores; goes on where it was interrupted
@@ -186,6 +189,7 @@ pub fn run() -> Result<bool> {
             show::run(&scenarios, &fmus, &title, &out).map(|()| true)
         }
         Command::Reproduce { figures, fmus, out } => reproduce::run(&fmus, &out, &figures),
+        Command::Live(arguments) => live::run(&arguments).map(|()| true),
         Command::Tune(arguments) => tune::run(&arguments).map(|()| true),
         Command::Study(arguments) => study::run(&arguments),
         Command::Identify { what: Identify::Actuator(arguments) } => identify::run(arguments).map(|()| true),

@@ -2,7 +2,7 @@
 {
   const night = matchMedia("(prefers-color-scheme: dark)");
   const buttons = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d"] };
-  const panels = [...document.querySelectorAll(".panel")];
+  const panelsOf = root => [...root.querySelectorAll(".panel")];
   const plotOf = panel => panel.querySelector(".plot");
 
   // The style sheet's colours stand in the data by their names.
@@ -21,11 +21,11 @@
       dragmode: matchMedia("(pointer: coarse)").matches ? false : "zoom",
     }];
   };
-  const draw = () => Promise.all(panels.map(panel => Plotly.react(plotOf(panel), ...plotted(panel), buttons)));
+  const draw = panels => Promise.all(panels.map(panel => Plotly.react(plotOf(panel), ...plotted(panel), buttons)));
 
   const following = new Set();
   const link = panel => {
-    const others = [...panel.closest("figure").querySelectorAll(".panel")]
+    const others = panelsOf(panel.closest("figure"))
       .filter(other => other !== panel && panel.dataset.axis && other.dataset.axis === panel.dataset.axis);
     plotOf(panel).on("plotly_relayout", change => {
       // A panel that follows another one leads none.
@@ -44,7 +44,10 @@
     button.setAttribute("aria-label", button.dataset.title);
   });
 
-  draw().then(() => {
+  // Draws the figures of a part of the page, for which a page with figures of its own making calls it, too.
+  globalThis.showFigures = async root => {
+    const panels = panelsOf(root);
+    await draw(panels);
     for (const panel of panels) {
       const plot = plotOf(panel);
       link(panel);
@@ -57,6 +60,7 @@
         box.addEventListener("change", () => Plotly.restyle(plot, { visible: box.checked }, [Number(box.value)])));
     }
     document.documentElement.dataset.drawn = panels.length;
-  });
-  night.addEventListener("change", draw);
+  };
+  showFigures(document);
+  night.addEventListener("change", () => draw(panelsOf(document)));
 }

@@ -128,6 +128,11 @@ impl Line {
         };
         let trace = Scatter::new(x, y).mode(mode).line(stroke);
         let trace = trace.marker(Marker::new().size(5).color(self.color.name()));
+        let trace = match &self.source {
+            // One text, as the crate has it.
+            Some((name, factor)) => trace.meta(format!("{factor:?} {name}")),
+            None => trace,
+        };
         match &self.label {
             Some(label) => trace.name(escaped(label)),
             None => trace.name(""),

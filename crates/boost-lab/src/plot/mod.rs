@@ -106,6 +106,8 @@ pub struct Line {
     is_dashed: bool,
     is_held: bool,
     marks: Marks,
+    /// Whose values these are, and the factor to them, where the page that shows the plot draws further points.
+    source: Option<(String, f64)>,
 }
 
 /// How a line's points are drawn.
@@ -143,6 +145,13 @@ impl Figure {
     /// Panels in a column share one horizontal axis.
     pub fn shared_x(mut self) -> Self {
         self.shares_x = true;
+        self
+    }
+
+    /// The figure for points that are yet to come.
+    pub fn without_points(mut self) -> Self {
+        let panels = self.rows.iter_mut().flatten();
+        panels.flat_map(|panel| &mut panel.lines).for_each(|line| line.points.clear());
         self
     }
 
@@ -236,7 +245,14 @@ impl Line {
             is_dashed: false,
             is_held: false,
             marks: Marks::Stroke,
+            source: None,
         }
+    }
+
+    /// The variable whose values these are, and the factor from them.
+    pub fn source(mut self, name: &str, factor: f64) -> Self {
+        self.source = Some((name.to_owned(), factor));
+        self
     }
 
     /// Its entry in the legend.

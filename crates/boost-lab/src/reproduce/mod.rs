@@ -25,6 +25,7 @@ use crate::importer::Fmu;
 use crate::master::{LoadedFmus, Master};
 use crate::measure;
 use crate::numbers::{number, shown};
+use crate::panels;
 use crate::plot::Figure;
 use crate::record::Record;
 use crate::scenario::Scenario;
@@ -148,13 +149,13 @@ impl Claim {
     }
 
     /// The unit that suits the range, and the factor to it.
-    fn scale(&self) -> (String, f64) {
+    pub fn scale(&self) -> (String, f64) {
         shown(self.unit, self.most.or(self.least).unwrap_or(self.value))
     }
 }
 
 impl Basis {
-    fn name(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         match self {
             Self::Calibration => "calibration",
             Self::Prediction => "prediction",
@@ -168,6 +169,28 @@ pub struct Reproduced {
     pub evidence: Evidence,
     /// The scenarios that ran: names and texts.
     pub scenarios: Vec<(&'static str, &'static str)>,
+    /// What ran, in its order.
+    pub runs: Vec<Run>,
+}
+
+/// An experiment of a figure, for others to run again.
+pub struct Run {
+    pub scenario: Scenario,
+    /// The recorded variables.
+    pub names: Vec<String>,
+    /// The plot of the record, without its points.
+    pub plot: Figure,
+}
+
+impl Run {
+    fn new(scenario: &Scenario, record: &Record) -> Self {
+        let title = scenario.title.as_deref().unwrap_or_default();
+        Self {
+            scenario: scenario.clone(),
+            names: record.columns().iter().map(|column| column.name.clone()).collect(),
+            plot: panels::draw(record, title, scenario.panel_names().as_deref()).without_points(),
+        }
+    }
 }
 
 /// Runs the experiments.
@@ -175,17 +198,23 @@ pub struct Laboratory {
     folder: PathBuf,
     fmus: LoadedFmus,
     scenarios: Vec<(&'static str, &'static str)>,
+    runs: Vec<Run>,
 }
 
 impl Laboratory {
     /// With the `BoostPlant.fmu` and `BoostController.fmu` of a folder.
     pub fn new(folder: &Path) -> Self {
-        Self { folder: folder.to_owned(), fmus: LoadedFmus::default(), scenarios: vec![] }
+        Self { folder: folder.to_owned(), fmus: LoadedFmus::default(), scenarios: vec![], runs: vec![] }
     }
 
     pub fn reproduce(&mut self, figure: &'static PaperFigure) -> Result<Reproduced> {
         let evidence = (figure.reproduce)(self).with_context(|| format!("Fig. {}", figure.number))?;
-        Ok(Reproduced { figure, evidence, scenarios: std::mem::take(&mut self.scenarios) })
+        Ok(Reproduced {
+            figure,
+            evidence,
+            scenarios: std::mem::take(&mut self.scenarios),
+            runs: std::mem::take(&mut self.runs),
+        })
     }
 
     /// The FMUs with their versions and GUIDs.
@@ -206,14 +235,25 @@ impl Laboratory {
     }
 
     fn run(&mut self, scenario: &Scenario) -> Result<Record> {
-        Ok(Master::new(scenario, &mut self.fmus)?.run(|_| ())?.record)
+        let record = Master::new(scenario, &mut self.fmus)?.run(|_| ())?.record;
+        self.runs.push(Run::new(scenario, &record));
+        Ok(record)
+    }
+
+    /// What a scenario of the laboratory records and shows: its first seconds, by its file's name and text.
+    pub fn try_out(&mut self, (name, text): (&'static str, &'static str), seconds: f64) -> Result<Run> {
+        let scenario = Scenario::parse(name, text, Path::new(""), &self.folder)?;
+        let mut begin = scenario.clone();
+        begin.end_at(scenario.start_time + seconds)?;
+        let record = Master::new(&begin, &mut self.fmus)?.run(|_| ())?.record;
+        Ok(Run { scenario, ..Run::new(&begin, &record) })
     }
 }
 
 /// A scenario of the folder `scenarios`: its name and its text.
 macro_rules! shipped {
     ($name:literal) => {
-        ($name, include_str!(concat!("../../scenarios/", $name)))
+        ($name, include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/", $name)))
     };
 }
-use shipped;
+pub(crate) use shipped;

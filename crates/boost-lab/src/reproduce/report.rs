@@ -79,7 +79,7 @@ pub fn html(figures: &[Reproduced], fmus: &[String]) -> String {
     page("The paper's figures from the FMUs", STYLE, &body)
 }
 
-fn section(Reproduced { figure, evidence, scenarios }: &Reproduced) -> String {
+fn section(Reproduced { figure, evidence, scenarios, .. }: &Reproduced) -> String {
     let mut text =
         format!("<h2 id=\"figure-{0}\">Fig. {0}: {1}</h2>\n", figure.number, escaped(figure.title));
     for (caption, drawing) in &evidence.drawings {

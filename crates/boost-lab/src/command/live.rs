@@ -1,0 +1,81 @@
+//! `live`: a page that runs both FMUs in a browser.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail};
+use clap::Args;
+use fmu_package::terminal::print;
+use fmu_package::{FmuDescription, ParameterSet, writing};
+
+use crate::live::{LOOP, Live, Module};
+use crate::reproduce::{FIGURES, Laboratory};
+use crate::study::draw::known_plants;
+
+/// The seconds of the loop that show what its plots need: quantities and their sizes.
+const TRIAL: f64 = 1.0;
+
+#[derive(Args)]
+pub struct Arguments {
+    /// The plant as a WebAssembly module, which `boost-fmu export --wasm` writes [default: of the folder --fmus]
+    #[arg(long, value_name = "FILE.wasm")]
+    plant: Option<PathBuf>,
+    /// The controller as a module
+    #[arg(long, value_name = "FILE.wasm")]
+    controller: Option<PathBuf>,
+    /// The folder of `BoostPlant.fmu` and `BoostController.fmu`, with which the paper's experiments are run for comparison
+    #[arg(long, value_name = "DIR", default_value = super::FMUS)]
+    fmus: PathBuf,
+    /// A plant to choose, by its parameters; may be given several times [default: the plants of this repository's
+    /// parameters/]
+    #[arg(long, value_name = "FILE.ssv")]
+    parameters: Vec<PathBuf>,
+    /// The page to write
+    #[arg(long, value_name = "FILE.html", default_value = "target/live.html")]
+    out: PathBuf,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let in_folder = |name: &str| arguments.fmus.join(name);
+    let plant_file = arguments.plant.clone().unwrap_or_else(|| in_folder("BoostPlant.wasm"));
+    let controller_file = arguments.controller.clone().unwrap_or_else(|| in_folder("BoostController.wasm"));
+    let fmus = ["BoostPlant.fmu", "BoostController.fmu"].map(in_folder);
+    let modules = [plant_file, controller_file];
+    let inputs: Vec<_> = modules.iter().chain(&fmus).chain(&arguments.parameters).cloned().collect();
+    writing::refuse_overlap(std::slice::from_ref(&arguments.out), &inputs)?;
+
+    let [plant, controller] = [0, 1].map(|index| read(&modules[index], &fmus[index]));
+    let (plant, controller) = (plant?, controller?);
+    let plants = match arguments.parameters.as_slice() {
+        [] => known_plants()?,
+        paths => paths.iter().map(|path| ParameterSet::read(path)).collect::<Result<_, _>>()?,
+    };
+    let mut laboratory = Laboratory::new(&arguments.fmus);
+    let closed_loop = laboratory.try_out(LOOP, TRIAL)?;
+    let bar = super::progress_bar(FIGURES.len() as u64, "{pos} of {len} experiments")?;
+    let mut experiments = vec![];
+    for figure in &FIGURES {
+        experiments.push(laboratory.reproduce(figure)?);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let live = Live {
+        modules: [("plant", &plant), ("controller", &controller)],
+        plants: &plants,
+        closed_loop: &closed_loop,
+        experiments: &experiments,
+    };
+    let html = live.html()?;
+    writing::write(&arguments.out, |writer| writer.write_all(html.as_bytes()))?;
+    Ok(print(&format!("{}\n", arguments.out.display()))?)
+}
+
+/// A module, of the same model as an FMU: else the page would be compared with another one.
+fn read(module: &Path, fmu: &Path) -> Result<Module> {
+    let read = Module::read(module)?;
+    let description = FmuDescription::read(fmu)?;
+    if read.description.guid() != description.guid() {
+        bail!("{} and {} are of different models: export both anew", module.display(), fmu.display());
+    }
+    Ok(read)
+}

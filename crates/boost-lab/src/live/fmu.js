@@ -1,0 +1,176 @@
+// An FMU as a WebAssembly module: co-simulation after FMI 2.0, called through the module's memory.
+
+// What an FMU or the page cannot do, in words for people.
+class Failure extends Error {}
+
+const CO_SIMULATION = 1;
+// Of fmi2Status, what is worse than a warning.
+const WARNING = 1;
+// By the element of a ScalarVariable: how its values stand in memory.
+const TYPES = {
+  Real: { get: "fmi2GetReal", set: "fmi2SetReal", array: Float64Array },
+  Integer: { get: "fmi2GetInteger", set: "fmi2SetInteger", array: Int32Array },
+  Enumeration: { get: "fmi2GetInteger", set: "fmi2SetInteger", array: Int32Array },
+  Boolean: { get: "fmi2GetBoolean", set: "fmi2SetBoolean", array: Int32Array },
+};
+
+// A module that is compiled, with its variables.
+class Model {
+  static async compile(base64) {
+    const bytes = Uint8Array.from(atob(base64), letter => letter.charCodeAt(0));
+    const model = new Model();
+    model.module = await WebAssembly.compile(bytes);
+    const [xml] = WebAssembly.Module.customSections(model.module, "modelDescription.xml");
+    model.read(new DOMParser().parseFromString(new TextDecoder().decode(xml), "text/xml"));
+    return model;
+  }
+
+  read(xml) {
+    this.guid = xml.documentElement.getAttribute("guid");
+    const items = new Map([...xml.querySelectorAll("SimpleType")].map(type => [
+      type.getAttribute("name"),
+      new Map([...type.querySelectorAll("Item")].map(item => [item.getAttribute("name"), Number(item.getAttribute("value"))])),
+    ]));
+    const display = new Map([...xml.querySelectorAll("DisplayUnit")].map(unit => [
+      `${unit.parentElement.getAttribute("name")} ${unit.getAttribute("name")}`,
+      { unit: unit.getAttribute("name"), factor: Number(unit.getAttribute("factor") ?? 1), offset: Number(unit.getAttribute("offset") ?? 0) },
+    ]));
+    this.variables = new Map([...xml.querySelectorAll("ModelVariables > ScalarVariable")].map(element => {
+      const type = element.firstElementChild;
+      const [name, unit] = [element.getAttribute("name"), type.getAttribute("unit") ?? ""];
+      const number = key => (type.hasAttribute(key) ? Number(type.getAttribute(key)) : undefined);
+      return [name, {
+        name, unit,
+        type: type.localName,
+        reference: Number(element.getAttribute("valueReference")),
+        causality: element.getAttribute("causality"),
+        description: element.getAttribute("description") ?? "",
+        items: items.get(type.getAttribute("declaredType")),
+        display: display.get(`${unit} ${type.getAttribute("displayUnit")}`) ?? { unit: unit === "1" ? "" : unit, factor: 1, offset: 0 },
+        min: number("min"), max: number("max"),
+        start: type.getAttribute("start") === "true" ? 1 : number("start"),
+      }];
+    }));
+  }
+
+  names(causality) {
+    return [...this.variables.values()].filter(variable => variable.causality === causality).map(variable => variable.name);
+  }
+
+  // A new instance has a memory of its own: after a trap the old one is of no more use.
+  async instantiate(name) {
+    const instance = new Instance(this, name);
+    const { exports } = await WebAssembly.instantiate(this.module, { fmu: instance.imports() });
+    instance.begin(exports);
+    return instance;
+  }
+}
+
+class Instance {
+  constructor(model, name) {
+    Object.assign(this, { model, name, messages: [], panic: "" });
+  }
+
+  // What the module calls.
+  imports() {
+    const log = (environment, status, category, text) => this.messages.push({ status, text: this.text(text) });
+    const panic = (text, size) => { this.panic = new TextDecoder().decode(new Uint8Array(this.exports.memory.buffer, text, size)); };
+    // The models read no files.
+    return { log, panic, file_size: () => -1n, read_file: () => 0 };
+  }
+
+  begin(exports) {
+    this.exports = exports;
+    // The logger is not called by its address, but has to be one.
+    const callbacks = this.put(Uint32Array, [1, 0, 0, 0, 0]);
+    const [name, guid, folder] = [this.name, this.model.guid, ""].map(text => this.put(Uint8Array, [...new TextEncoder().encode(text), 0]));
+    const loggingOn = 0;
+    this.component = this.run("fmi2Instantiate", name, CO_SIMULATION, guid, folder, callbacks, 0, loggingOn);
+    if (!this.component) throw this.failure("fmi2Instantiate");
+  }
+
+  // Memory that lives as long as the instance.
+  put(type, values) {
+    const address = this.exports.fmu_allocate(values.length * type.BYTES_PER_ELEMENT);
+    new type(this.exports.memory.buffer, address, values.length).set(values);
+    return address;
+  }
+
+  text(address) {
+    const bytes = new Uint8Array(this.exports.memory.buffer, address);
+    return new TextDecoder().decode(bytes.slice(0, bytes.indexOf(0)));
+  }
+
+  failure(called) {
+    const why = this.panic || this.messages.map(message => message.text).join(" ") || "no reason given";
+    return new Failure(`The ${this.name} stopped in ${called}: ${why}`);
+  }
+
+  run(called, ...values) {
+    try {
+      return this.exports[called](...values);
+    } catch (trap) {
+      this.panic ||= String(trap);
+      throw this.failure(called);
+    }
+  }
+
+  call(called, ...values) {
+    const before = this.messages.length;
+    if (this.run(called, this.component, ...values) > WARNING) {
+      this.messages.splice(0, before);
+      throw this.failure(called);
+    }
+  }
+
+  variable(name) {
+    const variable = this.model.variables.get(name);
+    if (!variable) throw new Failure(`The ${this.name} has no variable ${name}`);
+    return variable;
+  }
+
+  // Sets a variable to a number, a truth value or the name of an enumeration's item.
+  setValue(name, value) {
+    const variable = this.variable(name);
+    new Selection(this, [name]).set([typeof value === "string" ? variable.items.get(value) : Number(value)]);
+  }
+
+  setUp(start) { this.call("fmi2SetupExperiment", 0, 0, start, 0, 0); }
+  enterInitialization() { this.call("fmi2EnterInitializationMode"); }
+  exitInitialization() { this.call("fmi2ExitInitializationMode"); }
+  step(time, size) { this.call("fmi2DoStep", time, size, 1); }
+}
+
+// Variables that are read or set together; their addresses stay, the views of a memory that grows do not.
+class Selection {
+  constructor(instance, names) {
+    this.instance = instance;
+    this.names = names;
+    this.groups = Object.entries(TYPES).map(([type, functions]) => {
+      const chosen = names.map((name, position) => [instance.variable(name), position]).filter(([variable]) => variable.type === type);
+      const references = instance.put(Uint32Array, chosen.map(([variable]) => variable.reference));
+      const values = instance.exports.fmu_allocate(8 * chosen.length);
+      return { ...functions, references, values, positions: chosen.map(([, position]) => position) };
+    }).filter(group => group.positions.length > 0);
+  }
+
+  view(group) {
+    return new group.array(this.instance.exports.memory.buffer, group.values, group.positions.length);
+  }
+
+  get(values = []) {
+    for (const group of this.groups) {
+      this.instance.call(group.get, group.references, group.positions.length, group.values);
+      const view = this.view(group);
+      group.positions.forEach((position, index) => { values[position] = view[index]; });
+    }
+    return values;
+  }
+
+  set(values) {
+    for (const group of this.groups) {
+      this.view(group).set(group.positions.map(position => values[position]));
+      this.instance.call(group.set, group.references, group.positions.length, group.values);
+    }
+  }
+}

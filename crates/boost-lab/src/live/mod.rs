@@ -1,0 +1,212 @@
+//! A page that runs plant and controller live in a browser: both as WebAssembly modules in it, with the experiments of the
+//! paper, which the laboratory ran before for comparison.
+//!
+//! The scripts, in the order of their use: `fmu.js` calls a module, `master.js` couples two of them as [`crate::master`]
+//! does, `measures.js` takes the paper's numbers from records, `plots.js` and `engine.js` show what happens, `page.js`
+//! serves the controls.
+
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use base64::Engine as _;
+use base64::prelude::BASE64_STANDARD;
+use fmu_package::{FmuDescription, ParameterSet, Value, reading};
+use serde_json::{Value as Json, json};
+use wasmparser::{Parser, Payload};
+
+use crate::page::page;
+use crate::plot::escaped;
+use crate::reproduce::{Claim, PaperFigure, Reproduced, Run, shipped};
+use crate::scenario::{Assignment, Input, Member, Scenario, Signal};
+
+/// The closed loop that the page begins with: its constant inputs are those that the user changes.
+pub const LOOP: (&str, &str) = shipped!("live.toml");
+
+const STYLE: &str = include_str!("style.css");
+const BODY: &str = include_str!("body.html");
+const ENGINE: &str = include_str!("engine.svg");
+const SCRIPTS: [&str; 6] = [
+    include_str!("fmu.js"),
+    include_str!("master.js"),
+    include_str!("measures.js"),
+    include_str!("plots.js"),
+    include_str!("engine.js"),
+    include_str!("page.js"),
+];
+
+/// The section of a module that contains its description.
+const DESCRIPTION: &str = "modelDescription.xml";
+
+/// What the sliders set, the variable's FMU, and the range of use; the field beside each takes all of the declared one.
+const SLIDERS: [(&str, &str, [f64; 2]); 5] = [
+    ("controller", "boost_reference", [100e3, 240e3]),
+    ("plant", "engine_speed", [1000.0, 5500.0]),
+    ("plant", "throttle", [0.0, 1.0]),
+    ("plant", "supply_voltage", [8.0, 16.0]),
+    ("controller", "lambda", [0.1, 1.2]),
+];
+
+/// An FMU as a WebAssembly module.
+pub struct Module {
+    bytes: Vec<u8>,
+    pub description: FmuDescription,
+}
+
+impl Module {
+    pub fn read(path: &Path) -> Result<Self> {
+        let bytes = reading::bytes(path)?;
+        let description = Self::description(&bytes);
+        let description = description
+            .with_context(|| format!("{} is not a module of `boost-fmu export --wasm`", path.display()))?;
+        Ok(Self { bytes, description })
+    }
+
+    fn description(bytes: &[u8]) -> Result<FmuDescription> {
+        for payload in Parser::new(0).parse_all(bytes) {
+            if let Payload::CustomSection(section) = payload?
+                && section.name() == DESCRIPTION
+            {
+                let description = FmuDescription::parse(std::str::from_utf8(section.data())?)?;
+                if !description.attribute("fmiVersion").starts_with("2.") {
+                    bail!("it has FMI {}; the page calls FMI 2.0", description.attribute("fmiVersion"));
+                }
+                return Ok(description);
+            }
+        }
+        bail!("it has no section {DESCRIPTION}")
+    }
+}
+
+/// The page's contents.
+pub struct Live<'a> {
+    /// By their names in scenarios.
+    pub modules: [(&'static str, &'a Module); 2],
+    /// The plants to choose from, beside the plant as it is.
+    pub plants: &'a [ParameterSet],
+    /// [`LOOP`].
+    pub closed_loop: &'a Run,
+    /// The paper's experiments, as the laboratory ran them.
+    pub experiments: &'a [Reproduced],
+}
+
+impl Live<'_> {
+    pub fn html(&self) -> Result<String> {
+        let runs = || {
+            let all = self.experiments.iter().flat_map(|experiment| &experiment.runs);
+            std::iter::once(self.closed_loop).chain(all)
+        };
+        let mut plots = String::new();
+        for run in runs() {
+            plots += &format!("<template class=\"plots\">\n{}</template>\n", run.plot.html());
+        }
+        let mut buttons = String::new();
+        for PaperFigure { number, title, .. } in self.experiments.iter().map(|experiment| experiment.figure) {
+            buttons += &format!("<button type=\"button\"><b>Fig. {number}</b> {}</button>\n", escaped(title));
+        }
+        // No `<` may end the script.
+        let data = self.data()?.to_string().replace('<', "\\u003c");
+        let body =
+            BODY.replace("{engine}", ENGINE).replace("{plots}", &plots).replace("{experiments}", &buttons);
+        let scripts = SCRIPTS.join("\n");
+        let body = format!(
+            "{body}<script type=\"application/json\" id=\"laboratory\">{data}</script>\n\
+             <script type=\"module\">\n{scripts}</script>\n"
+        );
+        Ok(page("Boost pressure control, live", STYLE, &body))
+    }
+
+    fn data(&self) -> Result<Json> {
+        let modules: serde_json::Map<_, _> = self
+            .modules
+            .iter()
+            .map(|(name, module)| ((*name).to_owned(), BASE64_STANDARD.encode(&module.bytes).into()))
+            .collect();
+        let plant = self.modules.iter().find(|(name, _)| *name == "plant").context("a plant")?.1;
+        let plants =
+            self.plants.iter().map(|set| plant_json(set, &plant.description)).collect::<Result<Vec<_>>>()?;
+        let mut templates = 1..;
+        let experiments = self.experiments.iter().map(|experiment| {
+            json!({
+                "number": experiment.figure.number,
+                "title": experiment.figure.title,
+                "runs": experiment.runs.iter().map(|run| run_json(run, templates.next().unwrap_or_default())).collect::<Vec<_>>(),
+                "claims": experiment.evidence.claims.iter().map(claim_json).collect::<Vec<_>>(),
+            })
+        });
+        Ok(json!({
+            "modules": modules,
+            "sliders": SLIDERS.map(|(fmu, name, range)| json!({ "fmu": fmu, "name": name, "range": range })),
+            "plants": plants,
+            "loop": run_json(self.closed_loop, 0),
+            "experiments": experiments.collect::<Vec<_>>(),
+        }))
+    }
+}
+
+/// A parameter set in the plant's units.
+fn plant_json(set: &ParameterSet, plant: &FmuDescription) -> Result<Json> {
+    let fitted = set.fit(plant).with_context(|| format!("the parameter set '{}'", set.name))?;
+    let values =
+        fitted.parameters.iter().map(|parameter| json!([parameter.name, value_json(&parameter.value)]));
+    Ok(json!({
+        "name": set.name.replace('_', " "),
+        "description": set.description,
+        "values": values.collect::<Vec<_>>(),
+    }))
+}
+
+/// A run, and the number of the template of its plots.
+fn run_json(run: &Run, template: usize) -> Json {
+    let Run { scenario, names, .. } = run;
+    let Scenario { title, step, start_time, steps, fmus, inputs, .. } = scenario;
+    json!({
+        "title": title, "step": step, "start": start_time, "steps": steps, "record": names, "template": template,
+        "fmus": fmus.iter().map(member_json).collect::<Vec<_>>(), "inputs": inputs_json(inputs),
+    })
+}
+
+fn member_json(member: &Member) -> Json {
+    json!({
+        "name": member.name, "values": values_json(&member.values), "inputs": inputs_json(&member.inputs),
+        "runIn": member.run_in.as_ref().map(|run_in| json!({
+            "duration": run_in.duration, "steps": run_in.steps,
+            "during": values_json(&run_in.during), "after": values_json(&run_in.after),
+        })),
+    })
+}
+
+fn values_json(values: &[Assignment]) -> Json {
+    values.iter().map(|assignment| json!([assignment.name, value_json(&assignment.value)])).collect()
+}
+
+fn value_json(value: &Value) -> Json {
+    match value {
+        Value::Real(value, _) => json!(value),
+        Value::Integer(value) => json!(value),
+        Value::Boolean(value) => json!(value),
+        Value::String(text) | Value::Enumeration(text) => json!(text),
+    }
+}
+
+fn inputs_json(inputs: &[Input]) -> Json {
+    inputs.iter().map(|input| json!([input.name, signal_json(&input.signal)])).collect()
+}
+
+fn signal_json(signal: &Signal) -> Json {
+    match signal {
+        Signal::Constant(value) => json!({ "constant": value }),
+        Signal::Steps(points) => json!({ "steps": points }),
+        Signal::Lines(points) => json!({ "lines": points }),
+        Signal::Sine { mean, amplitude, frequency, phase } => {
+            json!({ "mean": mean, "amplitude": amplitude, "frequency": frequency, "phase": phase })
+        }
+    }
+}
+
+fn claim_json(claim: &Claim) -> Json {
+    let (unit, factor) = claim.scale();
+    json!({
+        "name": claim.name, "paper": claim.paper, "inPaper": claim.in_paper(), "found": claim.found(), "asked": claim.asked(),
+        "least": claim.least, "most": claim.most, "unit": unit, "factor": factor, "how": claim.how, "basis": claim.basis.name(),
+    })
+}
