@@ -142,6 +142,26 @@ def test_field_takes_what_the_fmu_declares(paused: Page) -> None:
     assert field.input_value() == "32"
 
 
+def test_warning_and_refusal_of_an_fmu_are_told(paused: Page) -> None:
+    """A tank that cannot fill, and a value that is not a number."""
+    paused.evaluate("live.run.instance('plant').setValue('fault.pump_dead', true)")
+    assert not paused.locator("#warnings").is_visible()
+    run(paused, 8000)
+    warnings = paused.locator("#warnings li").all_text_contents()
+    assert any("The controller warns: " in warning for warning in warnings)
+    assert paused.locator("#status").text_content() in warnings[-1]
+    message = paused.evaluate(
+        """() => {
+          try {
+            live.run.instance("plant").setValue("engine_speed", NaN);
+          } catch (failure) {
+            return failure.message;
+          }
+        }"""
+    )
+    assert message == "The plant stopped. fmi2SetReal: NaN for the variable engine_speed"
+
+
 def test_runs_by_keyboard_and_says_so(paused: Page) -> None:
     """With less motion asked for, the page waits; then it runs, pauses, steps and begins anew."""
     assert "less motion" in paused.locator("#status").text_content()
@@ -158,7 +178,7 @@ def test_runs_by_keyboard_and_says_so(paused: Page) -> None:
     paused.wait_for_function("live.run?.now === 0")
 
 
-def test_pace_is_kept(opened: Open) -> None:
+def test_pace_is_kept(opened: Open, capsys: pytest.CaptureFixture[str]) -> None:
     """Ten times real time; what a frame takes of the main thread is printed."""
     page = opened()
     page.locator("#pace").select_option("10")
@@ -168,7 +188,8 @@ def test_pace_is_kept(opened: Open) -> None:
     after = page.evaluate("[performance.now(), live.run.now]")
     pace = (after[1] - before[1]) / (after[0] - before[0]) * 1e3
     load = page.locator("#clock").get_attribute("data-load")
-    print(f"\nat {pace:.1f} times real time: {load} ms of the main thread for each frame")
+    with capsys.disabled():
+        print(f"\nat {pace:.1f} times real time: {load} ms of the main thread for each frame")
     # Half a second may be between a frame and what is asked here.
     assert pace == pytest.approx(10, rel=0.2)
 
@@ -284,7 +305,7 @@ def test_trap_is_told_and_reset_helps(opened: Open) -> None:
         }"""
     )
     page.locator("#failure").wait_for()
-    assert page.locator("#failure p").text_content() == "The plant stopped in fmi2DoStep: a panic"
+    assert page.locator("#failure p").text_content() == "The plant stopped. fmi2DoStep: a panic"
     assert page.locator("#run").text_content() == "Run"
     page.locator("#failure button").click()
     page.wait_for_function("live.run?.now > 0.2")

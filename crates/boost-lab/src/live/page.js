@@ -48,6 +48,13 @@ function fail(error) {
   if (!isFailure) throw error;
 }
 
+// What the FMUs warn of is read out, and stays until something else begins.
+function warn(text) {
+  say(text);
+  element("warnings").hidden = false;
+  element("warnings").querySelector("ul").append(make("li", { textContent: `${state.run?.now.toFixed(2) ?? 0} s: ${text}` }));
+}
+
 function setRunning(isRunning) {
   state.isRunning = isRunning && !state.failed;
   element("run").textContent = state.isRunning ? "Pause" : "Run";
@@ -70,10 +77,12 @@ function start(scenario, values) {
 
 async function startNow(scenario, values) {
   element("failure").hidden = true;
+  element("warnings").hidden = true;
+  element("warnings").querySelector("ul").replaceChildren();
   state.failed = false;
   state.run = undefined;
   try {
-    const run = await Run.start(state.models, scenario, values);
+    const run = await Run.start(state.models, scenario, values, warn);
     await plots.show(run, document.querySelectorAll("template.plots")[scenario.template]);
     await engine.of(run.instance("plant"));
     state.run = run;
