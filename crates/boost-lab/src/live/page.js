@@ -261,11 +261,12 @@ function makeSlider(slider) {
   const range = make("input", { type: "range", id: slider.name, min: low, max: high, step: size, value: show(begin) });
   const field = make("input", { type: "number", min: show(variable.min), max: show(variable.max), step: "any", value: show(begin) });
   range.setAttribute("aria-describedby", `${slider.name}-note`);
-  range.setAttribute("aria-valuetext", `${range.value} ${unit}`);
-  field.setAttribute("aria-label", `${words(slider.name)}, ${unit}`);
+  const read = value => range.setAttribute("aria-valuetext", `${value} ${unit}`.trim());
+  read(range.value);
+  field.setAttribute("aria-label", [words(slider.name), unit].filter(Boolean).join(", "));
   const change = (value, other) => {
     other.value = value;
-    range.setAttribute("aria-valuetext", `${value} ${unit}`);
+    read(value);
     set(slider, (value - offset) / factor);
   };
   range.addEventListener("input", () => change(Number(range.value), field));
