@@ -258,8 +258,8 @@ function makeSlider(slider) {
   const [low, high] = slider.range.map(show);
   const begin = state.inputs.get(slider.name)?.constant ?? variable.start;
   const size = 10 ** Math.floor(Math.log10((high - low) / 50));
-  const range = make("input", { type: "range", id: slider.name, min: low, max: high, step: size, value: show(begin) });
-  const field = make("input", { type: "number", min: show(variable.min), max: show(variable.max), step: "any", value: show(begin) });
+  const range = make("input", { type: "range", id: slider.name, min: low, max: high, step: size, defaultValue: show(begin) });
+  const field = make("input", { type: "number", min: show(variable.min), max: show(variable.max), step: "any", defaultValue: show(begin) });
   range.setAttribute("aria-describedby", `${slider.name}-note`);
   const read = value => range.setAttribute("aria-valuetext", `${value} ${unit}`.trim());
   read(range.value);
@@ -281,7 +281,7 @@ function makeSlider(slider) {
 function makeSwitch() {
   const [fmu, name] = ["controller", "compensate_voltage"];
   const variable = state.models[fmu].variables.get(name);
-  const box = make("input", { type: "checkbox", id: name, checked: variable.start === 1 });
+  const box = make("input", { type: "checkbox", id: name, defaultChecked: variable.start === 1 });
   box.setAttribute("aria-describedby", `${name}-note`);
   box.addEventListener("change", () => set({ fmu, name }, box.checked));
   return control(name, variable.description, box);
@@ -316,7 +316,12 @@ function saveCsv() {
 }
 
 function serve() {
-  element("sliders").append(...laboratory.sliders.map(makeSlider), makeSwitch(), makePlants());
+  const defaults = make("button", { type: "reset", id: "defaults", textContent: "Defaults" });
+  element("sliders").append(...laboratory.sliders.map(makeSlider), makeSwitch(), makePlants(), defaults);
+  // The controls have their first values after this event, and tell of them as of others.
+  element("settings").addEventListener("reset", () => setTimeout(() => {
+    document.querySelectorAll("#sliders [id]:is(input, select)").forEach(input => input.dispatchEvent(new Event(input.type === "range" ? "input" : "change")));
+  }));
   element("run").addEventListener("click", async () => {
     if (!state.isRunning && state.run?.isOver) await reset();
     setRunning(!state.isRunning);
