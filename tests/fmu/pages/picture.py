@@ -19,9 +19,9 @@ STEPS = {0: 125, 3: 150, 12: 170, 22: 140}
 END = 30
 """When the picture is taken (s)."""
 
-SIZE = {"width": 1460, "height": 1096}
+SIZE = {"width": 1460, "height": 1148}
 
-COLORS = 64
+COLORS = 128
 """Of the picture, which has no others but for the edges of letters."""
 
 PLAY = """([steps, end]) => {

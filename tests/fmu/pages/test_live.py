@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from conftest import ROOT, TARGET, Run
 from picture import take
-from playwright.sync_api import Browser, BrowserContext, Page
+from playwright.sync_api import Browser, Page
 
 SCENARIOS = ROOT / "crates" / "boost-lab" / "scenarios"
 
@@ -20,36 +20,47 @@ README = (ROOT / "README.md").read_text()
 LARGEST_PICTURE = 150e3
 """Bytes of the README's picture."""
 
-Open = Callable[..., Page]
+
+def visit(browser: Browser, live: Path, messages: list[str], **options: object) -> Page:
+    """Opens the page; its console and errors go to a list."""
+    page = browser.new_context(viewport={"width": 1280, "height": 900}, **options).new_page()
+    page.on("console", lambda message: messages.append(message.text))
+    page.on("pageerror", lambda error: messages.append(str(error)))
+    page.goto(live.as_uri())
+    page.wait_for_function("globalThis.live?.run")
+    return page
 
 
 @pytest.fixture
-def opened(browser: Browser, live: Path) -> Iterator[Open]:
-    """Opens the page, and expects no error of it."""
-    contexts: list[BrowserContext] = []
+def opened(browser: Browser, live: Path) -> Iterator[Page]:
+    """The page, its loop running."""
     messages: list[str] = []
+    page = visit(browser, live, messages)
+    yield page
+    page.context.close()
+    assert messages == []
 
-    def open_page(**options: object) -> Page:
-        contexts.append(browser.new_context(viewport={"width": 1280, "height": 900}, **options))
-        page = contexts[-1].new_page()
-        page.on("console", lambda message: messages.append(message.text))
-        page.on("pageerror", lambda error: messages.append(str(error)))
-        page.goto(live.as_uri())
-        page.wait_for_function("globalThis.live?.run")
-        return page
 
-    yield open_page
-    for context in contexts:
-        context.close()
+@pytest.fixture(scope="module")
+def still(browser: Browser, live: Path) -> Iterator[Page]:
+    """The page where less motion is asked for: it waits to be run."""
+    messages: list[str] = []
+    page = visit(browser, live, messages, reduced_motion="reduce")
+    assert page.evaluate("live.run.now") == 0
+    assert "less motion" in page.locator("#status").text_content()
+    yield page
+    page.context.close()
     assert messages == []
 
 
 @pytest.fixture
-def paused(opened: Open) -> Page:
-    """The page, its loop at the start."""
-    page = opened(reduced_motion="reduce")
-    assert page.evaluate("live.run.now") == 0
-    return page
+def paused(still: Page) -> Page:
+    """The page with its defaults, its loop at the start."""
+    still.evaluate("live.run.isOld = true")
+    still.locator("#defaults").click()
+    still.wait_for_function("live.run && !live.run.isOld")
+    assert still.evaluate("live.run.now") == 0
+    return still
 
 
 def run(page: Page, steps: int) -> None:
@@ -116,6 +127,7 @@ def test_compensation_acts(paused: Page) -> None:
 
 
 def test_each_plant_starts_anew_and_differs(paused: Page) -> None:
+    assert value(paused, "boost_reference") == 125e3
     plants = paused.locator("#plant option").count()
     assert plants == 1 + len([file for file in ROOT.glob("parameters/*.ssv") if "paper" not in file.stem])
     begins = set()
@@ -142,9 +154,28 @@ def test_field_takes_what_the_fmu_declares(paused: Page) -> None:
     assert field.input_value() == "32"
 
 
+def test_warning_and_refusal_of_an_fmu_are_told(paused: Page) -> None:
+    """A tank that cannot fill, and a value that is not a number."""
+    paused.evaluate("live.run.instance('plant').setValue('fault.pump_dead', true)")
+    assert not paused.locator("#warnings").is_visible()
+    run(paused, 8000)
+    warnings = paused.locator("#warnings li").all_text_contents()
+    assert any("The controller warns: " in warning for warning in warnings)
+    assert paused.locator("#status").text_content() in warnings[-1]
+    message = paused.evaluate(
+        """() => {
+          try {
+            live.run.instance("plant").setValue("engine_speed", NaN);
+          } catch (failure) {
+            return failure.message;
+          }
+        }"""
+    )
+    assert message == "The plant stopped. fmi2SetReal: NaN for the variable engine_speed"
+
+
 def test_runs_by_keyboard_and_says_so(paused: Page) -> None:
-    """With less motion asked for, the page waits; then it runs, pauses, steps and begins anew."""
-    assert "less motion" in paused.locator("#status").text_content()
+    """It runs, pauses, steps and begins anew."""
     button = paused.locator("#run")
     button.press("Enter")
     paused.wait_for_function("live.run.now > 0.5")
@@ -158,46 +189,45 @@ def test_runs_by_keyboard_and_says_so(paused: Page) -> None:
     paused.wait_for_function("live.run?.now === 0")
 
 
-def test_pace_is_kept(opened: Open) -> None:
+def test_pace_is_kept(opened: Page, capsys: pytest.CaptureFixture[str]) -> None:
     """Ten times real time; what a frame takes of the main thread is printed."""
-    page = opened()
-    page.locator("#pace").select_option("10")
-    page.wait_for_timeout(2500)
-    before = page.evaluate("[performance.now(), live.run.now]")
-    page.wait_for_timeout(2500)
-    after = page.evaluate("[performance.now(), live.run.now]")
+    opened.locator("#pace").select_option("10")
+    opened.wait_for_timeout(2500)
+    before = opened.evaluate("[performance.now(), live.run.now]")
+    opened.wait_for_timeout(2500)
+    after = opened.evaluate("[performance.now(), live.run.now]")
     pace = (after[1] - before[1]) / (after[0] - before[0]) * 1e3
-    load = page.locator("#clock").get_attribute("data-load")
-    print(f"\nat {pace:.1f} times real time: {load} ms of the main thread for each frame")
+    load = opened.locator("#clock").get_attribute("data-load")
+    with capsys.disabled():
+        print(f"\nat {pace:.1f} times real time: {load} ms of the main thread for each frame")
     # Half a second may be between a frame and what is asked here.
     assert pace == pytest.approx(10, rel=0.2)
 
 
-def test_plots_follow_zoom_and_colours(opened: Open) -> None:
-    page = opened()
-    page.locator("#pace").select_option("50")
-    page.wait_for_function("live.run.now > 60")
+def test_plots_follow_zoom_and_colours(opened: Page) -> None:
+    opened.locator("#pace").select_option("50")
+    opened.wait_for_function("live.run.now > 60")
     ranges = "[...document.querySelectorAll('.plot')].map((plot) => plot.layout.xaxis.range.map(Math.round))"
     # The plots are drawn one after the other.
-    page.wait_for_function(f"{ranges}.every((range) => range[0] > 0)")
+    opened.wait_for_function(f"{ranges}.every((range) => range[0] > 0)")
     # The one under the cursor stands still.
-    page.locator(".plot").first.hover()
-    held = page.evaluate(ranges)
-    page.wait_for_function(f"{ranges}[1][0] > {held[1][0]}")
-    assert page.evaluate(ranges)[0] == held[0]
-    page.mouse.move(0, 0)
-    page.wait_for_function(f"{ranges}[0][0] > {held[0][0]}")
-    page.locator(".plot").first.locator("[data-title='Zoom in']").press("Enter")
-    page.wait_for_function(f"new Set({ranges}.map(String)).size === 1")
-    zoomed = page.evaluate(ranges)
-    page.wait_for_timeout(500)
-    assert page.evaluate(ranges) == zoomed
-    page.locator(".plot").last.locator("[data-title='Reset axes']").press("Enter")
-    page.wait_for_function(f"{ranges}.every((range) => range[0] > {zoomed[0][0]})")
-    page.locator("#run").click()
-    page.emulate_media(color_scheme="dark")
-    page.wait_for_function("document.querySelector('.plot').data[0].line.color === '#dfe5ec'")
-    page.wait_for_function(
+    opened.locator(".plot").first.hover()
+    held = opened.evaluate(ranges)
+    opened.wait_for_function(f"{ranges}[1][0] > {held[1][0]}")
+    assert opened.evaluate(ranges)[0] == held[0]
+    opened.mouse.move(0, 0)
+    opened.wait_for_function(f"{ranges}[0][0] > {held[0][0]}")
+    opened.locator(".plot").first.locator("[data-title='Zoom in']").press("Enter")
+    opened.wait_for_function(f"new Set({ranges}.map(String)).size === 1")
+    zoomed = opened.evaluate(ranges)
+    opened.wait_for_timeout(500)
+    assert opened.evaluate(ranges) == zoomed
+    opened.locator(".plot").last.locator("[data-title='Reset axes']").press("Enter")
+    opened.wait_for_function(f"{ranges}.every((range) => range[0] > {zoomed[0][0]})")
+    opened.locator("#run").click()
+    opened.emulate_media(color_scheme="dark")
+    opened.wait_for_function("document.querySelector('.plot').data[0].line.color === '#dfe5ec'")
+    opened.wait_for_function(
         "[...document.querySelectorAll('.plot')].every((plot) => plot.data.every(({ x }) => x.length > 100))"
     )
 
@@ -232,7 +262,7 @@ REPORTED = """() => [...document.querySelectorAll(".claims")].map((table) =>
 
 
 def test_experiments_give_the_figures_of_the_laboratory(
-    opened: Open, lab: Run, exported: Path, tmp_path: Path, browser: Browser
+    opened: Page, lab: Run, exported: Path, tmp_path: Path, browser: Browser
 ) -> None:
     assert lab("reproduce", "--fmus", exported, "--out", tmp_path).returncode == 0
     report = browser.new_page()
@@ -241,23 +271,21 @@ def test_experiments_give_the_figures_of_the_laboratory(
     report.close()
     assert sum(map(len, reported)) > 30
 
-    page = opened()
-    page.locator("#pace").select_option("Infinity")
-    for button, expected in zip(page.locator("#choices button").all(), reported, strict=True):
+    opened.locator("#pace").select_option("Infinity")
+    for button, expected in zip(opened.locator("#choices button").all(), reported, strict=True):
         button.click()
-        page.wait_for_selector("#results table")
-        assert page.evaluate(HERE) == expected, button.text_content()
-    page.screenshot(path=PICTURES / "experiment.png", full_page=True)
+        opened.wait_for_selector("#results table")
+        assert opened.evaluate(HERE) == expected, button.text_content()
+    opened.screenshot(path=PICTURES / "experiment.png", full_page=True)
 
 
-def test_record_is_the_laboratorys(opened: Open, lab: Run, exported: Path, tmp_path: Path) -> None:
+def test_record_is_the_laboratorys(opened: Page, lab: Run, exported: Path, tmp_path: Path) -> None:
     """To the last bit, with the same names."""
-    page = opened()
-    page.locator("#pace").select_option("Infinity")
-    page.locator("#choices button").first.click()
-    page.wait_for_selector("#results table")
-    with page.expect_download() as download:
-        page.locator("#csv").click()
+    opened.locator("#pace").select_option("Infinity")
+    opened.locator("#choices button").first.click()
+    opened.wait_for_selector("#results table")
+    with opened.expect_download() as download:
+        opened.locator("#csv").click()
     saved, recorded = tmp_path / download.value.suggested_filename, tmp_path / "record.csv"
     assert saved.name == "figure_1_run_1.csv"
     download.value.save_as(saved)
@@ -271,9 +299,8 @@ def test_record_is_the_laboratorys(opened: Open, lab: Run, exported: Path, tmp_p
     assert len(rows) > 600
 
 
-def test_trap_is_told_and_reset_helps(opened: Open) -> None:
-    page = opened()
-    page.evaluate(
+def test_trap_is_told_and_reset_helps(opened: Page) -> None:
+    opened.evaluate(
         """() => {
           const plant = live.run.instance("plant");
           const fmi2DoStep = () => {
@@ -283,12 +310,12 @@ def test_trap_is_told_and_reset_helps(opened: Open) -> None:
           plant.exports = { ...plant.exports, fmi2DoStep };
         }"""
     )
-    page.locator("#failure").wait_for()
-    assert page.locator("#failure p").text_content() == "The plant stopped in fmi2DoStep: a panic"
-    assert page.locator("#run").text_content() == "Run"
-    page.locator("#failure button").click()
-    page.wait_for_function("live.run?.now > 0.2")
-    assert not page.locator("#failure").is_visible()
+    opened.locator("#failure").wait_for()
+    assert opened.locator("#failure p").text_content() == "The plant stopped. fmi2DoStep: a panic"
+    assert opened.locator("#run").text_content() == "Run"
+    opened.locator("#failure button").click()
+    opened.wait_for_function("live.run?.now > 0.2")
+    assert not opened.locator("#failure").is_visible()
 
 
 def test_picture_of_the_readme(browser: Browser, live: Path) -> None:

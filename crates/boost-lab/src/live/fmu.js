@@ -57,9 +57,9 @@ class Model {
     return [...this.variables.values()].filter(variable => variable.causality === causality).map(variable => variable.name);
   }
 
-  // A new instance has a memory of its own: after a trap the old one is of no more use.
-  async instantiate(name) {
-    const instance = new Instance(this, name);
+  // A new instance has a memory of its own: after a trap the old one is of no more use. `warn` takes its warnings.
+  async instantiate(name, warn) {
+    const instance = new Instance(this, name, warn);
     const { exports } = await WebAssembly.instantiate(this.module, { fmu: instance.imports() });
     instance.begin(exports);
     return instance;
@@ -67,13 +67,16 @@ class Model {
 }
 
 class Instance {
-  constructor(model, name) {
-    Object.assign(this, { model, name, messages: [], panic: "" });
+  constructor(model, name, warn) {
+    Object.assign(this, { model, name, warn, messages: [], panic: "" });
   }
 
   // What the module calls.
   imports() {
-    const log = (environment, status, category, text) => this.messages.push({ status, text: this.text(text) });
+    const log = (environment, status, category, text) => {
+      if (status === WARNING) this.warn(`The ${this.name} warns: ${this.text(text)}`);
+      else this.messages.push(this.text(text));
+    };
     const panic = (text, size) => { this.panic = new TextDecoder().decode(new Uint8Array(this.exports.memory.buffer, text, size)); };
     // The models read no files.
     return { log, panic, file_size: () => -1n, read_file: () => 0 };
@@ -102,8 +105,8 @@ class Instance {
   }
 
   failure(called) {
-    const why = this.panic || this.messages.map(message => message.text).join(" ") || "no reason given";
-    return new Failure(`The ${this.name} stopped in ${called}: ${why}`);
+    const why = this.messages.join(" ") || `${called}: ${this.panic || "no reason given"}`;
+    return new Failure(`The ${this.name} stopped. ${why}`);
   }
 
   run(called, ...values) {
@@ -116,11 +119,8 @@ class Instance {
   }
 
   call(called, ...values) {
-    const before = this.messages.length;
-    if (this.run(called, this.component, ...values) > WARNING) {
-      this.messages.splice(0, before);
-      throw this.failure(called);
-    }
+    this.messages = [];
+    if (this.run(called, this.component, ...values) > WARNING) throw this.failure(called);
   }
 
   variable(name) {

@@ -25,12 +25,12 @@ const pointsOf = signal => signal.steps ?? signal.lines ?? [];
 
 // A scenario that runs.
 class Run {
-  // `values` are further ones for each FMU by its name, such as those of a parameter set.
-  static async start(models, scenario, values = {}) {
+  // `values` are further ones for each FMU by its name, such as those of a parameter set; `warn` takes the FMUs' warnings.
+  static async start(models, scenario, values, warn) {
     const run = new Run();
     Object.assign(run, { scenario, stepsDone: 0, time: [], columns: new Map(scenario.record.map(name => [name, []])) });
     run.signals = new Map(scenario.inputs);
-    run.members = await Promise.all(scenario.fmus.map(async fmu => ({ fmu, instance: await models[fmu.name].instantiate(fmu.name) })));
+    run.members = await Promise.all(scenario.fmus.map(async fmu => ({ fmu, instance: await models[fmu.name].instantiate(fmu.name, warn) })));
     run.connect();
     run.initialize(values);
     return run;

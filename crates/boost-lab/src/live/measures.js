@@ -12,8 +12,10 @@ const at = (run, name, time) => run.columns.get(name)[rowOf(run, time)];
 const between = (run, name, from, to) => run.columns.get(name).slice(rowOf(run, from), rowOf(run, to) + 1);
 const stop = run => run.scenario.start + run.scenario.steps * run.scenario.step;
 
+// The instants at which a signal steps.
+const edgesOf = (run, name) => pointsOf(run.signal(name)).slice(1).map(([time]) => time);
 // The ends of a signal's steps.
-const endsOf = (run, name) => [...pointsOf(run.signal(name)).slice(1).map(([time]) => time), stop(run)];
+const endsOf = (run, name) => [...edgesOf(run, name), stop(run)];
 
 function interpolate(points, place) {
   return signalAt({ lines: points }, place);
@@ -79,22 +81,26 @@ function deviation(run) {
 
 const MEASURES = {
   1([dip]) {
-    const change = name => at(dip, name, 6) - at(dip, name, 2);
+    const [begin, end] = edgesOf(dip, "supply_voltage");
+    const change = name => at(dip, name, end) - at(dip, name, begin);
     return { actuator_pressure_change: change("actuator_pressure"), position_change: -100 * change("hp_wastegate_position") };
   },
 
   6([run]) {
-    // Table 1, eqs. (6) and (7); eq. (1) is choked, with the flow function of air.
-    const polynomial = (coefficients, x) => coefficients.reduce((sum, coefficient) => sum * x + coefficient, 0);
+    // Table 1, eqs. (6) and (7), which the plant has as parameters; eq. (1) is choked, with the flow function of air.
+    const parameter = name => run.instance("plant").variable(name).start;
+    const coefficients = (name, count) => Array.from({ length: count }, (_, index) => parameter(`${name}[${index + 1}]`));
+    const polynomial = (factors, x) => factors.reduce((sum, factor) => sum * x + factor, 0);
+    const [pressures, leakage] = [coefficients("valve.pressure_coefficient", 4), coefficients("valve.leakage_coefficient", 3)];
     const ambient = at(run, "ambient_pressure", 0);
     const ends = endsOf(run, "hp_wastegate_pwm");
     const errors = pointsOf(run.signal("hp_wastegate_pwm")).map(([, duty], index) => {
       const [pressure, flow, around, temperature] =
         ["actuator_pressure", "valve.leakage_mass_flow", "ambient_pressure", "ambient_temperature"].map(name => at(run, name, ends[index]));
-      const area = flow * Math.sqrt(287 * temperature) / (around * 0.684731);
+      const area = flow * Math.sqrt(parameter("air.gas_constant") * temperature) / (around * 0.684731);
       return [
-        Math.abs(pressure - Math.min(polynomial([2.8939e-2, -6.5767, -4.4044e2, 1.0612e5], duty), ambient)),
-        Math.abs(area - 1e-9 * Math.max(polynomial([-4.7625e-5, 7.2e-2, -5.23e-2], duty), 0)),
+        Math.abs(pressure - Math.min(polynomial(pressures, duty), ambient)),
+        Math.abs(area - parameter("valve.leakage_area_scale") * Math.max(polynomial(leakage, duty), 0)),
       ];
     });
     return { pressure_deviation: greatest(errors.map(([p]) => p)), leakage_area_deviation: 1e6 * greatest(errors.map(([, area]) => area)) };
@@ -138,21 +144,23 @@ const MEASURES = {
 
   9([ramp, step]) {
     const [actuator, valve, tank] = ["actuator_pressure", "valve.pressure", "tank_pressure"].map(name => ramp.columns.get(name));
+    const [up, down] = edgesOf(step, "hp_wastegate_pwm");
     return {
       ramp_deviation: greatest(actuator.map((pressure, row) => Math.abs(pressure - Math.max(valve[row], tank[row])))),
-      evacuation_time: settling(step, "actuator_pressure", 1, 4, 0.95),
-      venting_time: settling(step, "actuator_pressure", 4, 7, 0.95),
+      evacuation_time: settling(step, "actuator_pressure", up, down, 0.95),
+      venting_time: settling(step, "actuator_pressure", down, stop(step), 0.95),
       tank_is_floor: greatest(actuator.map((pressure, row) => tank[row] - pressure)),
-      tank_pressure_rise: at(step, "tank_pressure", 4) - at(step, "tank_pressure", 1),
+      tank_pressure_rise: at(step, "tank_pressure", down) - at(step, "tank_pressure", up),
     };
   },
 
   10([exact, without, compensated]) {
+    const edges = edgesOf(compensated, "supply_voltage");
     const position = time => at(compensated, "hp_wastegate_position", time);
     return {
       position_range_exact: 100 * range(exact.columns.get("hp_wastegate_position")),
-      position_at_rest: 100 * Math.abs(position(5.9) - position(2)),
-      position_after_pulse: greatest([2, 6].map(edge => 100 * Math.abs(position(edge + 0.1) - position(edge + 3.9)))),
+      position_at_rest: 100 * Math.abs(position(edges[0] + 3.9) - position(edges[0])),
+      position_after_pulse: greatest(edges.map(edge => 100 * Math.abs(position(edge + 0.1) - position(edge + 3.9)))),
       position_range_without: 100 * range(without.columns.get("hp_wastegate_position")),
     };
   },

@@ -48,6 +48,13 @@ function fail(error) {
   if (!isFailure) throw error;
 }
 
+// What the FMUs warn of is read out, and stays until something else begins.
+function warn(text) {
+  say(text);
+  element("warnings").hidden = false;
+  element("warnings").querySelector("ul").append(make("li", { textContent: `${state.run?.now.toFixed(2) ?? 0} s: ${text}` }));
+}
+
 function setRunning(isRunning) {
   state.isRunning = isRunning && !state.failed;
   element("run").textContent = state.isRunning ? "Pause" : "Run";
@@ -70,10 +77,12 @@ function start(scenario, values) {
 
 async function startNow(scenario, values) {
   element("failure").hidden = true;
+  element("warnings").hidden = true;
+  element("warnings").querySelector("ul").replaceChildren();
   state.failed = false;
   state.run = undefined;
   try {
-    const run = await Run.start(state.models, scenario, values);
+    const run = await Run.start(state.models, scenario, values, warn);
     await plots.show(run, document.querySelectorAll("template.plots")[scenario.template]);
     await engine.of(run.instance("plant"));
     state.run = run;
@@ -249,14 +258,15 @@ function makeSlider(slider) {
   const [low, high] = slider.range.map(show);
   const begin = state.inputs.get(slider.name)?.constant ?? variable.start;
   const size = 10 ** Math.floor(Math.log10((high - low) / 50));
-  const range = make("input", { type: "range", id: slider.name, min: low, max: high, step: size, value: show(begin) });
-  const field = make("input", { type: "number", min: show(variable.min), max: show(variable.max), step: "any", value: show(begin) });
+  const range = make("input", { type: "range", id: slider.name, min: low, max: high, step: size, defaultValue: show(begin) });
+  const field = make("input", { type: "number", min: show(variable.min), max: show(variable.max), step: "any", defaultValue: show(begin) });
   range.setAttribute("aria-describedby", `${slider.name}-note`);
-  range.setAttribute("aria-valuetext", `${range.value} ${unit}`);
-  field.setAttribute("aria-label", `${words(slider.name)}, ${unit}`);
+  const read = value => range.setAttribute("aria-valuetext", `${value} ${unit}`.trim());
+  read(range.value);
+  field.setAttribute("aria-label", [words(slider.name), unit].filter(Boolean).join(", "));
   const change = (value, other) => {
     other.value = value;
-    range.setAttribute("aria-valuetext", `${value} ${unit}`);
+    read(value);
     set(slider, (value - offset) / factor);
   };
   range.addEventListener("input", () => change(Number(range.value), field));
@@ -271,7 +281,7 @@ function makeSlider(slider) {
 function makeSwitch() {
   const [fmu, name] = ["controller", "compensate_voltage"];
   const variable = state.models[fmu].variables.get(name);
-  const box = make("input", { type: "checkbox", id: name, checked: variable.start === 1 });
+  const box = make("input", { type: "checkbox", id: name, defaultChecked: variable.start === 1 });
   box.setAttribute("aria-describedby", `${name}-note`);
   box.addEventListener("change", () => set({ fmu, name }, box.checked));
   return control(name, variable.description, box);
@@ -306,7 +316,12 @@ function saveCsv() {
 }
 
 function serve() {
-  element("sliders").append(...laboratory.sliders.map(makeSlider), makeSwitch(), makePlants());
+  const defaults = make("button", { type: "reset", id: "defaults", textContent: "Defaults" });
+  element("sliders").append(...laboratory.sliders.map(makeSlider), makeSwitch(), makePlants(), defaults);
+  // The controls have their first values after this event, and tell of them as of others.
+  element("settings").addEventListener("reset", () => setTimeout(() => {
+    document.querySelectorAll("#sliders [id]:is(input, select)").forEach(input => input.dispatchEvent(new Event(input.type === "range" ? "input" : "change")));
+  }));
   element("run").addEventListener("click", async () => {
     if (!state.isRunning && state.run?.isOver) await reset();
     setRunning(!state.isRunning);
