@@ -160,6 +160,24 @@ fn types_of_fmi_3_are_described_and_typed() {
     assert!(error.contains("tiny[1]: FMI 2.0 has no type Int8; FMI 3.0 has it (--fmi 3)"), "{error}");
 }
 
+/// In FMI 3.0 they are variables.
+#[test]
+fn an_event_indicator_has_no_name_of_another_variable() {
+    let folder = folder("event indicators");
+    let file = folder.join("indicators.json");
+    let declaration = r#"{"model_identifier": "indicators", "event_indicators": ["empty"], "components": [
+        {"name": "event_indicators", "variables": [{"name": "empty", "causality": "output", "unit": "1"}]}
+    ]}"#;
+    fs::write(&file, declaration).expect("the folder is writable");
+    let generate =
+        |fmi: Fmi| generate_into(&file, &folder, &package(), fmi).map_err(|error| error.to_string());
+    generate(Interfaces::ModelExchange.into()).expect("FMI 2.0 has no such variables");
+    let fmi = Fmi { version: Version::Three, interfaces: Interfaces::ModelExchange };
+    let refused = generate(fmi).expect_err("there are two variables of a name");
+    let expected = "event_indicators[0]: event_indicators.empty: there is another variable of this name";
+    assert!(refused.contains(expected), "{refused}");
+}
+
 /// Clocks with their attributes, and what belongs to them (FMI 3.0.2, sections 2.2.8 and 2.4.8).
 #[test]
 fn clocks_are_described_and_typed() {
