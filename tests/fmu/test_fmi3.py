@@ -14,7 +14,7 @@ import documents
 import numpy as np
 import pytest
 import test_masters
-from conftest import TARGET, Run
+from conftest import ROOT, TARGET, Run
 from experiments import BOOST_STEPS, BOOST_STEPS_END, SCENARIOS, couple, staircase
 from fmpy import __file__ as fmpy_file
 from fmpy.validation import validate_fmu
@@ -78,6 +78,17 @@ def test_terminals_and_variables_are_those_of_fmi_2(exports: Exports, name: str)
         of_fmi3[variable] == declared for variable, declared in of_fmi2.items() if variable not in elements
     )
     assert of_fmi3.keys() - of_fmi2.keys() == {element.partition("[")[0] for element in elements}
+
+
+@BOTH
+def test_icons_are_in_their_folder(exports: Exports, name: str) -> None:
+    """FMI 3.0.2, section 2.5.1: a PNG, and the drawing that it was made from."""
+    folder = Path(exports[name, 3].folder)
+    source = ROOT / "modelDescription" / "icons" / name.removeprefix("Boost").lower()
+    for kind in ("png", "svg"):
+        found = (folder / "terminalsAndIcons" / f"icon.{kind}").read_bytes()
+        assert found == source.with_suffix(f".{kind}").read_bytes()
+    assert not (folder / "model.png").exists()
 
 
 @BOTH

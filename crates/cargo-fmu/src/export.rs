@@ -491,13 +491,17 @@ fn documentation(
         ("documentation/index.html".to_owned(), reading::bytes(&generated.join("index.html"))?),
         (PlatformList::PATH.to_owned(), platforms.to_string().into_bytes()),
     ];
+    let icons: &[_] = if is_fmi3(description) {
+        &[("model.png", "terminalsAndIcons/icon.png"), ("model.svg", "terminalsAndIcons/icon.svg")]
+    } else {
+        &[("model.png", "model.png")]
+    };
     for (name, path) in
-        [("model.png", "model.png"), ("terminalsAndIcons.xml", "terminalsAndIcons/terminalsAndIcons.xml")]
+        icons.iter().chain(&[("terminalsAndIcons.xml", "terminalsAndIcons/terminalsAndIcons.xml")])
     {
         let file = generated.join(name);
-        // In FMI 3.0 a picture would need a place in terminalsAndIcons.xml.
-        if file.is_file() && !(name == "model.png" && is_fmi3(description)) {
-            files.push((path.to_owned(), reading::bytes(&file)?));
+        if file.is_file() {
+            files.push(((*path).to_owned(), reading::bytes(&file)?));
         }
     }
     Ok(files)

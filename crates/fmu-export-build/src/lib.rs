@@ -78,7 +78,10 @@ pub struct Generated {
     pub documentation: PathBuf,
     /// The icon, `model.png` beside them, where the declaration names one.
     pub icon: Option<PathBuf>,
-    /// The terminals, `terminalsAndIcons.xml` beside them, where the declaration has any.
+    /// The same as a drawing, `model.svg` beside them, where there is an SVG of the icon's name beside the icon.
+    pub drawing: Option<PathBuf>,
+    /// The terminals, `terminalsAndIcons.xml` beside them, where the declaration has any; in FMI 3.0 also where it has an
+    /// icon.
     pub terminals: Option<PathBuf>,
     /// The folder of the files that the model reads at run time, `resources` beside them, where the declaration names
     /// one.
@@ -160,6 +163,10 @@ pub fn generate_into(
     let fragment = beside("documentation", &declaration.documentation)?.map(read_fragment).transpose()?;
     let icon_source = beside("icon", &declaration.icon)?;
     let icon = icon_source.as_deref().map(read_icon).transpose()?;
+    let drawing_source =
+        icon_source.as_ref().map(|icon| icon.with_extension("svg")).filter(|drawing| drawing.is_file());
+    let read = |file: &PathBuf| fs::read(file).map_err(|error| Error::of_file(file, error));
+    let drawing = drawing_source.as_ref().map(read).transpose()?;
     let resources =
         declaration.resources.as_ref().map(|name| Resources::find(file.with_file_name(name), file));
     let resources =
@@ -176,8 +183,14 @@ pub fn generate_into(
             Err(error) => Err(Error::of_file(&file, error)),
         }
     };
-    let terminals = (!model.declaration.terminals.is_empty()).then_some("terminalsAndIcons.xml");
-    for (is_there, name) in [(icon.is_some(), "model.png"), (terminals.is_some(), "terminalsAndIcons.xml")] {
+    let shows_icon = icon.is_some() && model.fmi.version == Version::Three;
+    let terminals =
+        (shows_icon || !model.declaration.terminals.is_empty()).then_some("terminalsAndIcons.xml");
+    for (is_there, name) in [
+        (icon.is_some(), "model.png"),
+        (drawing.is_some(), "model.svg"),
+        (terminals.is_some(), "terminalsAndIcons.xml"),
+    ] {
         let file = folder.join(name);
         if !is_there && file.exists() {
             // Of a build before this was taken out of the declaration.
@@ -198,12 +211,14 @@ pub fn generate_into(
             .into_iter()
             .chain(fragment_sources)
             .chain(icon_source)
+            .chain(drawing_source)
             .chain(resources.map(|resources| resources.folder))
             .collect(),
         model_description: write("modelDescription.xml", description.text.as_bytes())?,
         variables: write("variables.rs", rust::generate(&model, &structure, &description.guid).as_bytes())?,
         documentation: write("index.html", page.as_bytes())?,
         icon: icon.map(|icon| write("model.png", &icon)).transpose()?,
+        drawing: drawing.map(|drawing| write("model.svg", &drawing)).transpose()?,
         terminals: terminals
             .map(|name| write(name, xml::terminals::write(&model.declaration.terminals).as_bytes()))
             .transpose()?,

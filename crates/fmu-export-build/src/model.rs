@@ -284,7 +284,8 @@ impl<'a> Model<'a> {
         dependencies::refuse_cycles(&scalars, &mut refusals);
         refusals.check()?;
         if fmi.version == Version::Three && fmi.interfaces.model_exchange() {
-            add_event_indicators(&declaration.event_indicators, &mut scalars);
+            add_event_indicators(&declaration.event_indicators, &mut scalars, &mut refusals);
+            refusals.check()?;
         }
         let library = identifier;
         let mut identifier = library.clone();
@@ -378,20 +379,27 @@ fn add_sample_clock<'a>(clock: &'a VariableDeclaration, parts: &mut [Part<'a>], 
 }
 
 /// Adds the event indicators, which in FMI 3.0 are variables, with the value references that follow all others.
-fn add_event_indicators(names: &[String], scalars: &mut Vec<Scalar>) {
+fn add_event_indicators(names: &[String], scalars: &mut Vec<Scalar>, refusals: &mut Refusals) {
     let last = scalars.iter().map(|scalar| scalar.value_reference).max().unwrap_or(0);
-    scalars.extend(names.iter().zip(last + 1..).map(|(name, value_reference)| Scalar {
-        name: format!("event_indicators.{name}"),
-        value_reference,
-        description: Some(format!("Event indicator {name}")),
-        place: Place::EventIndicators,
-        causality: Some(Causality::Local),
-        initial: Some(Initial::Calculated),
-        unit: None,
-        reads: None,
-        initial_reads: None,
-        ..Scalar::time()
-    }));
+    for (number, (name, value_reference)) in names.iter().zip(last + 1..).enumerate() {
+        let indicator = Scalar {
+            name: format!("event_indicators.{name}"),
+            value_reference,
+            description: Some(format!("Event indicator {name}")),
+            place: Place::EventIndicators,
+            causality: Some(Causality::Local),
+            initial: Some(Initial::Calculated),
+            unit: None,
+            reads: None,
+            initial_reads: None,
+            ..Scalar::time()
+        };
+        if scalars.iter().any(|scalar| scalar.name == indicator.name) {
+            let reason = format!("{}: there is another variable of this name", indicator.name);
+            refusals.add(format!("event_indicators[{number}]"), reason);
+        }
+        scalars.push(indicator);
+    }
 }
 
 /// The categories that the runtime logs under, unless they are declared, and the declared ones.

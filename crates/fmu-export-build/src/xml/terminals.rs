@@ -1,6 +1,7 @@
 //! The terminalsAndIcons.xml (FMI 3.0.2, section 2.4.9; in FMI 2.0 since 2.0.4).
 //!
-//! Without a picture of the terminals: some importers take the first element for that of the terminals.
+//! An importer takes the root's first element for that of the terminals. So the place of the icon, which the schema puts first,
+//! is written where there are no terminals; it is the default one anyway.
 
 use super::given;
 use crate::declaration::{MatchingRule, TerminalDeclaration};
@@ -11,6 +12,12 @@ pub(crate) fn write(terminals: &[TerminalDeclaration]) -> String {
     let version = vec![("fmiVersion", "3.0".to_owned())];
     document(|writer| {
         element(writer, "fmiTerminalsAndIcons", version, |writer| {
+            if terminals.is_empty() {
+                return element(writer, "GraphicalRepresentation", vec![], |writer| {
+                    let place = [("x1", -100), ("y1", -100), ("x2", 100), ("y2", 100)];
+                    empty(writer, "Icon", place.map(|(corner, at)| (corner, at.to_string())).into())
+                });
+            }
             element(writer, "Terminals", vec![], |writer| {
                 terminals.iter().try_for_each(|terminal| {
                     let rule = match terminal.matching_rule {

@@ -160,6 +160,59 @@ fn types_of_fmi_3_are_described_and_typed() {
     assert!(error.contains("tiny[1]: FMI 2.0 has no type Int8; FMI 3.0 has it (--fmi 3)"), "{error}");
 }
 
+/// FMI 3.0.2, section 2.4.9. In FMI 2.0 it has none.
+#[test]
+fn an_icon_has_its_place_in_fmi_3() {
+    let folder = folder("icons");
+    let [file, picture, drawing] = ["pump.json", "pump.png", "pump.svg"].map(|name| folder.join(name));
+    let declaration = r#"{"model_identifier": "pump", "icon": "pump.png",
+        "variables": [{"name": "flow", "causality": "output", "unit": "1"}]}"#;
+    fs::write(&file, declaration).expect("the folder is writable");
+    for (name, copy) in [("vessels.png", &picture), ("vessels.svg", &drawing)] {
+        fs::copy(sources().join(name), copy).expect("the folder is writable");
+    }
+    let generate = |version| {
+        let fmi = Fmi { version, interfaces: Interfaces::CoSimulation };
+        generate_into(&file, &folder, &package(), fmi).unwrap_or_else(|error| panic!("{error}"))
+    };
+    let generated = generate(Version::Three);
+    assert_eq!(read(&generated.drawing.expect("there is a drawing")), read(&drawing));
+    assert_eq!(generated.sources, [picture, drawing.clone()]);
+    let xml = read(&generated.terminals.expect("there is an icon"));
+    let expected = r#"<fmiTerminalsAndIcons fmiVersion="3.0">
+  <GraphicalRepresentation>
+    <Icon x1="-100" y1="-100" x2="100" y2="100"/>
+  </GraphicalRepresentation>
+</fmiTerminalsAndIcons>
+"#;
+    assert!(xml.ends_with(expected), "{xml}");
+    fs::remove_file(&drawing).expect("it is there");
+    let generated = generate(Version::Two);
+    assert_eq!((generated.terminals, generated.drawing), (None, None));
+    // What the build before has left is gone.
+    for name in ["terminalsAndIcons.xml", "model.svg"] {
+        assert!(!folder.join("pump").join(name).exists());
+    }
+}
+
+/// In FMI 3.0 they are variables.
+#[test]
+fn an_event_indicator_has_no_name_of_another_variable() {
+    let folder = folder("event indicators");
+    let file = folder.join("indicators.json");
+    let declaration = r#"{"model_identifier": "indicators", "event_indicators": ["empty"], "components": [
+        {"name": "event_indicators", "variables": [{"name": "empty", "causality": "output", "unit": "1"}]}
+    ]}"#;
+    fs::write(&file, declaration).expect("the folder is writable");
+    let generate =
+        |fmi: Fmi| generate_into(&file, &folder, &package(), fmi).map_err(|error| error.to_string());
+    generate(Interfaces::ModelExchange.into()).expect("FMI 2.0 has no such variables");
+    let fmi = Fmi { version: Version::Three, interfaces: Interfaces::ModelExchange };
+    let refused = generate(fmi).expect_err("there are two variables of a name");
+    let expected = "event_indicators[0]: event_indicators.empty: there is another variable of this name";
+    assert!(refused.contains(expected), "{refused}");
+}
+
 /// Clocks with their attributes, and what belongs to them (FMI 3.0.2, sections 2.2.8 and 2.4.8).
 #[test]
 fn clocks_are_described_and_typed() {

@@ -74,7 +74,8 @@ fn generated_files_equal_the_golden_files() {
         generate(&sources());
     }
     let generated = generate(&folder("kept"));
-    let beside = ["units.json", "vessels.html", "vessels.svg", "vessels.png"];
+    // The SVG is a figure of the page, and by its name the drawing of the icon.
+    let beside = ["units.json", "vessels.html", "vessels.svg", "vessels.png", "vessels.svg"];
     assert_eq!(generated.sources, beside.map(|name| sources().join(name)));
     let kept = |file: &Path| {
         let name = file.file_name().expect("a file has a name");
@@ -84,6 +85,7 @@ fn generated_files_equal_the_golden_files() {
     kept(&generated.variables);
     kept(&generated.documentation);
     kept(&generated.icon.expect("the JSON names one"));
+    kept(&generated.drawing.expect("there is one"));
     kept(&generated.terminals.expect("the JSON has some"));
 }
 

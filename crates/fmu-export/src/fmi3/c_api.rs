@@ -561,58 +561,47 @@ pub unsafe fn deserialize_fmu_state<M: Model>(
     unsafe { c_boundary::deserialize::<M>(instance, Function::DeserializeFMUState, bytes, state) }
 }
 
-/// `fmi3GetDirectionalDerivative`.
-pub unsafe fn get_directional_derivative<M: Model>(
-    instance: Instance,
-    unknowns: *const ValueReference,
-    unknown_count: usize,
-    knowns: *const ValueReference,
-    known_count: usize,
-    seed: *const f64,
-    seed_count: usize,
-    sensitivity: *mut f64,
-    sensitivity_count: usize,
-) -> Status {
-    // SAFETY: the instance and the arrays are the importer's (see the module).
-    unsafe {
-        call::<M>(instance, Function::GetDirectionalDerivative, |instance| {
-            let unknowns = elements("unknowns", unknowns, unknown_count)?;
-            let unknowns = Function::scalars::<M::Variables>(unknowns, sensitivity_count)?;
-            let knowns = elements("knowns", knowns, known_count)?;
-            let knowns = Function::scalars::<M::Variables>(knowns, seed_count)?;
-            let seed = elements("seed", seed, seed_count)?;
-            write_elements("sensitivity", sensitivity, sensitivity_count, |sensitivity| {
-                instance.get_directional_derivative(&unknowns, &knowns, &seed, sensitivity)
-            })
-        })
-    }
+/// Defines functions of derivatives of unknowns with respect to knowns: one of the two has as many values as the seed, the
+/// other as many as the sensitivity.
+macro_rules! derivatives {
+    ($($name:ident: $function:ident, $seeds_unknowns:literal;)*) => {$(
+        #[doc = concat!("`fmi3", stringify!($function), "`.")]
+        pub unsafe fn $name<M: Model>(
+            instance: Instance,
+            unknowns: *const ValueReference,
+            unknown_count: usize,
+            knowns: *const ValueReference,
+            known_count: usize,
+            seed: *const f64,
+            seed_count: usize,
+            sensitivity: *mut f64,
+            sensitivity_count: usize,
+        ) -> Status {
+            // SAFETY: the instance and the arrays are the importer's (see the module).
+            unsafe {
+                call::<M>(instance, Function::$function, |instance| {
+                    let [of_unknowns, of_knowns] = if $seeds_unknowns {
+                        [seed_count, sensitivity_count]
+                    } else {
+                        [sensitivity_count, seed_count]
+                    };
+                    let unknowns = elements("unknowns", unknowns, unknown_count)?;
+                    let unknowns = Function::scalars::<M::Variables>(unknowns, of_unknowns)?;
+                    let knowns = elements("knowns", knowns, known_count)?;
+                    let knowns = Function::scalars::<M::Variables>(knowns, of_knowns)?;
+                    let seed = elements("seed", seed, seed_count)?;
+                    write_elements("sensitivity", sensitivity, sensitivity_count, |sensitivity| {
+                        instance.$name(&unknowns, &knowns, &seed, sensitivity)
+                    })
+                })
+            }
+        }
+    )*};
 }
 
-/// `fmi3GetAdjointDerivative`.
-pub unsafe fn get_adjoint_derivative<M: Model>(
-    instance: Instance,
-    unknowns: *const ValueReference,
-    unknown_count: usize,
-    knowns: *const ValueReference,
-    known_count: usize,
-    seed: *const f64,
-    seed_count: usize,
-    sensitivity: *mut f64,
-    sensitivity_count: usize,
-) -> Status {
-    // SAFETY: the instance and the arrays are the importer's (see the module).
-    unsafe {
-        call::<M>(instance, Function::GetAdjointDerivative, |instance| {
-            let unknowns = elements("unknowns", unknowns, unknown_count)?;
-            let unknowns = Function::scalars::<M::Variables>(unknowns, seed_count)?;
-            let knowns = elements("knowns", knowns, known_count)?;
-            let knowns = Function::scalars::<M::Variables>(knowns, sensitivity_count)?;
-            let seed = elements("seed", seed, seed_count)?;
-            write_elements("sensitivity", sensitivity, sensitivity_count, |sensitivity| {
-                instance.get_adjoint_derivative(&unknowns, &knowns, &seed, sensitivity)
-            })
-        })
-    }
+derivatives! {
+    get_directional_derivative: GetDirectionalDerivative, false;
+    get_adjoint_derivative: GetAdjointDerivative, true;
 }
 
 /// `fmi3GetOutputDerivatives`.
@@ -637,6 +626,7 @@ pub unsafe fn get_output_derivatives<M: Model>(
                 spread.extend_from_slice(&elements);
             }
             Function::check_values(spread.len(), value_count)?;
+            instance.check_registered(&spread)?;
             write_elements("values", values, value_count, |values| {
                 instance.get_real_output_derivatives(&spread, &spread_orders, values)
             })
@@ -899,9 +889,15 @@ not_supported! {
     get_variable_dependencies(
         ValueReference, *mut usize, *mut ValueReference, *mut usize, *mut Enumeration, usize):
         GetVariableDependencies, "providesPerElementDependencies";
-    evaluate_discrete_states(): EvaluateDiscreteStates, "providesEvaluateDiscreteStates";
     refuse_step_mode(): EnterStepMode, "hasEventMode";
     enter_event_mode_of_co_simulation(): EnterEventMode, "hasEventMode";
+}
+
+/// `fmi3EvaluateDiscreteStates`: ignored, as section 2.3.5 says where `providesEvaluateDiscreteStates` is false. Ticks are
+/// computed when values are asked for.
+pub unsafe fn evaluate_discrete_states<M: Model>(instance: Instance) -> Status {
+    // SAFETY: the instance is the importer's (see the module).
+    unsafe { call::<M>(instance, Function::EvaluateDiscreteStates, |_| Ok(Status::Ok)) }
 }
 
 /// Defines functions of which the FMU has nothing that they are for.

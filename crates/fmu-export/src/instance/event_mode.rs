@@ -5,7 +5,7 @@ use crate::calling_sequence::{Interface, Phase};
 use crate::description::{Causality, DataType, ValueReference, Variability, VariableDescription};
 use crate::error::Error;
 use crate::event_mode::{EventMode, EventsLeft, Stop, Stops};
-use crate::model::Variables;
+use crate::model::{Model, Variables};
 use crate::status::Status;
 
 impl<M: EventMode> Instance<M> {
@@ -51,6 +51,17 @@ impl<M: EventMode> Instance<M> {
         goes_on
     }
 
+    pub(crate) fn enter_step_mode(&mut self) -> Answer {
+        self.check_changed_parameters()?;
+        let status = self.compute_values()?;
+        self.memory.end_ticks();
+        self.memory.model.enter_step_mode();
+        self.memory.phase = Phase::StepComplete;
+        Ok(status)
+    }
+}
+
+impl<M: Model> Instance<M> {
     fn is_interrupted(&self) -> bool {
         self.memory.phase == Phase::IntermediateUpdateMode
     }
@@ -65,15 +76,6 @@ impl<M: EventMode> Instance<M> {
             ))),
             _ => Ok(()),
         }
-    }
-
-    pub(crate) fn enter_step_mode(&mut self) -> Answer {
-        self.check_changed_parameters()?;
-        let status = self.compute_values()?;
-        self.memory.end_ticks();
-        self.memory.model.enter_step_mode();
-        self.memory.phase = Phase::StepComplete;
-        Ok(status)
     }
 }
 

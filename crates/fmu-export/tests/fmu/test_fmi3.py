@@ -61,6 +61,8 @@ COMMON = {
     "SetShiftDecimal": {"initialization"},
     "SetShiftFraction": {"initialization"},
     "UpdateDiscreteStates": {"event"},
+    # Where the capability is not declared, it is ignored (section 2.3.5).
+    "EvaluateDiscreteStates": {"event"},
     "EnterContinuousTimeMode": {"event"},
     "CompletedIntegratorStep": {"continuous"},
     "SetTime": {"continuous"},
@@ -78,7 +80,6 @@ COMMON = {
     "GetVariableDependencies": set(),
     "EnterConfigurationMode": set(),
     "ExitConfigurationMode": set(),
-    "EvaluateDiscreteStates": set(),
     "EnterStepMode": {"event"},
     "ActivateModelPartition": {"activation"},
 }

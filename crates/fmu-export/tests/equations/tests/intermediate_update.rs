@@ -199,9 +199,31 @@ fn early_return_is_at_the_time_that_is_asked_for() {
     }
 }
 
+/// The first derivative of an output over time.
+fn get_rate(instance: Instance, name: &str) -> Status {
+    let (reference, order, mut value) = (reference(name), 1, f64::NAN);
+    let (references, orders, values) = (&raw const reference, &raw const order, &raw mut value);
+    // SAFETY: the instance is alive; the arrays have an element each.
+    unsafe { c_api::get_output_derivatives::<Model>(instance, references, 1, orders, values, 1) }
+}
+
+#[test]
+fn derivatives_of_registered_outputs_are_got() {
+    let call: fn(Instance) -> Status = |instance| get_rate(instance, "x");
+    let importer = Box::into_raw(Box::new(Importer { call: Some(call), ..Importer::default() }));
+    let instance = instantiate(importer, false, false);
+    assert_eq!(step(instance, 0.0, 3.0).0, Status::Ok);
+    // After the step there is no such restriction.
+    assert_eq!(get_rate(instance, "square"), Status::Ok);
+    free(instance);
+    // SAFETY: as above.
+    assert_eq!(unsafe { Box::from_raw(importer) }.answer, Some(Status::Ok));
+}
+
 #[test]
 fn other_calls_than_those_for_registered_variables_end_the_simulation() {
-    let calls: [fn(Instance) -> Status; 5] = [
+    let calls: [fn(Instance) -> Status; 6] = [
+        |instance| get_rate(instance, "square"),
         |instance| get(instance, "square").0,
         |instance| set(instance, "rate", 1.0),
         |instance| set(instance, "x", 1.0),
