@@ -171,7 +171,8 @@ impl Made for WebAssembly {
         let mut command = build_command();
         command.args(["--target", Self::TRIPLE]);
         // Nothing unwinds there; and modules are small, as they are sent, and translated to C.
-        for setting in [r#"panic="abort""#, r#"opt-level="s""#] {
+        let settings = [r#"panic="abort""#, r#"opt-level="s""#, r#"lto="fat""#, "codegen-units=1", "strip=true"];
+        for setting in settings {
             command.args(["--config", &format!("profile.{PROFILE}.{setting}")]);
         }
         if let Some(compiler) = Self::compiler() {
