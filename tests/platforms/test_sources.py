@@ -74,7 +74,8 @@ def native(fmu: Path, folder: Path) -> list[str]:
     to = folder / "native"
     to.mkdir()
     lines = numbers(fmu, to, [os.environ.get("CC", "cc"), found], [], [library])
-    # Two instances at 200 points, a message of each refused call, three points after a restored state and reset.
+    # Two instances at 200 points, a message of each refused call, three points after a restored state and a
+    # reset.
     assert len(lines) == 2 * 200 + 3 + 3
     return lines
 
