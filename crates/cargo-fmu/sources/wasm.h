@@ -81,13 +81,17 @@ typedef struct {
 } wasm_elem_segment_expr_t;
 
 #if defined(__GNUC__)
-#define NORETURN __attribute__((noreturn))
+#define NORETURN __attribute__((noreturn, cold))
+/* What compilers leave out of large functions, which then are slow. */
+#define INLINE static inline __attribute__((always_inline))
 #define UNLIKELY(x) __builtin_expect(!!(x), 0)
 #elif defined(_MSC_VER)
 #define NORETURN __declspec(noreturn)
+#define INLINE static __forceinline
 #define UNLIKELY(x) (x)
 #else
 #define NORETURN
+#define INLINE static inline
 #define UNLIKELY(x) (x)
 #endif
 #define LIKELY(x) (!UNLIKELY(!(x)))
@@ -129,7 +133,7 @@ NORETURN void wasm_trap(wasm_rt_memory_t *memory, Trap trap);
               : TRAP(CALL_INDIRECT)),                                                            \
    ((type)table.data[x].func)(__VA_ARGS__))
 
-static inline void check_range(wasm_rt_memory_t *memory, u64 address, u64 size) {
+INLINE void check_range(wasm_rt_memory_t *memory, u64 address, u64 size) {
   if (UNLIKELY(address + size > memory->size)) wasm_trap(memory, TRAP_OOB);
 }
 
@@ -144,14 +148,14 @@ static inline void copy_number(void *to, const void *from, size_t size) {
 #endif
 
 #define DEFINE_LOAD(name, stored, between, result)                  \
-  static inline result name(wasm_rt_memory_t *memory, u64 address) { \
+  INLINE result name(wasm_rt_memory_t *memory, u64 address) { \
     stored value;                                                   \
     check_range(memory, address, sizeof value);                     \
     copy_number(&value, memory->data + address, sizeof value);      \
     return (result)(between)value;                                  \
   }
 #define DEFINE_STORE(name, stored, argument)                                      \
-  static inline void name(wasm_rt_memory_t *memory, u64 address, argument value) { \
+  INLINE void name(wasm_rt_memory_t *memory, u64 address, argument value) { \
     const stored bytes = (stored)value;                                           \
     check_range(memory, address, sizeof bytes);                                   \
     copy_number(memory->data + address, &bytes, sizeof bytes);                    \
@@ -278,7 +282,7 @@ DEFINE_COUNTS(64, u64, I64_CLZ, I64_CTZ, I64_POPCNT)
 #define I64_TRUNC_SAT_U_F64(x) TRUNC_SAT(u64, u64, > -1., 18446744073709551616., 0, UINT64_MAX, x)
 
 #define DEFINE_REINTERPRET(name, from, to) \
-  static inline to name(from x) {          \
+  INLINE to name(from x) {                 \
     to result;                             \
     memcpy(&result, &x, sizeof result);    \
     return result;                         \

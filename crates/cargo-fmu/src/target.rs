@@ -170,8 +170,10 @@ impl Made for WebAssembly {
     fn command(&self, target: &Path) -> Command {
         let mut command = build_command();
         command.args(["--target", Self::TRIPLE]);
-        // Nothing unwinds there; and modules are small, as they are sent, and translated to C.
-        for setting in [r#"panic="abort""#, r#"opt-level="s""#] {
+        // Nothing unwinds there. Optimized for size, the plant's module is a quarter smaller, but its steps, translated
+        // to C, take 1.2 times as long, and the controller's 1.9 times.
+        let settings = [r#"panic="abort""#, "opt-level=3", r#"lto="fat""#, "codegen-units=1", "strip=true"];
+        for setting in settings {
             command.args(["--config", &format!("profile.{PROFILE}.{setting}")]);
         }
         if let Some(compiler) = Self::compiler() {

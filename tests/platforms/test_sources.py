@@ -1,0 +1,106 @@
+"""The C sources of an FMU compile without warnings for many platforms, and compute the same bits on each."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import zipfile
+from pathlib import Path
+
+import pytest
+from conftest import TARGET
+from fmpy import read_model_description
+
+PROGRAM = Path(__file__).with_name("sources.c")
+
+STRICT = ["-std=c99", "-Wall", "-Wextra", "-Werror"]
+
+ZIG = [str(TARGET / "release-tools" / "bin" / "python"), "-m", "ziglang", "cc", "-target"]
+"""A clang for any platform."""
+
+SANITIZED = ["-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+
+CONTRACTED = ["-O2", "-march=native", "-std=gnu99"]
+"""What has compilers contract, unless the sources prevent it."""
+
+COMPILERS = {
+    "gcc -O0": ["gcc", *STRICT, "-O0"],
+    "gcc, contracting": ["gcc", *STRICT, *CONTRACTED, "-ffp-contract=fast"],
+    "gcc, sanitized": ["gcc", *STRICT, *SANITIZED],
+    "gcc, i386": ["i686-linux-gnu-gcc", *STRICT, "-O1", "-static", "-msse2", "-mfpmath=sse"],
+    "gcc, riscv64": ["riscv64-linux-gnu-gcc", *STRICT, "-O1", "-static"],
+    "gcc, Windows": ["x86_64-w64-mingw32-gcc", *STRICT, "-O1", "-D__USE_MINGW_ANSI_STDIO=1"],
+    "clang, contracting": [*ZIG, "x86_64-linux-gnu.2.17", *STRICT, *CONTRACTED],
+    "clang, aarch64": [*ZIG, "aarch64-linux-gnu.2.17", *STRICT, "-O1"],
+}
+
+EMULATORS = {
+    "gcc, riscv64": ["qemu-riscv64"],
+    # Debian's folder for the libraries of the other processor.
+    "clang, aarch64": ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"],
+}
+
+
+@pytest.fixture(scope="session")
+def fmu(folder: Path) -> Path:
+    """An FMU with sources, extracted."""
+    path = TARGET / "sources" / "ladder" / "VanDerPol.fmu"
+    assert path.is_file(), f"{path} is missing: bash tests/run rest exports it"
+    to = folder / "sources"
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(to)
+    return to
+
+
+def numbers(
+    fmu: Path, folder: Path, command: list[str], emulator: list[str], inputs: list[Path]
+) -> list[str]:
+    """Compiles the program with sources or a library, and runs it."""
+    program = folder / "program.exe"
+    subprocess.run([*command, PROGRAM, *inputs, "-o", program, "-lm"], check=True)
+    guid = read_model_description(str(fmu)).guid
+    done = subprocess.run(
+        [*emulator, program, guid], capture_output=True, text=True, check=False, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+@pytest.fixture(scope="session")
+def native(fmu: Path, folder: Path) -> list[str]:
+    """What the library prints that is in the FMU."""
+    library = fmu / "binaries" / "linux64" / "VanDerPol.so"
+    found = f"-Wl,-rpath,{library.parent}"
+    to = folder / "native"
+    to.mkdir()
+    lines = numbers(fmu, to, [os.environ.get("CC", "cc"), found], [], [library])
+    # Two instances at 200 points, a message of each refused call, three points after a restored state and a
+    # reset.
+    assert len(lines) == 2 * 200 + 3 + 3
+    return lines
+
+
+@pytest.mark.parametrize("name", COMPILERS)
+def test_sources(
+    fmu: Path, folder: Path, native: list[str], request: pytest.FixtureRequest, name: str
+) -> None:
+    emulator = EMULATORS.get(name, [])
+    if name == "gcc, Windows":
+        emulator = [str(request.getfixturevalue("wine") / "wine64")]
+    to = folder / name.replace(", ", "-").replace(" ", "")
+    to.mkdir()
+    assert numbers(fmu, to, COMPILERS[name], emulator, sorted((fmu / "sources").glob("*.c"))) == native
+
+
+def test_the_x87_unit_is_refused(fmu: Path, tmp_path: Path) -> None:
+    command = [
+        "i686-linux-gnu-gcc",
+        "-std=c99",
+        "-c",
+        fmu / "sources" / "model.c",
+        "-o",
+        tmp_path / "model.o",
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert "compile with -msse2 -mfpmath=sse" in done.stderr
