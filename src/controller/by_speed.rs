@@ -50,7 +50,7 @@ impl BySpeed {
         self.low_pressure = LowPressureLoop::default();
         let terms = law.sample(
             parameters,
-            Task {
+            &Task {
                 reference,
                 measurement,
                 operating_point: OperatingPoint::new(&parameters.schedule, reference, engine_speed),

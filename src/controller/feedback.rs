@@ -65,6 +65,7 @@ pub struct Firmness {
 
 impl Firmness {
     /// Of a controller that knows the engine by its schedule, with λ (s).
+    #[must_use]
     pub fn at(parameters: &Parameters, lambda: f64) -> Self {
         Self { lambda, lead: 0.0, derivative_filter: parameters.derivative_filter }
     }

@@ -92,11 +92,11 @@ impl BoostLaw {
     pub fn sample<const COLUMNS: usize>(
         &mut self,
         parameters: &Parameters,
-        task: Task<'_, COLUMNS>,
+        task: &Task<'_, COLUMNS>,
     ) -> DutyTerms {
         let &Parameters { sample_time, lambda, .. } = parameters;
         let Task { reference, measurement, operating_point, holding, firmness, limits, model_limits, waits } =
-            task;
+            *task;
         let local_model = operating_point.local_model();
         let tuning = FeedbackSettings::new(&local_model, &firmness);
         self.pid.differentiate(&tuning, firmness.derivative_filter, sample_time, measurement);

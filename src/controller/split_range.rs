@@ -100,7 +100,7 @@ impl SplitRange {
         let surge_valve = self.surge_valve.sample(parameters, inputs.boost_pressure, expected);
         let terms = law.sample(
             parameters,
-            Task {
+            &Task {
                 reference,
                 measurement,
                 operating_point: at(reference).slower(day.time_scale()),
