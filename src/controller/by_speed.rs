@@ -11,6 +11,7 @@ use fmu_export::{Context, Error, Persistent};
 use super::Command;
 use super::allocation::Openings;
 use super::compensator::Limits;
+use super::feedback::Firmness;
 use super::feedforward;
 use super::law::{BoostLaw, DutyTerms, Task};
 use super::schedule::{self, OperatingPoint};
@@ -49,12 +50,12 @@ impl BySpeed {
         self.low_pressure = LowPressureLoop::default();
         let terms = law.sample(
             parameters,
-            Task {
+            &Task {
                 reference,
                 measurement,
                 operating_point: OperatingPoint::new(&parameters.schedule, reference, engine_speed),
                 holding: None,
-                feedback_lambda: parameters.lambda,
+                firmness: Firmness::at(parameters, parameters.lambda),
                 limits,
                 model_limits: limits,
                 waits: false,

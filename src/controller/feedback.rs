@@ -4,6 +4,7 @@
 use fmu_export::Persistent;
 
 use super::schedule::LocalModel;
+use super::variables::Parameters;
 use crate::elementary::larger;
 
 /// The least tracking time in samples. The paper's `T_tr = √(T_i T_d)` goes to 0 with the delay, and a
@@ -29,9 +30,10 @@ pub struct FeedbackSettings {
 }
 
 impl FeedbackSettings {
-    /// λ-tuning for a local model; λ (s) is the desired time constant of the closed loop.
+    /// λ-tuning for a local model.
     #[must_use]
-    pub fn new(model: &LocalModel, lambda: f64) -> Self {
+    pub fn new(model: &LocalModel, firmness: &Firmness) -> Self {
+        let &Firmness { lambda, lead, .. } = firmness;
         let half_delay = model.delay / 2.0;
         let integral_time = model.time_constant + half_delay;
         let integral_gain = 1.0 / ((half_delay + lambda) * model.gain);
@@ -39,13 +41,33 @@ impl FeedbackSettings {
             gain: integral_time * integral_gain,
             integral_gain,
             integral_time,
-            derivative_time: model.time_constant * model.delay / (model.delay + 2.0 * model.time_constant),
+            derivative_time: lead
+                + model.time_constant * model.delay / (model.delay + 2.0 * model.time_constant),
         }
     }
 
     /// The tracking time `T_tr` of the paper, section 6, not below four samples (s).
     fn tracking_time(&self, sample_time: f64) -> f64 {
         larger((self.integral_time * self.derivative_time).sqrt(), LEAST_TRACKING_SAMPLES * sample_time)
+    }
+}
+
+/// How firmly the feedback holds boost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Firmness {
+    /// λ: the desired time constant of the closed loop (s).
+    pub lambda: f64,
+    /// The lag of the actuator (s) that the derivative term makes up for, beside the local model's delay.
+    pub lead: f64,
+    /// How much faster than the derivative time the filter of the derivative term is.
+    pub derivative_filter: f64,
+}
+
+impl Firmness {
+    /// Of a controller that knows the engine by its schedule, with λ (s).
+    #[must_use]
+    pub fn at(parameters: &Parameters, lambda: f64) -> Self {
+        Self { lambda, lead: 0.0, derivative_filter: parameters.derivative_filter }
     }
 }
 

@@ -5,7 +5,7 @@
 use fmu_export::Persistent;
 
 use super::compensator::Limits;
-use super::feedback::{FeedbackSettings, Pid};
+use super::feedback::{FeedbackSettings, Firmness, Pid};
 use super::reference_model::ReferenceModel;
 use super::schedule::OperatingPoint;
 use super::variables::{FeedbackStructure, Parameters};
@@ -50,8 +50,7 @@ pub struct Task<'a, const COLUMNS: usize> {
     pub operating_point: OperatingPoint<'a, COLUMNS>,
     /// The duty (%) that holds the pressure of the reference model where that is not the duty at rest.
     pub holding: Option<f64>,
-    /// λ of the feedback (s).
-    pub feedback_lambda: f64,
+    pub firmness: Firmness,
     pub limits: Limits,
     /// Those within which the duty moves the wastegate.
     pub model_limits: Limits,
@@ -93,22 +92,14 @@ impl BoostLaw {
     pub fn sample<const COLUMNS: usize>(
         &mut self,
         parameters: &Parameters,
-        task: Task<'_, COLUMNS>,
+        task: &Task<'_, COLUMNS>,
     ) -> DutyTerms {
-        let &Parameters { sample_time, lambda, derivative_filter, .. } = parameters;
-        let Task {
-            reference,
-            measurement,
-            operating_point,
-            holding,
-            feedback_lambda,
-            limits,
-            model_limits,
-            waits,
-        } = task;
+        let &Parameters { sample_time, lambda, .. } = parameters;
+        let Task { reference, measurement, operating_point, holding, firmness, limits, model_limits, waits } =
+            *task;
         let local_model = operating_point.local_model();
-        let tuning = FeedbackSettings::new(&local_model, feedback_lambda);
-        self.pid.differentiate(&tuning, derivative_filter, sample_time, measurement);
+        let tuning = FeedbackSettings::new(&local_model, &firmness);
+        self.pid.differentiate(&tuning, firmness.derivative_filter, sample_time, measurement);
 
         let (feedforward, error, reference_model_pressure) = match parameters.structure {
             FeedbackStructure::Paper => (operating_point.feedforward(), reference - measurement, reference),

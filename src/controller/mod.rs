@@ -33,6 +33,7 @@ mod diagnosis;
 pub mod feedback;
 mod feedforward;
 mod law;
+mod off_schedule;
 mod rate_filter;
 mod reference_model;
 pub mod schedule;

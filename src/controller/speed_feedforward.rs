@@ -5,6 +5,7 @@
 //! is the one that holds a pressure higher by that at rest.
 
 use super::day::Day;
+use super::off_schedule;
 use super::variables::Parameters;
 use crate::elementary::{larger, smaller};
 
@@ -43,9 +44,10 @@ pub fn holding_duty(
     let schedule = &parameters.range_schedule;
     let of_bypass = speed_of_bypass(parameters, engine_speed, bypass);
     let sensitive = day.operating_point(parameters, boost_pressure, of_bypass);
+    let share = off_schedule::share(parameters, day, rate);
     let shift = |pressure| {
         let sensitivity = sensitive.at_pressure(pressure).interpolate(&schedule.speed_sensitivity);
-        parameters.speed_feedforward.share * sensitivity * rate
+        share * sensitivity * rate
     };
     let mut shifted = boost_pressure + shift(boost_pressure);
     for _ in 0..ITERATIONS {

@@ -16,6 +16,7 @@ use super::compensator::{Compensator, Limits};
 use super::day::Day;
 use super::feedforward;
 use super::law::{BoostLaw, DutyTerms, Task};
+use super::off_schedule::{self, Motion};
 use super::rate_filter::RateFilter;
 use super::schedule;
 use super::shaft_speed_limit::{self, ShaftSpeedLimit};
@@ -28,6 +29,7 @@ use crate::elementary::{larger, smaller};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct SplitRange {
     engine_speed: RateFilter,
+    motion: Motion,
     bypass: Bypass,
     shaft_speed: ShaftSpeedLimit,
     surge_valve: SurgeValve,
@@ -48,9 +50,7 @@ impl SplitRange {
         inputs: &Inputs,
         compensator: Compensator,
     ) -> Command {
-        let &Parameters {
-            sample_time, lambda, feedback_lambda, ref allocation, ref speed_feedforward, ..
-        } = parameters;
+        let &Parameters { sample_time, lambda, ref allocation, .. } = parameters;
         let day = Day::measured(parameters, inputs);
         if day != self.day {
             let before = std::mem::replace(&mut self.day, day);
@@ -60,8 +60,9 @@ impl SplitRange {
         let factor = day.speed_factor(pressure);
         let engine_speed = factor * inputs.engine_speed;
         // The sensitivity grows with the time constants.
-        let filter_time = speed_feedforward.filter_time;
+        let filter_time = off_schedule::filter_time(parameters, &day);
         let acceleration = self.engine_speed.sample(sample_time, filter_time, inputs.engine_speed);
+        let in_motion = self.motion.sample(sample_time, acceleration);
         let rate = day.time_scale() * (factor * acceleration);
         let measurement = day.scheduled_pressure(inputs.boost_pressure);
         let limit = match shaft_speed_limit::measured(inputs.hp_turbo_speed) {
@@ -99,7 +100,7 @@ impl SplitRange {
         let surge_valve = self.surge_valve.sample(parameters, inputs.boost_pressure, expected);
         let terms = law.sample(
             parameters,
-            Task {
+            &Task {
                 reference,
                 measurement,
                 operating_point: at(reference).slower(day.time_scale()),
@@ -111,8 +112,11 @@ impl SplitRange {
                     rate,
                     bypass,
                 ),
-                feedback_lambda: lambda
-                    + (feedback_lambda - lambda) * allocation.low_pressure_share(engine_speed),
+                firmness: off_schedule::firmness(
+                    parameters,
+                    if waits { in_motion } else { 0.0 },
+                    engine_speed,
+                ),
                 limits,
                 model_limits,
                 waits,
