@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable
-from ctypes import Array, byref, c_bool, c_char_p, c_double, c_float, c_size_t, c_uint8, c_void_p
+from ctypes import Array, byref, c_bool, c_char_p, c_double, c_float, c_size_t, c_uint8, c_void_p, string_at
 from random import Random
 from typing import Any
 
@@ -123,11 +123,12 @@ class Importer:
         status = self.instance.call(function, *arguments)
         for array in guarded:
             array.check()
-        results = [
-            _plain(value)
-            for array in guarded
-            for value in array.array[: array.end // _size(array.array._type_)]
-        ]
+        results = [list(array.array[: array.end // _size(array.array._type_)]) for array in guarded]
+        if short == "GetBinary" and status <= Status.WARNING and len(results) == 3:
+            # What is at an address that an instance returned, which no other returns.
+            results[2] = [
+                address and string_at(address, size) for size, address in zip(*results[1:], strict=True)
+            ]
         if (
             short in ("GetFloat64", "GetFloat32", "GetContinuousStateDerivatives", "GetEventIndicators")
             and status <= 1
@@ -141,7 +142,8 @@ class Importer:
         if short == "DoStep" and status != Status.ERROR:
             assert math.isfinite(arguments[-1][0])
             self.time = arguments[-1][0]
-        return short, status, results if status <= Status.WARNING else []
+        values = [_plain(value) for array in results for value in array]
+        return short, status, values if status <= Status.WARNING else []
 
     def run(self, calls: list[tuple[str, float]]) -> list[tuple[Any, ...]]:
         """Calls functions, each with arguments that follow from a seed: what they returned."""
