@@ -30,10 +30,9 @@ pub struct FeedbackSettings {
 }
 
 impl FeedbackSettings {
-    /// λ-tuning for a local model.
+    /// λ-tuning for a local model; λ (s) is the desired time constant of the closed loop.
     #[must_use]
-    pub fn new(model: &LocalModel, firmness: &Firmness) -> Self {
-        let &Firmness { lambda, lead, .. } = firmness;
+    pub fn new(model: &LocalModel, lambda: f64) -> Self {
         let half_delay = model.delay / 2.0;
         let integral_time = model.time_constant + half_delay;
         let integral_gain = 1.0 / ((half_delay + lambda) * model.gain);
@@ -41,9 +40,14 @@ impl FeedbackSettings {
             gain: integral_time * integral_gain,
             integral_gain,
             integral_time,
-            derivative_time: lead
-                + model.time_constant * model.delay / (model.delay + 2.0 * model.time_constant),
+            derivative_time: model.time_constant * model.delay / (model.delay + 2.0 * model.time_constant),
         }
+    }
+
+    /// With a derivative term that makes up for a lag (s) beside the local model's delay.
+    #[must_use]
+    pub fn leading(self, lag: f64) -> Self {
+        Self { derivative_time: self.derivative_time + lag, ..self }
     }
 
     /// The tracking time `T_tr` of the paper, section 6, not below four samples (s).

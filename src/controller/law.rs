@@ -98,7 +98,7 @@ impl BoostLaw {
         let Task { reference, measurement, operating_point, holding, firmness, limits, model_limits, waits } =
             *task;
         let local_model = operating_point.local_model();
-        let tuning = FeedbackSettings::new(&local_model, &firmness);
+        let tuning = FeedbackSettings::new(&local_model, firmness.lambda).leading(firmness.lead);
         self.pid.differentiate(&tuning, firmness.derivative_filter, sample_time, measurement);
 
         let (feedforward, error, reference_model_pressure) = match parameters.structure {

@@ -1,7 +1,7 @@
 //! The formulas, against hand calculations, and the modes without feedback.
 
 use boost_fmu::controller::actuator_inverse;
-use boost_fmu::controller::feedback::{FeedbackSettings, Firmness};
+use boost_fmu::controller::feedback::FeedbackSettings;
 use boost_fmu::controller::schedule::OperatingPoint;
 use boost_fmu::controller::variables::{ControlMode, FeedbackStructure, Inputs, Parameters};
 
@@ -61,9 +61,8 @@ fn tables_are_bilinear_between_points_and_clamped_outside() {
 /// Eq. (12) for `K_p` = -3209.5 Pa/%, T = 1.04121 s, L = 0.0766921 s and λ = 0.3 s, in exact fractions.
 #[test]
 fn lambda_tuning_is_equation_12() {
-    let parameters = Parameters::default();
-    let local = OperatingPoint::new(&parameters.schedule, 125e3, 1500.0).local_model();
-    let tuning = FeedbackSettings::new(&local, &Firmness::at(&parameters, 0.3));
+    let local = OperatingPoint::new(&Parameters::default().schedule, 125e3, 1500.0).local_model();
+    let tuning = FeedbackSettings::new(&local, 0.3);
     assert_close(tuning.gain, -0.000_994_138_069_270_65);
     assert_close(tuning.integral_gain, -0.000_920_876_752_319_298_4);
     assert_close(tuning.integral_time, 1.079_556_05);
