@@ -24,7 +24,10 @@ from master import Fmu  # noqa: E402
 
 NAMES = ["BoostController", "BoostPlant"]
 
-BUILT = [("BoostController", 2), ("BoostPlant", 2), ("BoostController", 3)]
+BUILT = [
+    ("BoostPlant", 2),
+    *(("BoostController", int(version)) for version in os.environ.get("FMI_VERSIONS", "2").split(",")),
+]
 """The FMUs for all platforms that `tests/platforms/run` builds, and their version of FMI."""
 
 WINE = {"wine64": "/usr/lib/wine/wine64", "wineserver": "/usr/lib/wine/wineserver64"}
