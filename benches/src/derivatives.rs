@@ -11,12 +11,14 @@ use std::hint::black_box;
 
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables::{Inputs, States, Variables};
-use fmu_export::{Inputs as _, Model as _, Simulation, Tape, Variables as _};
+use fmu_export::{Dual, Inputs as _, Model as _, Simulation, Tape, Variables as _};
 
 #[inline(never)]
 fn adjoint(plant: &Simulation<BoostPlant>, weights: &Variables, tape: &mut Tape) -> Variables {
     let Simulation { model, variables, inputs, .. } = plant;
-    model.differentiate_backwards(0.0, variables, inputs, weights, tape).expect("there are derivatives")
+    model
+        .differentiate_backwards(0.0, variables, inputs, weights, false, tape)
+        .expect("there are derivatives")
 }
 
 #[inline(never)]
@@ -24,7 +26,7 @@ fn directional(plant: &Simulation<BoostPlant>) -> (Inputs, States) {
     let Simulation { model, variables, inputs, .. } = plant;
     let along = |direction: &Variables| {
         model
-            .differentiate(0.0, variables, inputs, direction)
+            .differentiate(Dual::default(), variables, inputs, direction)
             .expect("there are derivatives")
             .outputs
             .charge_temperature

@@ -320,6 +320,8 @@ pub(crate) struct VariableDeclaration {
     /// The clocks at whose ticks alone the variable changes.
     #[serde(default)]
     pub(crate) clocks: Vec<String>,
+    /// Of a variable of clocks: the variable that has its value of the previous tick, which makes it a clocked state.
+    pub(crate) previous: Option<String>,
     /// Of a clock that is an input: when it ticks. Other clocks are triggered.
     pub(crate) interval_variability: Option<IntervalVariability>,
     /// Of a periodic clock: the time between two ticks, in s. Left out of a fixed or tunable one where it follows from
@@ -394,6 +396,16 @@ impl VariableDeclaration {
         let interval = self.interval_decimal.or(self.seconds(self.interval_counter))?;
         let shift = self.shift_decimal.or(self.seconds(self.shift_counter));
         Some([interval, shift.unwrap_or(0.0)])
+    }
+
+    /// When a clock ticks.
+    pub(crate) fn ticks(&self) -> IntervalVariability {
+        self.interval_variability.unwrap_or(IntervalVariability::Triggered)
+    }
+
+    /// Whether importers may exchange a clock's interval as a fraction.
+    pub(crate) fn has_fractions(&self) -> bool {
+        self.supports_fraction || self.interval_counter.is_some()
     }
 }
 

@@ -15,6 +15,8 @@ pub(crate) struct Structure {
     pub(crate) outputs: Vec<Unknown>,
     /// The derivatives of the states, likewise.
     pub(crate) derivatives: Vec<Unknown>,
+    /// The clocked states, likewise.
+    pub(crate) clocked_states: Vec<Unknown>,
     /// What initialization computes, as functions of inputs, exact variables and time.
     pub(crate) initial_unknowns: Vec<Unknown>,
 }
@@ -26,11 +28,13 @@ pub(crate) struct Unknown {
 }
 
 impl Structure {
-    /// In FMI 3.0 an unknown depends on parameters as well (section 2.4.8).
+    /// In FMI 3.0 an unknown depends on parameters and discrete-time states as well (section 2.4.8).
     pub(crate) fn new(scalars: &[Scalar], version: Version) -> Self {
         let known_in_steps: fn(&Scalar) -> bool = match version {
             Version::Two => Scalar::known_in_steps,
-            Version::Three => |scalar| scalar.known_in_steps() || scalar.place == Place::Parameters,
+            Version::Three => {
+                |scalar| scalar.known_in_steps() || scalar.place == Place::Parameters || scalar.is_previous
+            }
         };
         let unknowns = |wanted: fn(&Scalar) -> bool,
                         known: fn(&Scalar) -> bool,
@@ -43,6 +47,7 @@ impl Structure {
         Self {
             outputs: in_steps(|scalar| scalar.causality == Some(Causality::Output)),
             derivatives: in_steps(|scalar| scalar.place == Place::Derivatives),
+            clocked_states: in_steps(|scalar| scalar.previous.is_some()),
             initial_unknowns: unknowns(
                 Scalar::unknown_in_initialization,
                 Scalar::known_in_initialization,

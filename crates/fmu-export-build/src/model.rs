@@ -188,6 +188,10 @@ pub(crate) struct Scalar {
     pub(crate) reinit: bool,
     /// The positions of the clocks at whose ticks alone it changes; none where it changes at any time.
     pub(crate) clocks: Vec<usize>,
+    /// Of a clocked state: the position of its previous value.
+    pub(crate) previous: Option<usize>,
+    /// Whether it is such a previous value.
+    pub(crate) is_previous: bool,
     /// Where the value is within its place, e.g. `tank.pressure` or `gain[0][2]`.
     pub(crate) path: String,
     pub(crate) reads: Reads,
@@ -219,6 +223,8 @@ impl Scalar {
             state: None,
             reinit: false,
             clocks: Vec::new(),
+            previous: None,
+            is_previous: false,
             path: String::new(),
             reads: Some(Vec::new()),
             initial_reads: Some(Vec::new()),
@@ -272,6 +278,7 @@ impl<'a> Model<'a> {
         flattening.assign_value_references();
         flattening.look_up_reads();
         flattening.look_up_clocks();
+        flattening.look_up_previous();
         let units = flattening.find_units(&Units::new(units));
         let Flattening { mut parts, mut scalars, mut refusals, .. } = flattening;
         check::state_groups(declaration, &parts, &scalars, &mut refusals);
@@ -280,7 +287,7 @@ impl<'a> Model<'a> {
         check::outputs(&scalars, &mut refusals);
         check::calculated_parameters(&scalars, &mut refusals);
         check::terminals(declaration, &scalars, &mut refusals);
-        check::clocks(declaration, fmi, &parts, &scalars, &mut refusals);
+        check::clocks::all(declaration, fmi, &parts, &scalars, &mut refusals);
         dependencies::refuse_cycles(&scalars, &mut refusals);
         refusals.check()?;
         if fmi.version == Version::Three && fmi.interfaces.model_exchange() {
@@ -770,6 +777,45 @@ impl<'a> Flattening<'a> {
             if let Some(reads) = scalar.reads.as_mut().filter(|reads| !reads.contains(&clock)) {
                 reads.push(clock);
             }
+        }
+    }
+
+    /// Turns the names of previous values into positions (FMI 3.0.2, section 2.4.7.4).
+    fn look_up_previous(&mut self) {
+        let mut found = BTreeMap::new();
+        for field in self.parts.iter().flat_map(|part| &part.fields) {
+            let Some(name) = &field.declaration.previous else { continue };
+            let first = &self.scalars[field.positions[0]];
+            let previous = self.names.get(name);
+            let reason = match previous.map(|positions| (positions, &self.scalars[positions[0]])) {
+                None => format!("there is no variable '{name}'{}", nearest(name, self.names.keys().cloned())),
+                Some((positions, _)) if *positions == field.positions => {
+                    "a variable is not its own previous value".to_owned()
+                }
+                Some((positions, previous))
+                    if previous.data_type != first.data_type || positions.len() != field.positions.len() =>
+                {
+                    format!("'{name}' has another type or size")
+                }
+                Some((_, previous))
+                    if previous.variability != Variability::Discrete
+                        || previous.causality == Some(Causality::Input) =>
+                {
+                    format!("'{name}' is not a discrete variable of the model's own")
+                }
+                Some((positions, _)) if found.contains_key(&positions[0]) => {
+                    format!("'{name}' is the previous value of another variable")
+                }
+                Some((positions, _)) => {
+                    found.extend(positions.iter().copied().zip(field.positions.iter().copied()));
+                    continue;
+                }
+            };
+            self.refusals.add(format!("{}.previous", first.key), format!("{}: {reason}", first.name));
+        }
+        for (previous, state) in found {
+            self.scalars[state].previous = Some(previous);
+            self.scalars[previous].is_previous = true;
         }
     }
 

@@ -41,7 +41,7 @@ impl fmt::Display for Interface {
     }
 }
 
-/// The states of an instance, first those of FMI 2.0, and of these first those in which values can be set: one comparison finds them.
+/// The states of an instance, first those of FMI 2.0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Phase {
     /// After instantiation or a reset.
@@ -122,6 +122,35 @@ impl Phase {
     }
 }
 
+/// A set of states: a bit for each.
+#[derive(Clone, Copy)]
+pub(crate) struct Phases(u16);
+
+impl Phases {
+    /// Every state.
+    pub(crate) const ALL: Self = Self::of(Phase::ALL);
+
+    pub(crate) const fn of(phases: &[Phase]) -> Self {
+        match phases {
+            [] => Self(0),
+            [first, others @ ..] => Self::of(others).and(*first),
+        }
+    }
+
+    pub(crate) const fn and(self, phase: Phase) -> Self {
+        Self(self.0 | 1 << phase as u16)
+    }
+
+    pub(crate) const fn without(self, phase: Phase) -> Self {
+        Self(self.0 & !(1 << phase as u16))
+    }
+
+    #[inline]
+    pub(crate) const fn contains(self, phase: Phase) -> bool {
+        self.0 & 1 << phase as u16 != 0
+    }
+}
+
 impl Persistent for Phase {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         let mut number = *self as u8;
@@ -148,7 +177,7 @@ pub(crate) trait Function: Copy + 'static {
     fn interface(self) -> Option<Interface>;
 
     /// The states in which it may be called.
-    fn phases(self) -> &'static [Phase];
+    fn phases(self) -> Phases;
 
     /// The value references of scalars, from those of the standard's variables, which may be arrays, and the number of the
     /// values that come with them.
@@ -162,9 +191,11 @@ pub(crate) trait Function: Copy + 'static {
 }
 
 /// Declares the functions of a version that take an instance: the interface that each belongs to, if only one has it, and
-/// the states in which it may be called.
+/// the states in which it may be called, in brackets or as a set.
 macro_rules! functions {
-    ($prefix:literal; $($interface:expr => { $($name:ident: $phases:expr,)* })*; $($items:item)*) => {
+    (@ [$($phase:expr),*]) => { const { Phases::of(&[$($phase),*]) } };
+    (@ $phases:ident) => { $phases };
+    ($prefix:literal; $($interface:expr => { $($name:ident: $phases:tt,)* })*; $($items:item)*) => {
         /// A function of the standard that takes an instance.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub(crate) enum Function {
@@ -190,9 +221,9 @@ macro_rules! functions {
                 }
             }
 
-            fn phases(self) -> &'static [Phase] {
+            fn phases(self) -> Phases {
                 match self {
-                    $($(Self::$name => $phases,)*)*
+                    $($(Self::$name => functions!(@ $phases),)*)*
                 }
             }
 
@@ -207,7 +238,7 @@ pub(crate) use functions;
 #[cfg(test)]
 pub(crate) fn check_interfaces<F: Function + fmt::Debug>(functions: &[F]) {
     for function in functions {
-        for phase in function.phases() {
+        for phase in Phase::ALL.iter().filter(|&&phase| function.phases().contains(phase)) {
             let (of_function, of_phase) = (function.interface(), phase.interface());
             assert!(
                 of_function.is_none() || of_phase.is_none() || of_function == of_phase,

@@ -3,6 +3,7 @@
 use crate::description::{DataType, ValueReference};
 use crate::error::Error;
 use crate::model::{Model, Variables};
+use crate::number::Dual;
 
 /// At how many points the derivatives are looked at.
 const POINTS: u64 = 20;
@@ -34,7 +35,8 @@ pub fn check_dependencies<M: Model>(variables: &M::Variables) -> Result<(), Erro
         for &known in &knowns {
             let mut direction = M::Variables::zero();
             direction.set_real(known, 1.0);
-            let derivatives = model.differentiate(0.0, &variables, variables.inputs(), &direction)?;
+            let derivatives =
+                model.differentiate(Dual::default(), &variables, variables.inputs(), &direction)?;
             for &(unknown, declared) in M::Variables::DEPENDENCIES {
                 let is_state =
                     M::Variables::description(unknown).is_some_and(|unknown| unknown.state.is_some());

@@ -28,7 +28,7 @@ use crate::serialized_state;
 use crate::status::Status;
 use crate::tape::Tape;
 
-use clocks::BeforeTicks;
+use clocks::Ticks;
 
 /// The tolerance of the importer's time relative to the step. Importers compute communication points as `i * h`, as
 /// a sum, or from integer nanoseconds.
@@ -61,8 +61,8 @@ pub(crate) struct Memory<M: Model> {
     events: Events,
     /// Of Event Mode.
     event: EventUnderWay,
-    /// What the ticks of clocks that are computed already began from.
-    before_ticks: Option<Box<BeforeTicks<M>>>,
+    /// Those of clocks.
+    ticks: Ticks<M>,
 }
 
 /// The event iterations since Event Mode was entered.
@@ -99,7 +99,7 @@ impl<M: Model> Memory<M> {
             end: None,
             events: Events::new(indicators),
             event: EventUnderWay::default(),
-            before_ticks: None,
+            ticks: Ticks::none(),
         }
     }
 
@@ -130,8 +130,8 @@ impl<M: Model> Persistent for Memory<M> {
             end,
             events,
             event,
-            // Ticks are taken back before.
-            before_ticks: _,
+            // They are taken back before.
+            ticks: _,
         } = self;
         phase.persist(archive)?;
         model.persist(archive)?;
@@ -224,26 +224,47 @@ impl<M: Model> Instance<M> {
         function: F,
         body: impl FnOnce(&mut Self) -> Answer,
     ) -> Status {
-        let (phase, interface) = (self.memory.phase, self.memory.interface);
-        let is_of_interface = || function.interface().is_none_or(|only| interface.has(only));
-        let error =
-            if function.phases().contains(&phase) && (phase.interface().is_some() || is_of_interface()) {
-                match contain(|| body(self)) {
-                    Ok(Ok(status)) => return status,
-                    Ok(Err(error)) => error,
-                    Err(panic) => {
-                        self.memory.phase = Phase::Error;
-                        Error::new(format!("{panic}; reset the instance"))
-                    }
+        let phase = self.memory.phase;
+        let is_of_interface = function.interface().is_none_or(|only| self.memory.interface.has(only));
+        let error = if function.phases().contains(phase) && (phase.interface().is_some() || is_of_interface) {
+            match contain(|| body(self)) {
+                Ok(Ok(status)) => return status,
+                Ok(Err(error)) => error,
+                Err(panic) => {
+                    self.memory.phase = Phase::Error;
+                    Error::new(format!("{panic}; reset the instance"))
                 }
-            } else if is_of_interface() {
-                Error::new(format!("must not be called in the state {phase}"))
-            } else {
-                Error::new(format!("this instance is for {interface}, which does not have this function"))
-            };
+            }
+        } else {
+            self.refusal(is_of_interface)
+        };
+        self.report(&error, F::AFTER_ERROR)
+    }
+
+    // What follows is apart, as all of `call` is inlined into each of the library's functions.
+
+    /// Why a function must not be called.
+    #[cold]
+    #[inline(never)]
+    fn refusal(&self, is_of_interface: bool) -> Error {
+        let Memory { phase, interface, .. } = self.memory;
+        Error::new(if is_of_interface {
+            format!("must not be called in the state {phase}")
+        } else {
+            format!("this instance is for {interface}, which does not have this function")
+        })
+    }
+
+    /// Logs an error, and enters the state that follows, if one does.
+    #[cold]
+    #[inline(never)]
+    fn report(&mut self, error: &Error, after: Option<Phase>) -> Status {
         self.logger.error(format_args!("{error}"));
-        if let Some(phase) = F::AFTER_ERROR {
+        if let Some(phase) = after {
             self.memory.phase = phase;
+        }
+        if self.memory.phase == Phase::Error {
+            self.memory.rewind();
         }
         Status::Error
     }
@@ -341,10 +362,17 @@ impl<M: Model> Instance<M> {
         Ok(Status::Ok)
     }
 
-    #[expect(clippy::unnecessary_wraps, reason = "returns what every callable function does")]
     pub(crate) fn terminate(&mut self) -> Answer {
+        let mut status = Status::Ok;
+        if !M::Variables::CLOCKS.is_empty()
+            && matches!(self.memory.phase, Phase::EventMode | Phase::StepEventMode)
+        {
+            // Those that tick do so before the end.
+            status = self.compute_values()?;
+            self.memory.end_ticks();
+        }
         self.memory.phase = Phase::Terminated;
-        Ok(Status::Ok)
+        Ok(status)
     }
 
     #[expect(clippy::unnecessary_wraps, reason = "returns what every callable function does")]

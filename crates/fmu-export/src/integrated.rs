@@ -3,6 +3,7 @@
 
 use core::mem;
 
+use crate::description::{Causality, DataType};
 use crate::equations::{Equations, VariablesOf};
 use crate::error::{Error, Shown};
 use crate::event_mode::{EventMode, EventsLeft, Stop, Stops, due_until};
@@ -114,7 +115,7 @@ impl<E: Equations> Model for Integrated<E> {
 
     fn differentiate(
         &self,
-        time: f64,
+        time: Dual,
         variables: &Self::Variables,
         inputs: &InputsOf<Self>,
         direction: &Self::Variables,
@@ -124,7 +125,7 @@ impl<E: Equations> Model for Integrated<E> {
 
     fn differentiate_initialization(
         &self,
-        start_time: f64,
+        start_time: Dual,
         variables: &Self::Variables,
         inputs: &InputsOf<Self>,
         direction: &Self::Variables,
@@ -142,10 +143,18 @@ impl<E: Equations> Model for Integrated<E> {
         variables: &Self::Variables,
         inputs: &InputsOf<Self>,
         weights: &Self::Variables,
+        by_parameters: bool,
         tape: &mut Tape,
     ) -> Result<Self::Variables, Error> {
         // What is known; the rest is constant.
         let mut known = E::Variables::zero();
+        if by_parameters {
+            for (reference, variable) in E::Variables::described() {
+                if variable.causality == Causality::Parameter && variable.data_type == DataType::Real {
+                    known.set_real(reference, 1.0);
+                }
+            }
+        }
         known.inputs_mut().set_reals(|_| 1.0);
         E::Variables::set_states(&mut known, |_| 1.0);
         Ok(self.derivatives_backwards(time, variables, inputs, &known, weights, tape, |_| {}))
@@ -237,7 +246,7 @@ impl<E: Equations> Integrated<E> {
     /// The derivatives of what is calculated along a direction; the states are initialized before.
     fn derivatives(
         &self,
-        time: f64,
+        time: Dual,
         variables: &E::Variables,
         inputs: &InputsOf<Self>,
         direction: &E::Variables,
@@ -248,7 +257,7 @@ impl<E: Equations> Integrated<E> {
         direction.states_from_start();
         let mut duals = variables.combined(&direction, Dual::new);
         initialize(&mut duals);
-        self.equations.evaluate(Dual::from(time), &mut duals);
+        self.equations.evaluate(time, &mut duals);
         E::Variables::collected(&duals, &direction, |dual: Dual, _| dual.derivative)
     }
 

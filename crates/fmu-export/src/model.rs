@@ -10,7 +10,7 @@ use crate::description::{ClockDescription, ModelDescription, ValueReference, Var
 use crate::error::{Error, Shown};
 use crate::inputs::{InputSignal, Inputs};
 use crate::logger;
-use crate::number::Number;
+use crate::number::{Dual, Number};
 use crate::persistence::Persistent;
 use crate::resources::Resources;
 use crate::tape::Tape;
@@ -44,6 +44,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     /// The Real outputs and derivatives, each with the variables that it depends on by the model's JSON (`reads`), where
     /// that says so. For [`check_dependencies`](crate::check_dependencies); a library does not hold it.
     const DEPENDENCIES: &'static [(ValueReference, &'static [ValueReference])] = &[];
+    /// Whether a Real output or derivative depends on time explicitly, or may.
+    const DEPENDS_ON_TIME: bool = false;
     /// The clocks: first inputs, by their priority, then others.
     const CLOCKS: &'static [ClockDescription] = &[];
     /// The variables that belong to clocks, each with the value references of these; ascending.
@@ -256,19 +258,19 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         Err(Error::new("this model does nothing at the ticks of clocks"))
     }
 
-    /// How the calculated variables change, at a time (s) between steps, when inputs and states change along a
-    /// direction: the directional derivative of derivatives, locals and outputs.
+    /// How the calculated variables change, at a time (s) between steps, when time, inputs, states and parameters change
+    /// along a direction: the directional derivative of derivatives, locals and outputs.
     ///
-    /// In `direction` the inputs stand as inputs and the states, as where they are set, in `start`; the
-    /// result has its derivatives in the places of the variables. Inputs that are held at a bound do not
-    /// change.
+    /// In `direction` the inputs and parameters stand in their places and the states, as where they are set, in `start`;
+    /// the result has its derivatives in the places of the variables. Inputs that are held at a bound do not change; nor
+    /// do parameters but for those that the importer may set between steps, which FMI 3.0 alone asks for.
     ///
     /// # Errors
     /// When there is no such derivative, or the model does not provide it
     /// (`directional_derivatives` in its JSON).
     fn differentiate(
         &self,
-        time: f64,
+        time: Dual,
         variables: &Self::Variables,
         inputs: &InputsOf<Self>,
         direction: &Self::Variables,
@@ -284,7 +286,7 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     /// As [`Model::differentiate`].
     fn differentiate_initialization(
         &self,
-        start_time: f64,
+        start_time: Dual,
         variables: &Self::Variables,
         inputs: &InputsOf<Self>,
         direction: &Self::Variables,
@@ -297,7 +299,8 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     /// adjoint derivative, which exists in FMI 3.0 alone. [`Tape`] computes it.
     ///
     /// In `weights` the weights stand in the places of the variables; the result has the derivatives in the places of
-    /// inputs and `states`. Of an input that is held at a bound it is not looked at.
+    /// inputs and `states`, and if it is `by_parameters`, in those of the parameters. Of an input that is held at a bound it
+    /// is not looked at.
     ///
     /// # Errors
     /// As [`Model::differentiate`] (`adjoint_derivatives` in its JSON).
@@ -307,9 +310,10 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         variables: &Self::Variables,
         inputs: &InputsOf<Self>,
         weights: &Self::Variables,
+        by_parameters: bool,
         tape: &mut Tape,
     ) -> Result<Self::Variables, Error> {
-        let _ = (time, variables, inputs, weights, tape);
+        let _ = (time, variables, inputs, weights, by_parameters, tape);
         Err(Error::new("this model provides no adjoint derivatives"))
     }
 

@@ -11,14 +11,18 @@ use crate::error::Error;
 ///
 /// After a panic, what the body has borrowed may be inconsistent; the caller handles that.
 pub(crate) fn contain<T>(body: impl FnOnce() -> T) -> Result<T, Error> {
-    catch_unwind(AssertUnwindSafe(body)).map_err(|payload| {
-        let error = Error::new(format!("the model panicked: {}", message(payload.as_ref())));
-        // A panic's payload may itself panic when dropped; the payload of that panic is leaked.
-        if let Err(next) = catch_unwind(AssertUnwindSafe(|| drop(payload))) {
-            mem::forget(next);
-        }
-        error
-    })
+    catch_unwind(AssertUnwindSafe(body)).map_err(to_error)
+}
+
+#[cold]
+#[inline(never)]
+fn to_error(payload: Box<dyn Any + Send>) -> Error {
+    let error = Error::new(format!("the model panicked: {}", message(payload.as_ref())));
+    // A panic's payload may itself panic when dropped; the payload of that panic is leaked.
+    if let Err(next) = catch_unwind(AssertUnwindSafe(|| drop(payload))) {
+        mem::forget(next);
+    }
+    error
 }
 
 /// The message of a panic.

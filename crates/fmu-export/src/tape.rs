@@ -43,6 +43,7 @@ impl Tape {
     }
 
     /// A number with respect to which derivatives are wanted.
+    #[inline(never)]
     pub fn variable(&self, value: f64) -> Recorded<'_> {
         self.record(value, [0, 0], [0.0, 0.0])
     }
@@ -55,6 +56,7 @@ impl Tape {
     }
 
     /// Adds a result, times a weight, to the sum whose derivatives are wanted.
+    #[inline(never)]
     pub fn weigh(&self, result: Recorded<'_>, weight: f64) {
         if result.tape.is_some() {
             self.operations.borrow_mut()[result.place as usize].adjoint += weight;
@@ -88,6 +90,7 @@ impl Tape {
 
     /// The derivative of the weighted sum with respect to a number.
     #[must_use]
+    #[inline(never)]
     pub fn derivative(&self, number: Recorded<'_>) -> f64 {
         if number.tape.is_some() { self.operations.borrow()[number.place as usize].adjoint } else { 0.0 }
     }

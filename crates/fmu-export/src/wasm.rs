@@ -18,7 +18,7 @@ use crate::model::Model;
 use crate::panics;
 use crate::status::Status;
 
-/// What the host provides. The last three are imported by modules of FMI 3.0 that call them.
+/// What the host provides. The last four are imported by modules of FMI 3.0 that call them.
 pub(crate) mod host {
     use super::{Status, c_char, c_void};
 
@@ -43,6 +43,8 @@ pub(crate) mod host {
             early_return_requested: *mut u8,
             early_return_time: *mut f64,
         );
+        /// `fmi3ClockUpdateCallback`.
+        pub fn clock_update(environment: *mut c_void);
         /// `fmi3LockPreemptionCallback`.
         pub fn lock_preemption();
         /// `fmi3UnlockPreemptionCallback`.

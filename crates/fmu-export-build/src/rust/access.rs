@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 
 use super::{Generator, PLACES};
-use crate::declaration::{Initial, IntervalVariability, Variability};
+use crate::declaration::{Initial, Variability};
 use crate::model::{DataType, Place, Scalar};
 use crate::xml;
 
@@ -147,9 +147,9 @@ impl ::fmu_export::Variables for Variables {{
                  fmi::IntervalVariability::{:?}, has_interval: {}, supports_fraction: {}, can_be_deactivated: {} }},",
                 reference(&position),
                 self.model.scalars[position].is_input_clock(),
-                declaration.interval_variability.unwrap_or(IntervalVariability::Triggered),
+                declaration.ticks(),
                 declaration.timing().is_some(),
-                declaration.supports_fraction || declaration.interval_counter.is_some(),
+                declaration.has_fractions(),
                 declaration.can_be_deactivated,
             );
         }
@@ -249,19 +249,25 @@ impl ::fmu_export::Variables for Variables {{
         let reference = |&position: &usize| self.model.scalars[position].value_reference;
         let is_real = |position: usize| self.model.scalars[position].data_type == DataType::Real;
         let structure = self.structure.outputs.iter().chain(&self.structure.derivatives);
-        let mut lines = String::new();
+        let (mut lines, mut depends_on_time) = (String::new(), false);
         for unknown in structure.filter(|unknown| is_real(unknown.scalar)) {
             if let Some(knowns) = &unknown.dependencies {
+                depends_on_time |= knowns.iter().any(|&known| self.model.scalars[known].place == Place::Time);
                 let knowns: Vec<_> = knowns.iter().map(reference).collect();
                 let _ = writeln!(lines, "        ({}, &{knowns:?}),", reference(&unknown.scalar));
+            } else {
+                depends_on_time = true;
             }
         }
-        if lines.is_empty() {
-            return lines;
+        if !lines.is_empty() {
+            lines = format!(
+                "    const DEPENDENCIES: &'static [(fmi::ValueReference, &'static [fmi::ValueReference])] = &[\n{lines}    ];\n"
+            );
         }
-        format!(
-            "    const DEPENDENCIES: &'static [(fmi::ValueReference, &'static [fmi::ValueReference])] = &[\n{lines}    ];\n"
-        )
+        if depends_on_time && self.model.declaration.capabilities.directional_derivatives {
+            lines.push_str("    const DEPENDS_ON_TIME: bool = true;\n");
+        }
+        lines
     }
 
     /// The variables over other number types, and their states.

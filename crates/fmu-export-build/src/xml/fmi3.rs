@@ -6,9 +6,7 @@ use std::io;
 use super::{
     causality, given, initial, start, variability, write_experiment, write_log_categories, write_units,
 };
-use crate::declaration::{
-    Causality, Declaration, Dimension, IntervalVariability, Variability, VariableDeclaration,
-};
+use crate::declaration::{Causality, Declaration, Dimension, Variability, VariableDeclaration};
 use crate::dependencies::{Structure, Unknown};
 use crate::model::{DataType, Model, Place, Scalar};
 use fmu_xml::{Attributes, XmlWriter, document, element, empty, float};
@@ -150,6 +148,9 @@ impl<'m, 'a> Variables<'m, 'a> {
             let clocks = scalar.clocks.iter().map(|&clock| self.reference(clock));
             attributes.push(("clocks", clocks.collect::<Vec<_>>().join(" ")));
         }
+        if let Some(previous) = scalar.previous {
+            attributes.push(("previous", self.reference(previous)));
+        }
         if scalar.reinit && self.model.fmi.interfaces.model_exchange() {
             attributes.push(("reinit", true.to_string()));
         }
@@ -229,6 +230,7 @@ impl<'m, 'a> Variables<'m, 'a> {
         let lists = [
             ("Output", &structure.outputs),
             ("ContinuousStateDerivative", &structure.derivatives),
+            ("ClockedState", &structure.clocked_states),
             ("InitialUnknown", &structure.initial_unknowns),
         ];
         for (name, unknowns) in lists {
@@ -278,16 +280,14 @@ impl<'m, 'a> Variables<'m, 'a> {
 /// The attributes that clocks alone have. Where an interval is declared in one way, it is written in the other, too:
 /// importers read the decimal number.
 fn clock_attributes(clock: &VariableDeclaration) -> Attributes {
-    let kind = clock.interval_variability.unwrap_or(IntervalVariability::Triggered);
     let [interval, shift] = clock.timing().map_or([None; 2], |timing| timing.map(Some));
-    let supports_fraction = clock.supports_fraction || clock.interval_counter.is_some();
     given([
         ("canBeDeactivated", clock.can_be_deactivated.then(|| true.to_string())),
         ("priority", clock.priority.map(|priority| priority.to_string())),
-        ("intervalVariability", Some(kind.as_str().to_owned())),
+        ("intervalVariability", Some(clock.ticks().as_str().to_owned())),
         ("intervalDecimal", interval.map(float)),
         ("shiftDecimal", shift.filter(|shift| *shift > 0.0).map(float)),
-        ("supportsFraction", supports_fraction.then(|| true.to_string())),
+        ("supportsFraction", clock.has_fractions().then(|| true.to_string())),
         ("resolution", clock.resolution.map(|resolution| resolution.to_string())),
         ("intervalCounter", clock.interval_counter.map(|counter| counter.to_string())),
         ("shiftCounter", clock.shift_counter.map(|counter| counter.to_string())),

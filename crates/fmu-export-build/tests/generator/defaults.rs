@@ -7,7 +7,7 @@ use std::ptr;
 
 use fmu_export::fmi2::c_api;
 use fmu_export::fmi2::c_types::{CO_SIMULATION, CallbackFunctions, Component, FALSE, Status};
-use fmu_export::{Context, Error, InputsOf, Model, Step, Variables as _};
+use fmu_export::{Context, Dual, Error, InputsOf, Model, Step, Variables as _};
 use fmu_export_build::{Generated, Interfaces, Package, generate_into};
 
 use super::{folder, read, sources};
@@ -168,7 +168,7 @@ impl Model for Oscillator {
 
     fn differentiate(
         &self,
-        _time: f64,
+        _time: Dual,
         variables: &Variables,
         _inputs: &InputsOf<Self>,
         direction: &Variables,

@@ -226,7 +226,9 @@ fn clocks_are_described_and_typed() {
                 {{"name": "fast", "type": "Clock", "causality": "input", "interval_variability": "triggered",
                   "can_be_deactivated": true, "priority": 0}},
                 {{"name": "count", "type": "Integer", "causality": "output", "clocks": ["slow", "fast"], "reads": []}},
-                {{"name": "done", "type": "Clock", "causality": "output", "reads": ["slow"]}}{more}
+                {{"name": "done", "type": "Clock", "causality": "output", "reads": ["slow"]}},
+                {{"name": "last_sum", "variability": "discrete", "clocks": ["slow"], "initial": "exact", "start": 0, "unit": "1"}},
+                {{"name": "sum", "variability": "discrete", "clocks": ["slow"], "previous": "last_sum", "reads": ["last_sum"], "unit": "1"}}{more}
             ]}}"#
         );
         fs::write(&file, declaration).expect("the folder is writable");
@@ -242,7 +244,8 @@ fn clocks_are_described_and_typed() {
         r#"initial="calculated" clocks="1 2"/>"#,
         r#"<Output valueReference="3" dependencies="1 2"/>"#,
         r#"<Output valueReference="4" dependencies="1"/>"#,
-        "<InitialUnknown valueReference=\"4\" dependencies=\"\"/>\n  </ModelStructure>",
+        r#"clocks="1" previous="5"/>"#,
+        "<ClockedState valueReference=\"6\" dependencies=\"1 5\"/>\n    <InitialUnknown valueReference=\"4\" dependencies=\"\"/>\n  </ModelStructure>",
         r#"hasEventMode="true""#,
     ] {
         assert!(xml.contains(text), "{text} in {xml}");

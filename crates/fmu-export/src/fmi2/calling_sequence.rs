@@ -5,7 +5,7 @@
 
 use std::borrow::Cow;
 
-use crate::calling_sequence::{Interface, Phase, functions};
+use crate::calling_sequence::{Interface, Phase, Phases, functions};
 use crate::description::ValueReference;
 use crate::error;
 use crate::model::Variables;
@@ -16,25 +16,33 @@ use Phase::{
 };
 
 /// Any state.
-const ANY: &[Phase] = Phase::ALL;
+const ANY: Phases = Phases::ALL;
 /// The states in which values can be read.
-const READABLE: &[Phase] =
-    &[InitializationMode, StepComplete, StepFailed, EventMode, ContinuousTimeMode, Terminated, Error];
+const READABLE: Phases = Phases::of(&[
+    InitializationMode,
+    StepComplete,
+    StepFailed,
+    EventMode,
+    ContinuousTimeMode,
+    Terminated,
+    Error,
+]);
 /// The states in which values can be set; the standard restricts the variables further.
-const WRITABLE: &[Phase] = &[Instantiated, InitializationMode, StepComplete, EventMode, ContinuousTimeMode];
+const WRITABLE: Phases =
+    Phases::of(&[Instantiated, InitializationMode, StepComplete, EventMode, ContinuousTimeMode]);
 /// The states in which the status of a step can be asked for.
-const STEPPED: &[Phase] = &[StepComplete, StepFailed, Terminated];
+const STEPPED: Phases = Phases::of(&[StepComplete, StepFailed, Terminated]);
 /// The states in which what a solver needs can be read.
-const SOLVABLE: &[Phase] = &[InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error];
+const SOLVABLE: Phases = Phases::of(&[InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error]);
 
 functions! {
     "fmi2";
     None => {
         SetDebugLogging: ANY,
-        SetupExperiment: &[Instantiated],
-        EnterInitializationMode: &[Instantiated],
-        ExitInitializationMode: &[InitializationMode],
-        Terminate: &[StepComplete, StepFailed, EventMode, ContinuousTimeMode],
+        SetupExperiment: [Instantiated],
+        EnterInitializationMode: [Instantiated],
+        ExitInitializationMode: [InitializationMode],
+        Terminate: [StepComplete, StepFailed, EventMode, ContinuousTimeMode],
         Reset: ANY,
         GetReal: READABLE,
         GetInteger: READABLE,
@@ -53,10 +61,10 @@ functions! {
         GetDirectionalDerivative: READABLE,
     }
     Some(Interface::CoSimulation) => {
-        SetRealInputDerivatives: &[Instantiated, InitializationMode, StepComplete],
-        GetRealOutputDerivatives: &[StepComplete, StepFailed, Terminated, Error],
-        DoStep: &[StepComplete],
-        CancelStep: &[],
+        SetRealInputDerivatives: [Instantiated, InitializationMode, StepComplete],
+        GetRealOutputDerivatives: [StepComplete, StepFailed, Terminated, Error],
+        DoStep: [StepComplete],
+        CancelStep: [],
         GetStatus: STEPPED,
         GetRealStatus: STEPPED,
         GetIntegerStatus: STEPPED,
@@ -64,18 +72,17 @@ functions! {
         GetStringStatus: STEPPED,
     }
     Some(Interface::ModelExchange) => {
-        EnterEventMode: &[EventMode, ContinuousTimeMode],
-        NewDiscreteStates: &[EventMode],
-        EnterContinuousTimeMode: &[EventMode],
-        CompletedIntegratorStep: &[ContinuousTimeMode],
+        EnterEventMode: [EventMode, ContinuousTimeMode],
+        NewDiscreteStates: [EventMode],
+        EnterContinuousTimeMode: [EventMode],
+        CompletedIntegratorStep: [ContinuousTimeMode],
         // In Event Mode that of a model without states, which need not leave it.
-        SetTime: &[EventMode, ContinuousTimeMode],
-        SetContinuousStates: &[ContinuousTimeMode],
+        SetTime: [EventMode, ContinuousTimeMode],
+        SetContinuousStates: [ContinuousTimeMode],
         GetDerivatives: SOLVABLE,
         GetEventIndicators: SOLVABLE,
         GetContinuousStates: SOLVABLE,
-        GetNominalsOfContinuousStates:
-            &[Instantiated, InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error],
+        GetNominalsOfContinuousStates: [Instantiated, InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error],
     };
     const VALUE_REFERENCES: &'static str = "vr";
     const VALUES: &'static str = "value";

@@ -5,7 +5,7 @@
 use core::ops::Deref;
 use std::borrow::Cow;
 
-use crate::calling_sequence::{Interface, Phase, functions};
+use crate::calling_sequence::{Interface, Phase, Phases, functions};
 use crate::description::ValueReference;
 use crate::error;
 use crate::model::Variables;
@@ -16,33 +16,13 @@ use Phase::{
 };
 
 /// Any state but Intermediate Update Mode, which lasts for a call of the importer's.
-const ANY: &[Phase] = &[
-    Instantiated,
-    InitializationMode,
-    StepComplete,
-    EventMode,
-    ContinuousTimeMode,
-    StepFailed,
-    Terminated,
-    Error,
-    StepEventMode,
-    ClockActivationMode,
-    ConfigurationMode,
-];
+const ANY: Phases = Phases::ALL.without(IntermediateUpdateMode);
 /// The states in which values can be read; in the first one, start values.
-const READABLE: &[Phase] = ANY;
-/// The states in which values can be set; the standard restricts the variables further.
-const WRITABLE: &[Phase] = &[
-    Instantiated,
-    InitializationMode,
-    StepComplete,
-    EventMode,
-    ContinuousTimeMode,
-    StepEventMode,
-    ClockActivationMode,
-];
+const READABLE: Phases = ANY;
 /// The same for continuous variables.
-const WRITABLE_NUMBERS: &[Phase] = &[
+const READABLE_NUMBERS: Phases = Phases::ALL;
+/// The states in which values can be set; the standard restricts the variables further.
+const WRITABLE: Phases = Phases::of(&[
     Instantiated,
     InitializationMode,
     StepComplete,
@@ -50,21 +30,13 @@ const WRITABLE_NUMBERS: &[Phase] = &[
     ContinuousTimeMode,
     StepEventMode,
     ClockActivationMode,
-    IntermediateUpdateMode,
-];
+]);
+/// The same for continuous variables.
+const WRITABLE_NUMBERS: Phases = WRITABLE.and(IntermediateUpdateMode);
 /// The same for the type that structural parameters have.
-const CONFIGURABLE: &[Phase] = &[
-    Instantiated,
-    InitializationMode,
-    StepComplete,
-    EventMode,
-    ContinuousTimeMode,
-    StepEventMode,
-    ClockActivationMode,
-    ConfigurationMode,
-];
+const CONFIGURABLE: Phases = WRITABLE.and(ConfigurationMode);
 /// The states in which derivatives can be read.
-const DIFFERENTIABLE: &[Phase] = &[
+const DIFFERENTIABLE: Phases = Phases::of(&[
     InitializationMode,
     StepComplete,
     StepFailed,
@@ -74,27 +46,27 @@ const DIFFERENTIABLE: &[Phase] = &[
     Error,
     StepEventMode,
     ClockActivationMode,
-];
+]);
 /// The states in which what a solver needs can be read.
-const SOLVABLE: &[Phase] = &[InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error];
+const SOLVABLE: Phases = Phases::of(&[InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error]);
 /// The states in which the sizes of what a solver needs can be read.
-const COUNTABLE: &[Phase] = &[Instantiated, EventMode];
+const COUNTABLE: Phases = Phases::of(&[Instantiated, EventMode]);
 /// The states in which intervals of clocks can be read and set.
-const TIMED: &[Phase] = &[InitializationMode, EventMode, StepEventMode, ClockActivationMode];
+const TIMED: Phases = Phases::of(&[InitializationMode, EventMode, StepEventMode, ClockActivationMode]);
 /// Event Mode of all interfaces.
-const AT_EVENTS: &[Phase] = &[EventMode, StepEventMode];
+const AT_EVENTS: Phases = Phases::of(&[EventMode, StepEventMode]);
 
 functions! {
     "fmi3";
     None => {
         SetDebugLogging: ANY,
-        EnterInitializationMode: &[Instantiated],
-        ExitInitializationMode: &[InitializationMode],
-        EnterEventMode: &[StepComplete, ContinuousTimeMode],
-        Terminate: &[StepComplete, StepFailed, EventMode, ContinuousTimeMode, StepEventMode, ClockActivationMode],
+        EnterInitializationMode: [Instantiated],
+        ExitInitializationMode: [InitializationMode],
+        EnterEventMode: [StepComplete, ContinuousTimeMode],
+        Terminate: [StepComplete, StepFailed, EventMode, ContinuousTimeMode, StepEventMode, ClockActivationMode],
         Reset: ANY,
         GetFloat32: READABLE,
-        GetFloat64: Phase::ALL,
+        GetFloat64: READABLE_NUMBERS,
         GetInt8: READABLE,
         GetUInt8: READABLE,
         GetInt16: READABLE,
@@ -107,7 +79,7 @@ functions! {
         GetString: READABLE,
         GetBinary: READABLE,
         // In Scheduled Execution it belongs into Clock Update Mode. Reference-FMUs' scs_synchronous.c calls it afterwards.
-        GetClock: &[EventMode, StepEventMode, ClockActivationMode],
+        GetClock: [EventMode, StepEventMode, ClockActivationMode],
         SetFloat32: WRITABLE,
         SetFloat64: WRITABLE_NUMBERS,
         SetInt8: WRITABLE,
@@ -132,24 +104,24 @@ functions! {
         DeserializeFMUState: ANY,
         GetDirectionalDerivative: DIFFERENTIABLE,
         GetAdjointDerivative: DIFFERENTIABLE,
-        EnterConfigurationMode: &[Instantiated],
-        ExitConfigurationMode: &[ConfigurationMode],
+        EnterConfigurationMode: [Instantiated],
+        ExitConfigurationMode: [ConfigurationMode],
         GetIntervalDecimal: TIMED,
         GetIntervalFraction: TIMED,
-        GetShiftDecimal: &[InitializationMode],
-        GetShiftFraction: &[InitializationMode],
+        GetShiftDecimal: [InitializationMode],
+        GetShiftFraction: [InitializationMode],
         SetIntervalDecimal: TIMED,
         SetIntervalFraction: TIMED,
-        SetShiftDecimal: &[InitializationMode],
-        SetShiftFraction: &[InitializationMode],
+        SetShiftDecimal: [InitializationMode],
+        SetShiftFraction: [InitializationMode],
         EvaluateDiscreteStates: AT_EVENTS,
         UpdateDiscreteStates: AT_EVENTS,
     }
     Some(Interface::ModelExchange) => {
-        EnterContinuousTimeMode: &[EventMode],
-        CompletedIntegratorStep: &[ContinuousTimeMode],
-        SetTime: &[ContinuousTimeMode],
-        SetContinuousStates: &[ContinuousTimeMode],
+        EnterContinuousTimeMode: [EventMode],
+        CompletedIntegratorStep: [ContinuousTimeMode],
+        SetTime: [ContinuousTimeMode],
+        SetContinuousStates: [ContinuousTimeMode],
         GetContinuousStateDerivatives: SOLVABLE,
         GetEventIndicators: SOLVABLE,
         GetContinuousStates: SOLVABLE,
@@ -158,12 +130,12 @@ functions! {
         GetNumberOfContinuousStates: COUNTABLE,
     }
     Some(Interface::CoSimulation) => {
-        EnterStepMode: &[StepEventMode],
-        GetOutputDerivatives: &[StepComplete, StepFailed, Terminated, Error, IntermediateUpdateMode],
-        DoStep: &[StepComplete],
+        EnterStepMode: [StepEventMode],
+        GetOutputDerivatives: [StepComplete, StepFailed, Terminated, Error, IntermediateUpdateMode],
+        DoStep: [StepComplete],
     }
     Some(Interface::ScheduledExecution) => {
-        ActivateModelPartition: &[ClockActivationMode],
+        ActivateModelPartition: [ClockActivationMode],
     };
     const VALUE_REFERENCES: &'static str = "valueReferences";
     const VALUES: &'static str = "values";

@@ -14,9 +14,22 @@ use crate::logger::RecentMessages;
 use crate::model::{Context, Model, Variables};
 use crate::status::Status;
 
-/// What ticks that are computed already began from.
+/// The ticks under way.
 #[derive(Clone)]
-pub(super) struct BeforeTicks<M: Model> {
+pub(super) struct Ticks<M: Model> {
+    are_computed: bool,
+    /// What the last ones that were computed began from. It is kept, so that only the first ones take memory.
+    before: Option<Box<BeforeTicks<M>>>,
+}
+
+impl<M: Model> Ticks<M> {
+    pub(super) fn none() -> Self {
+        Self { are_computed: false, before: None }
+    }
+}
+
+#[derive(Clone)]
+struct BeforeTicks<M: Model> {
     model: M,
     variables: M::Variables,
     end: Option<f64>,
@@ -29,25 +42,42 @@ impl<M: Model> Memory<M> {
         self.variables.clock_mut(position).expect("each position has a clock")
     }
 
-    /// The clocks of the importer that tick.
-    fn ticking(&self) -> impl Iterator<Item = usize> {
-        (0..Self::CLOCKS.len()).filter(|&position| {
-            Self::CLOCKS[position].is_input && self.variables.clock(position).is_some_and(|clock| clock.ticks)
-        })
-    }
-
     /// Takes back ticks that were computed; they are computed anew when a value is asked for.
     pub(super) fn rewind(&mut self) {
-        if let Some(before) = self.before_ticks.take() {
-            let BeforeTicks { model, variables, end } = *before;
-            (self.model, self.variables, self.end) = (model, variables, end);
+        if !Self::CLOCKS.is_empty() && mem::take(&mut self.ticks.are_computed) {
+            let before = self.ticks.before.as_ref().expect("it is kept when ticks are computed");
+            self.model.clone_from(&before.model);
+            self.variables.clone_from(&before.variables);
+            self.end = before.end;
             self.stale = true;
         }
     }
 
+    /// Keeps what the ticks begin from.
+    fn keep_before_ticks(&mut self) {
+        let Self { model, variables, end, ticks, .. } = self;
+        match &mut ticks.before {
+            Some(before) => {
+                before.model.clone_from(model);
+                before.variables.clone_from(variables);
+                before.end = *end;
+            }
+            none => {
+                let before = BeforeTicks { model: model.clone(), variables: variables.clone(), end: *end };
+                *none = Some(Box::new(before));
+            }
+        }
+        ticks.are_computed = true;
+    }
+
+    /// Whether a clock of the importer ticked where the ticks that are computed began.
+    fn ticked(&self, position: usize) -> bool {
+        self.ticks.before.as_ref().is_some_and(|before| is_activated::<M>(&before.variables, position))
+    }
+
     /// Ends the ticks: what they computed is the state from now on.
     pub(super) fn end_ticks(&mut self) {
-        if self.before_ticks.take().is_some() {
+        if !Self::CLOCKS.is_empty() && mem::take(&mut self.ticks.are_computed) {
             self.recent_messages = RecentMessages::default();
         }
         for (position, description) in Self::CLOCKS.iter().enumerate() {
@@ -62,6 +92,11 @@ impl<M: Model> Memory<M> {
             self.clock_mut(position).has_ticked = false;
         }
     }
+}
+
+/// Whether a clock ticks that is the importer's.
+fn is_activated<M: Model>(variables: &M::Variables, position: usize) -> bool {
+    M::Variables::CLOCKS[position].is_input && variables.clock(position).is_some_and(|clock| clock.ticks)
 }
 
 /// Refuses times of clocks that are no such times.
@@ -89,28 +124,29 @@ impl<M: Model> Instance<M> {
 
     /// Computes the ticks of the clocks that the importer has activated, unless that is done.
     pub(super) fn compute_ticks(&mut self) -> Answer {
-        let ticking: Vec<_> = self.memory.ticking().collect();
         let memory = &mut self.memory;
-        if ticking.is_empty() || memory.before_ticks.is_some() {
+        let positions = || 0..M::Variables::CLOCKS.len();
+        if memory.ticks.are_computed || !positions().any(|at| is_activated::<M>(&memory.variables, at)) {
             return Ok(Status::Ok);
         }
-        memory.before_ticks = Some(Box::new(BeforeTicks {
-            model: memory.model.clone(),
-            variables: memory.variables.clone(),
-            end: memory.end,
-        }));
-        for &position in &ticking {
-            memory.clock_mut(position).ticks = false;
+        memory.keep_before_ticks();
+        for position in positions() {
+            let clock = memory.clock_mut(position);
+            clock.ticks &= !M::Variables::CLOCKS[position].is_input;
         }
         // If an error or a panic interrupts a tick, the instance remains in this state.
         let phase = mem::replace(&mut memory.phase, Phase::Error);
         let mut status = Status::Ok;
-        for &position in &ticking {
-            status = status.max(self.compute_tick(position, self.memory.time)?);
+        for position in positions() {
+            if self.memory.ticked(position) {
+                status = status.max(self.compute_tick(position, self.memory.time)?);
+            }
         }
         let memory = &mut self.memory;
-        for &position in &ticking {
-            memory.clock_mut(position).ticks = true;
+        for position in positions() {
+            if memory.ticked(position) {
+                memory.clock_mut(position).ticks = true;
+            }
         }
         memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.latest());
         memory.phase = phase;

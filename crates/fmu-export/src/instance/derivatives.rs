@@ -4,9 +4,10 @@
 use super::values::REALS;
 use super::{Answer, Instance};
 use crate::calling_sequence::Phase;
-use crate::description::{Causality, Initial, ValueReference, VariableDescription};
+use crate::description::{Causality, Initial, ValueReference, VariableDescription, Version};
 use crate::error::{Error, Shown};
 use crate::model::{Model, Variables};
+use crate::number::Dual;
 use crate::status::Status;
 
 impl<M: Model> Instance<M> {
@@ -22,13 +23,15 @@ impl<M: Model> Instance<M> {
         self.check_unknowns(unknowns)?;
         self.check_knowns(knowns)?;
         Self::check_seeds("knowns", knowns, seeds)?;
-        let mut direction = M::Variables::zero();
+        let (mut rate_of_time, mut direction) = (0.0, M::Variables::zero());
         for (&known, &seed) in knowns.iter().zip(seeds) {
-            if self.can_change(known) {
+            if is_time::<M>(known) {
+                rate_of_time = seed;
+            } else if self.can_change(known) {
                 direction.set_real(known, seed);
             }
         }
-        let (status, derivatives) = self.differentiate(&direction)?;
+        let (status, derivatives) = self.differentiate(rate_of_time, &direction)?;
         self.copy_derivatives(&derivatives, direction, unknowns, sensitivities)?;
         Ok(status)
     }
@@ -48,7 +51,15 @@ impl<M: Model> Instance<M> {
         self.check_knowns(knowns)?;
         Self::check_seeds("unknowns", unknowns, seeds)?;
         let status = self.compute_values()?;
+        let by_time = if knowns.iter().any(|&known| is_time::<M>(known)) {
+            let (_, derivatives) = self.differentiate(1.0, &M::Variables::zero())?;
+            unknowns.iter().zip(seeds).map(|(&unknown, seed)| seed * derivatives.real(unknown)).sum()
+        } else {
+            0.0
+        };
         let weights = M::Variables::weights(unknowns, seeds);
+        let by_parameters =
+            knowns.iter().any(|&known| Self::checked(known).causality == Causality::Parameter);
         let (memory, tape) = (&self.memory, &mut self.tape);
         let (variables, inputs) = (&memory.variables, memory.inputs.latest());
         let derivatives = if memory.phase == Phase::InitializationMode {
@@ -60,10 +71,23 @@ impl<M: Model> Instance<M> {
                 tape,
             )
         } else {
-            memory.model.differentiate_backwards(memory.time, variables, inputs, &weights, tape)
+            memory.model.differentiate_backwards(
+                memory.time,
+                variables,
+                inputs,
+                &weights,
+                by_parameters,
+                tape,
+            )
         }?;
         for (&known, sensitivity) in knowns.iter().zip(sensitivities) {
-            *sensitivity = if self.can_change(known) { derivatives.real(known) } else { 0.0 };
+            *sensitivity = if is_time::<M>(known) {
+                by_time
+            } else if self.can_change(known) {
+                derivatives.real(known)
+            } else {
+                0.0
+            };
             if !sensitivity.is_finite() {
                 let name = Self::checked(known).name;
                 return Err(Error::new(format!("the derivative by {name} is {}", Shown(*sensitivity))));
@@ -93,14 +117,14 @@ impl<M: Model> Instance<M> {
             }
         }
         let status = self.compute_values()?;
-        // Along the direction in which states and inputs change.
+        // Along the direction in which time, states and inputs change.
         let mut direction = self.memory.variables.along_derivatives();
         for (reference, variable) in M::Variables::described() {
             if let Some(input) = variable.real_input {
                 direction.set_real(reference, self.memory.inputs.slope(input));
             }
         }
-        let (_, derivatives) = self.differentiate(&direction)?;
+        let (_, derivatives) = self.differentiate(1.0, &direction)?;
         self.copy_derivatives(&derivatives, direction, references, values)?;
         Ok(status)
     }
@@ -173,13 +197,18 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// Checks a known: an input, in initialization mode also a parameter or exact start value, later a state.
+    /// Checks a known: an input, or time where something depends on it; in initialization mode also a parameter or exact
+    /// start value; later a state, and in FMI 3.0 a parameter that may be set (FMI 2.0.5, section 2.2.8; FMI 3.0.2, section
+    /// 2.4.8).
     fn check_known(&self, variable: &VariableDescription) -> Result<(), Error> {
         let is_state = variable.state.is_some();
         let initializing = self.memory.phase == Phase::InitializationMode;
         let known = match variable.causality {
             Causality::Input => true,
-            Causality::Parameter => initializing,
+            Causality::Independent => M::Variables::DEPENDS_ON_TIME,
+            Causality::Parameter => {
+                initializing || Self::DESCRIPTION.version == Version::Three && self.is_settable_now(variable)
+            }
             _ if initializing => is_state && variable.initial == Initial::Exact,
             _ => is_state,
         };
@@ -190,18 +219,24 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// The derivatives along a direction, after a refresh of the values.
-    fn differentiate(&mut self, direction: &M::Variables) -> Result<(Status, M::Variables), Error> {
+    /// The derivatives along a direction, and as time changes at a rate, after a refresh of the values.
+    fn differentiate(
+        &mut self,
+        rate_of_time: f64,
+        direction: &M::Variables,
+    ) -> Result<(Status, M::Variables), Error> {
         let status = self.compute_values()?;
         let memory = &self.memory;
         let (variables, inputs) = (&memory.variables, memory.inputs.latest());
+        let time = Dual::new(memory.time, rate_of_time);
         let derivatives = if memory.phase == Phase::InitializationMode {
-            memory.model.differentiate_initialization(memory.time, variables, inputs, direction)
+            memory.model.differentiate_initialization(time, variables, inputs, direction)
         } else {
-            memory.model.differentiate(memory.time, variables, inputs, direction)
+            memory.model.differentiate(time, variables, inputs, direction)
         };
         Ok((status, derivatives?))
     }
+
     /// Returns the derivatives of variables, if they are finite. Between steps that of a state is its seed.
     fn copy_derivatives(
         &self,
@@ -222,4 +257,8 @@ impl<M: Model> Instance<M> {
         }
         Ok(())
     }
+}
+
+fn is_time<M: Model>(reference: ValueReference) -> bool {
+    M::Variables::description(reference).is_some_and(|variable| variable.causality == Causality::Independent)
 }

@@ -207,7 +207,7 @@ impl<M: Model> Instance<M> {
     }
 
     /// Whether a variable that is not an input may be set in the present state (sections 3.2.3 and 4.2.4).
-    fn is_settable_now(&self, variable: &VariableDescription) -> bool {
+    pub(super) fn is_settable_now(&self, variable: &VariableDescription) -> bool {
         let phase = self.memory.phase;
         if variable.causality == Causality::StructuralParameter || phase == Phase::ConfigurationMode {
             return variable.causality == Causality::StructuralParameter && phase == Phase::ConfigurationMode;

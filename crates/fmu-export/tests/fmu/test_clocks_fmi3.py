@@ -36,7 +36,7 @@ __all__ = ["libraries", "make"]
 CONSTANT, SAMPLE, GIVEN, TUNED, ADAPTED, PULSE, ALARM, TRIGGER, THIRD = range(11, 20)
 PERIODIC = [CONSTANT, SAMPLE, GIVEN, TUNED, ADAPTED]
 AMOUNT, LEVEL, SAMPLE_TIME, DELAY, TUNED_TIME = range(21, 26)
-SUM, COUNT, ORDER, LAST = range(31, 35)
+SUM, COUNT, ORDER, LAST, LAST_SUM = range(31, 36)
 NOT_YET_KNOWN, UNCHANGED, CHANGED = range(3)
 """`fmi3IntervalQualifier`."""
 WITH_EVENTS = pytest.mark.parametrize("interface", [EVENT_MODE, MODEL_EXCHANGE])
@@ -114,7 +114,7 @@ def test_a_tick_is_computed_when_a_value_is_asked_for_and_kept_by_the_update(
     # A triggered clock may tick again in the same event.
     assert set_clock(instance, TRIGGER) == Status.OK
     instance.update()
-    assert instance.get("Int32", [SUM, COUNT]) == [10, 2]
+    assert instance.get("Int32", [SUM, COUNT, LAST_SUM]) == [10, 2, 5]
 
 
 @WITH_EVENTS
@@ -323,7 +323,29 @@ def test_a_state_within_an_event_is_carried_into_another_instance(
     assert other.get("Int32", [SUM, COUNT]) == [4, 1]
     other.update()
     assert set_clock(other, TRIGGER) == Status.OK
-    assert other.get("Int32", [SUM, COUNT]) == [8, 2]
+    assert other.get("Int32", [SUM, COUNT, LAST_SUM]) == [8, 2, 4]
+
+
+@WITH_EVENTS
+@pytest.mark.parametrize("is_asked_for", [False, True])
+def test_ticks_take_place_before_the_end_and_not_before_an_error(
+    new: Callable[..., Instance], interface: str, is_asked_for: bool
+) -> None:
+    """Whether a value was asked for or not, and in an instance that goes on from the state within it."""
+    for function, status, total in (
+        ("fmi3Terminate", Status.OK, 1),
+        ("fmi3ExitInitializationMode", Status.ERROR, 0),
+    ):
+        instance, other = new(interface, "event"), new(interface)
+        assert set_clock(instance, TRIGGER) == Status.OK
+        if is_asked_for:
+            assert instance.get("Int32", [SUM]) == [1]
+        content = instance.serialized(instance.state())
+        other.restore(content)
+        for each in (instance, other):
+            assert each.call(function) == status
+            assert each.get("Int32", [SUM, COUNT]) == [total, total]
+        assert instance.serialized(instance.state()) == other.serialized(other.state())
 
 
 @WITH_EVENTS
@@ -412,6 +434,28 @@ def test_functions_of_the_whole_fmu_wait_for_the_partitions(new: Callable[..., I
         activate(instance[0], CONSTANT, time)
     assert statuses == [Status.ERROR]
     assert "while a model partition runs" in instance[0].messages[-1].text
+
+
+def test_a_call_that_fails_while_the_importer_is_told(new: Callable[..., Instance]) -> None:
+    """Compiled sources have no memory for this binary, and stop in both calls; a native library has."""
+    value = (c_uint8 * 20_000_000)()
+    sizes, values = array(c_size_t, [len(value)]), array(c_void_p, [addressof(value)])
+    statuses: list[Status] = []
+    instance: list[Instance] = []
+
+    def update(_environment: int) -> None:
+        for _ in range(2):
+            statuses.append(instance[0].call("fmi3SetBinary", array(c_uint32, [DATA]), 1, sizes, values, 1))
+
+    callback = CLOCK_UPDATE(update)
+    instance.append(new(SCHEDULED_EXECUTION, "activation", clockUpdate=callback))
+    for time in (0.0, 1.0, 2.0):
+        instance[0].call("fmi3ActivateModelPartition", CONSTANT, time)
+    assert statuses in ([Status.ERROR] * 2, [Status.OK] * 2)
+    instance[0].ok("fmi3Reset")
+    instance[0].initialize()
+    activate(instance[0], CONSTANT, 0.0)
+    assert order(instance[0]) == ["constant"]
 
 
 def test_partitions_and_times_that_are_refused(new: Callable[..., Instance]) -> None:

@@ -485,6 +485,27 @@ def test_adjoint_derivatives_are_the_directional_ones(
     )
 
 
+@pytest.mark.parametrize("state", ["step", "event", "continuous"])
+def test_parameters_that_can_be_set_are_knowns(
+    make: Callable[..., Instance], description: ModelDescription, state: str
+) -> None:
+    """Sections 2.2.11 and 2.4.8: not fixed ones after initialization, nor any between events."""
+    by_name = {v.name: v.valueReference for v in description.modelVariables}
+    instance = make(CO_SIMULATION if state == "step" else MODEL_EXCHANGE, state)
+    seed, found = (c_double * 1)(1.0), (c_double * 1)(9.0)
+    for name, is_known in (("events.wall", state != "continuous"), ("tank.gain", False)):
+        columns, row = (c_uint32 * 1)(by_name[name]), (c_uint32 * 1)(by_name["output"])
+        for kind in ("Directional", "Adjoint"):
+            found[0] = 9.0
+            status = instance.call(f"fmi3Get{kind}Derivative", row, 1, columns, 1, seed, 1, found, 1)
+            if is_known:
+                # The output does not depend on it.
+                assert (status, found[0]) == (Status.OK, 0.0)
+            else:
+                assert (status, found[0]) == (Status.ERROR, 9.0)
+                assert f"{name} is not a known in the state" in instance.messages[-1].text
+
+
 def test_an_input_at_its_bound_has_no_effect(make: Callable[..., Instance]) -> None:
     instance = make(CO_SIMULATION, "step")
     assert derivatives(instance, "Adjoint", [8], [1], [1.0]) != [0.0]

@@ -14,12 +14,13 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable
-from ctypes import Array, byref, c_bool, c_char_p, c_double, c_float, c_size_t, c_uint8, c_void_p, string_at
+from ctypes import byref, c_bool, c_char_p, c_double, c_float, c_size_t, c_uint8, c_void_p, string_at
 from random import Random
 from typing import Any
 
 import pytest
 from fmi3 import CO_SIMULATION, DECLARED, SCHEDULED_EXECUTION, TYPES, Instance, Status
+from guarded import CAPACITY, NUMBERS, Guarded, plain, size_of
 from test_fmi3 import (
     CLOCKED,
     INSTANCES,
@@ -35,10 +36,6 @@ from test_fmi3 import (
 __all__ = ["libraries", "make"]
 
 CALLS = int(os.environ.get("RANDOM_CALLS", "20000"))
-CAPACITY = 16
-"""Of arrays."""
-CANARY = 0xA5
-NUMBERS = [0.0, -0.0, 1.0, -1.0, 0.5, 1e-300, 1e300, math.inf, -math.inf, math.nan]
 FUNCTIONS = sorted(
     name
     for name in DECLARED
@@ -63,27 +60,6 @@ AFTER = {
     "Reset": "instantiated",
 }
 """The state that a successful function leads to."""
-
-
-class Guarded:
-    """An array for `size` values, with bytes behind it that must stay as they are."""
-
-    def __init__(self, type: Any, values: list[Any], size: int) -> None:
-        self.array: Array[Any] = (type * (size + CAPACITY))()
-        self.bytes = (c_uint8 * (len(self.array) * _size(type))).from_buffer(self.array)
-        for position in range(size * _size(type), len(self.bytes)):
-            self.bytes[position] = CANARY
-        for position, value in enumerate(values[:size]):
-            self.array[position] = value
-        self.end = size * _size(type)
-
-    def check(self) -> None:
-        """Whether the bytes behind it are as they were."""
-        assert all(byte == CANARY for byte in self.bytes[self.end :]), "written beyond the end of an array"
-
-
-def _size(type: Any) -> int:
-    return len(bytes((type * 1)()))
 
 
 class Importer:
@@ -123,7 +99,7 @@ class Importer:
         status = self.instance.call(function, *arguments)
         for array in guarded:
             array.check()
-        results = [list(array.array[: array.end // _size(array.array._type_)]) for array in guarded]
+        results = [array.values() for array in guarded]
         if short == "GetBinary" and status <= Status.WARNING and len(results) == 3:
             # What is at an address that an instance returned, which no other returns.
             results[2] = [
@@ -142,7 +118,7 @@ class Importer:
         if short == "DoStep" and status != Status.ERROR:
             assert math.isfinite(arguments[-1][0])
             self.time = arguments[-1][0]
-        values = [_plain(value) for array in results for value in array]
+        values = [plain(value) for array in results for value in array]
         return short, status, values if status <= Status.WARNING else []
 
     def run(self, calls: list[tuple[str, float]]) -> list[tuple[Any, ...]]:
@@ -192,7 +168,9 @@ class Importer:
             return random.choice([b"", b"a text", b"logEvents", b"\xff", "é#%s".encode(), None])
         if type is c_void_p:
             return None
-        return random.choice([0, 1, 1, 2, 2, 3, random.randint(0, 2**63)]) & (2 ** (8 * _size(type) - 1) - 1)
+        return random.choice([0, 1, 1, 2, 2, 3, random.randint(0, 2**63)]) & (
+            2 ** (8 * size_of(type) - 1) - 1
+        )
 
     def call_with_state(self, function: str, random: Random) -> tuple[Any, ...]:
         """The functions of saved states; of no state and of the importer's own."""
@@ -260,11 +238,6 @@ class Importer:
         """Goes on from a snapshot, without saved states."""
         self.instance.restore(content)
         self.state, self.time, self.saved = state, time, []
-
-
-def _plain(value: Any) -> Any:
-    # NaN is not equal to itself.
-    return repr(value) if isinstance(value, float) else value
 
 
 @pytest.mark.parametrize(("interface", "model"), INSTANCES)

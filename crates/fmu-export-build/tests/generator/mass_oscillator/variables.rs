@@ -196,6 +196,7 @@ impl ::fmu_export::Variables for Variables {
         (2, &[3, 1]),
         (50, &[100, 3]),
     ];
+    const DEPENDS_ON_TIME: bool = true;
 
     fn inputs(&self) -> &Inputs {
         &self.inputs

@@ -25,7 +25,8 @@ pub unsafe fn instantiate_scheduled_execution<M: ScheduledExecution>(
 ) -> Instance {
     let strings = [instance_name, instantiation_token, resource_path];
     #[cfg(target_family = "wasm")]
-    let (lock_preemption, unlock_preemption) = (
+    let (clock_update, lock_preemption, unlock_preemption) = (
+        clock_update.map(|_| host::clock_update as ClockUpdateCallback),
         lock_preemption.map(|_| host::lock_preemption as PreemptionCallback),
         unlock_preemption.map(|_| host::unlock_preemption as PreemptionCallback),
     );

@@ -5,11 +5,9 @@ use fmu_export::{Clocked, Context, Error, Persistent};
 
 fmu_export::fmu!(clocked ClockedModel);
 
-/// What the model remembers: the sum.
+/// Its memory is in its variables.
 #[derive(Clone, Debug, Default, Persistent)]
-pub struct ClockedModel {
-    sum: i32,
-}
+pub struct ClockedModel;
 
 impl Clocked for ClockedModel {
     type Variables = Variables;
@@ -56,8 +54,8 @@ impl Clocked for ClockedModel {
         }
         locals.last = time;
         if clocks.trigger.ticks() {
-            self.sum += inputs.amount;
-            outputs.sum = self.sum;
+            locals.last_sum = outputs.sum;
+            outputs.sum += inputs.amount;
             if inputs.amount < 0 {
                 context.warn(format_args!("the amount is {}", inputs.amount));
             }

@@ -200,30 +200,75 @@ fn early_return_is_at_the_time_that_is_asked_for() {
 }
 
 /// The first derivative of an output over time.
-fn get_rate(instance: Instance, name: &str) -> Status {
+fn get_rate(instance: Instance, name: &str) -> (Status, f64) {
     let (reference, order, mut value) = (reference(name), 1, f64::NAN);
     let (references, orders, values) = (&raw const reference, &raw const order, &raw mut value);
     // SAFETY: the instance is alive; the arrays have an element each.
-    unsafe { c_api::get_output_derivatives::<Model>(instance, references, 1, orders, values, 1) }
+    let status =
+        unsafe { c_api::get_output_derivatives::<Model>(instance, references, 1, orders, values, 1) };
+    (status, value)
 }
 
 #[test]
 fn derivatives_of_registered_outputs_are_got() {
-    let call: fn(Instance) -> Status = |instance| get_rate(instance, "x");
+    let call: fn(Instance) -> Status = |instance| get_rate(instance, "x").0;
     let importer = Box::into_raw(Box::new(Importer { call: Some(call), ..Importer::default() }));
     let instance = instantiate(importer, false, false);
     assert_eq!(step(instance, 0.0, 3.0).0, Status::Ok);
     // After the step there is no such restriction.
-    assert_eq!(get_rate(instance, "square"), Status::Ok);
+    let (_, x) = get(instance, "x");
+    let (status, rate) = get_rate(instance, "square");
+    assert_eq!(status, Status::Ok);
+    // x decays at a rate of 1/s.
+    assert!((rate + 2.0 * x * x).abs() <= 4.0 * f64::EPSILON * x * x, "{rate}");
+    assert_eq!(get_rate(instance, "seconds"), (Status::Ok, 1.0));
     free(instance);
     // SAFETY: as above.
     assert_eq!(unsafe { Box::from_raw(importer) }.answer, Some(Status::Ok));
 }
 
+/// FMI 2.0.5, section 2.1.9, and FMI 3.0.2, section 2.4.8: time is a variable, by which there are derivatives, too.
+#[test]
+fn derivatives_by_time_are_got() {
+    let importer = Box::into_raw(Box::<Importer>::default());
+    let instance = instantiate(importer, false, false);
+    assert_eq!(step(instance, 0.0, 3.0).0, Status::Ok);
+    let (unknowns, knowns) = ([reference("seconds"), reference("x")], [reference("time"), reference("x")]);
+    for (function, seeds, expected) in [
+        // Seconds change as time does, and x as itself.
+        (
+            c_api::get_directional_derivative::<Model> as unsafe fn(_, _, _, _, _, _, _, _, _) -> _,
+            [4.0, 3.0],
+            [4.0, 3.0],
+        ),
+        (c_api::get_adjoint_derivative::<Model>, [2.0, 5.0], [2.0, 5.0]),
+    ] {
+        let mut found = [f64::NAN; 2];
+        // SAFETY: the instance is alive; the arrays have two elements each.
+        let status = unsafe {
+            function(
+                instance,
+                unknowns.as_ptr(),
+                2,
+                knowns.as_ptr(),
+                2,
+                seeds.as_ptr(),
+                2,
+                found.as_mut_ptr(),
+                2,
+            )
+        };
+        assert_eq!((status, found), (Status::Ok, expected));
+    }
+    free(instance);
+    // SAFETY: as above.
+    drop(unsafe { Box::from_raw(importer) });
+}
+
 #[test]
 fn other_calls_than_those_for_registered_variables_end_the_simulation() {
     let calls: [fn(Instance) -> Status; 6] = [
-        |instance| get_rate(instance, "square"),
+        |instance| get_rate(instance, "square").0,
         |instance| get(instance, "square").0,
         |instance| set(instance, "rate", 1.0),
         |instance| set(instance, "x", 1.0),

@@ -1,7 +1,8 @@
 //! The built-in integrator against closed forms and independent solutions.
 
 use fmu_export::{
-    Equations, Error, InputSignal, Integrated, Model, Simulation, Tape, Variables as _, check_dependencies,
+    Dual, Equations, Error, InputSignal, Integrated, Model, Simulation, Tape, Variables as _,
+    check_dependencies,
 };
 use fmu_export_equations::{
     BouncingBall, Decay, Hires, Robertson, Stairs, Undeclared, VanDerPol, bouncing_ball, decay, stairs,
@@ -343,17 +344,22 @@ fn directional_derivatives_are_exact() {
     let mut simulation = simulation::<Decay>(1e-6);
     simulation.variables.parameters.rate = 0.5;
     simulation.variables.parameters.offset = 3.0;
+    simulation.variables.parameters.ramp = 0.25;
     simulation.variables.start.x = 2.0;
     simulation.initialize().unwrap();
     let Simulation { model, variables, inputs, .. } = &simulation;
     assert_eq!(variables.states.x.to_bits(), 5.0_f64.to_bits());
     let mut direction = decay::Variables::zero();
     (direction.start.x, direction.inputs.target) = (1.0, 4.0);
-    let by = model.differentiate(0.0, variables, inputs, &direction).unwrap();
+    let start = Dual::from(0.0);
+    let by = model.differentiate(start, variables, inputs, &direction).unwrap();
     // 0.5·(4 − 1) and 2·x.
     assert_eq!(bits([by.derivatives.x, by.outputs.square]), bits([1.5, 10.0]));
+    // Time adds 0.5·0.25 for each second, at a rate of 8 s/s.
+    let by = model.differentiate(Dual::new(0.0, 8.0), variables, inputs, &direction).unwrap();
+    assert_eq!(bits([by.derivatives.x, by.outputs.square, by.outputs.seconds]), bits([2.5, 10.0, 8.0]));
     (direction.parameters.rate, direction.parameters.offset) = (1.0, 1.0);
-    let by = model.differentiate_initialization(0.0, variables, inputs, &direction).unwrap();
+    let by = model.differentiate_initialization(start, variables, inputs, &direction).unwrap();
     // x changes by 2; 0.5·(4 − 2) and, by the rate, −x.
     assert_eq!(bits([by.states.x, by.derivatives.x, by.outputs.square]), bits([2.0, 1.0 - 5.0, 20.0]));
 }
@@ -369,9 +375,14 @@ fn adjoint_derivatives_are_exact() {
     let mut tape = Tape::new();
     let mut weights = decay::Variables::zero();
     (weights.derivatives.x, weights.outputs.square, weights.states.x) = (4.0, 2.0, 1.0);
-    let by = model.differentiate_backwards(0.0, variables, inputs, &weights, &mut tape).unwrap();
-    // 4·0.5, and 4·(−0.5) + 2·2·x + 1 with x = 5.
-    assert_eq!(bits([by.inputs.target, by.states.x]), bits([2.0, 19.0]));
+    for by_parameters in [false, true] {
+        let by = model
+            .differentiate_backwards(0.0, variables, inputs, &weights, by_parameters, &mut tape)
+            .unwrap();
+        // 4·0.5, and 4·(−0.5) + 2·2·x + 1 with x = 5; by the rate −4·x.
+        let by_rate = if by_parameters { -20.0 } else { 0.0 };
+        assert_eq!(bits([by.inputs.target, by.states.x, by.parameters.rate]), bits([2.0, 19.0, by_rate]));
+    }
     let by =
         model.differentiate_initialization_backwards(0.0, variables, inputs, &weights, &mut tape).unwrap();
     // x is the sum of its start value and the offset; the derivative changes with the rate by −x.

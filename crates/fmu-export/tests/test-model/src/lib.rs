@@ -5,7 +5,7 @@ use std::panic::panic_any;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use fmu_export::persistence::{Archive, Persistent};
-use fmu_export::{Context, Error, Event, InputsOf, Model, ModelExchange, Step, Tape, Variables as _};
+use fmu_export::{Context, Dual, Error, Event, InputsOf, Model, ModelExchange, Step, Tape, Variables as _};
 
 mod variables {
     fmu_export::include_variables!("TestModel");
@@ -269,7 +269,7 @@ impl Model for TestModel {
 
     fn differentiate(
         &self,
-        _time: f64,
+        _time: Dual,
         variables: &Variables,
         inputs: &InputsOf<Self>,
         direction: &Variables,
@@ -282,22 +282,22 @@ impl Model for TestModel {
         result.derivatives.motion.position =
             variables.locals.settings.determinant * sign(inputs.gear) * inputs_by.drive
                 - 2.0 * position * states_by.motion.position;
-        result.outputs.output = states_by.tank.level + variables.parameters.tank.gain * inputs_by.rate;
+        result.outputs.output = states_by.tank.level
+            + variables.parameters.tank.gain * inputs_by.rate
+            + direction.parameters.tank.gain * inputs.rate;
         result.outputs.position = states_by.motion.position;
         Ok(result)
     }
 
     fn differentiate_initialization(
         &self,
-        start_time: f64,
+        start_time: Dual,
         variables: &Variables,
         inputs: &InputsOf<Self>,
         direction: &Variables,
     ) -> Result<Variables, Error> {
         // The start value of the motion's position is a guess, and therefore not a known in the standard.
-        let mut result = self.differentiate(start_time, variables, inputs, direction)?;
-        result.outputs.output += direction.parameters.tank.gain * inputs.rate;
-        Ok(result)
+        self.differentiate(start_time, variables, inputs, direction)
     }
 
     fn differentiate_backwards(
@@ -306,6 +306,7 @@ impl Model for TestModel {
         variables: &Variables,
         inputs: &InputsOf<Self>,
         weights: &Variables,
+        _by_parameters: bool,
         _tape: &mut Tape,
     ) -> Result<Variables, Error> {
         fail(&mut variables.clone(), Place::Differentiate)?;
@@ -317,6 +318,7 @@ impl Model for TestModel {
         result.inputs.pulse = rates.tank.level;
         result.inputs.drive =
             rates.motion.position * variables.locals.settings.determinant * sign(inputs.gear);
+        result.parameters.tank.gain = outputs.output * inputs.rate;
         result.states.tank.level = outputs.output;
         result.states.motion.position = outputs.position - 2.0 * position * rates.motion.position;
         Ok(result)
@@ -330,9 +332,7 @@ impl Model for TestModel {
         weights: &Variables,
         tape: &mut Tape,
     ) -> Result<Variables, Error> {
-        let mut result = self.differentiate_backwards(start_time, variables, inputs, weights, tape)?;
-        result.parameters.tank.gain = weights.outputs.output * inputs.rate;
-        Ok(result)
+        self.differentiate_backwards(start_time, variables, inputs, weights, true, tape)
     }
 
     fn restored(&mut self, variables: &Variables) {
