@@ -31,7 +31,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Compile the models and write their .fmu files, and Boost.ssp, the system of both for co-simulation
+    /// Compile the models and write their .fmu files, and beside them Boost.ssp, the system of both for co-simulation
     Export {
         #[command(flatten)]
         export: cargo_fmu::Export,

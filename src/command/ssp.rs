@@ -10,7 +10,7 @@ use fmu_package::{FmuDescription, ParameterSet, SystemPackage, reading, writing}
 use super::coupling::{Member, couple};
 
 /// The system's name.
-const SYSTEM: &str = "Boost";
+pub const SYSTEM: &str = "Boost";
 
 /// Writes the package of two FMUs.
 pub fn run(
@@ -49,16 +49,8 @@ pub fn run(
         );
     }
     let package = package(&fits, [reading::bytes(plant)?, reading::bytes(controller)?], parameter_files)?;
-    write(&package, &out)
-}
-
-/// The package of our own FMUs.
-pub fn own(plant: Vec<u8>, controller: Vec<u8>, parameter_files: &[PathBuf]) -> Result<SystemPackage> {
-    let fits = [
-        Compatibility::new(Role::Plant, Role::Plant.description(), None)?,
-        Compatibility::new(Role::Controller, Role::Controller.description(), None)?,
-    ];
-    package(&fits, [plant, controller], parameter_files)
+    writing::write(&out, |writer| package.write(writer))?;
+    cargo_fmu::say(&out, "")
 }
 
 fn package(
@@ -108,10 +100,4 @@ fn place(set: &ParameterSet, plant: &FmuDescription, controller: &FmuDescription
         );
     }
     Ok(role)
-}
-
-/// Writes a package and prints its path.
-pub fn write(package: &SystemPackage, path: &Path) -> Result<()> {
-    writing::write(path, |writer| package.write(writer))?;
-    cargo_fmu::say(path, "")
 }

@@ -2,7 +2,8 @@
 
     python tests/fmu/compile_sources.py FROM TO [Debug]
 
-With `CARGO_TARGET_DIR` at the copies, the tests of the native libraries test these."""
+With `CARGO_TARGET_DIR` at the copies, the tests of the native libraries test these. FMPy does not compile
+FMUs for Scheduled Execution: the command of their `sources/README.txt` does."""
 
 from __future__ import annotations
 
@@ -11,6 +12,9 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from fmpy import platform_tuple, read_model_description
 
 
 def compile_sources(fmu: Path, to: Path, configuration: str = "Release") -> None:
@@ -20,13 +24,32 @@ def compile_sources(fmu: Path, to: Path, configuration: str = "Release") -> None
         for name in archive.namelist():
             if not name.startswith("binaries/"):
                 copy.writestr(name, archive.read(name))
-    scripts = Path(sys.executable).parent
-    path = os.pathsep.join([str(scripts), os.environ["PATH"]])
-    command = [scripts / "fmpy", "compile", to, "--configuration", configuration, "--all-warnings"]
-    command.append("--warning-as-error")
-    subprocess.run(command, env={**os.environ, "PATH": path}, check=True)
+    description = read_model_description(to)
+    if description.coSimulation or description.modelExchange:
+        scripts = Path(sys.executable).parent
+        environment = {
+            "PATH": os.pathsep.join([str(scripts), os.environ["PATH"]]),
+            "CMAKE_BUILD_PARALLEL_LEVEL": str(os.cpu_count()),
+        }
+        command = [scripts / "fmpy", "compile", to, "--configuration", configuration, "--all-warnings"]
+        command.append("--warning-as-error")
+        subprocess.run(command, env={**os.environ, **environment}, check=True)
+    else:
+        compile_by_hand(to)
     with zipfile.ZipFile(to) as archive:
         assert any(name.startswith("binaries/") for name in archive.namelist())
+
+
+def compile_by_hand(fmu: Path) -> None:
+    """Adds the library that the first command of the sources' README makes, not optimized."""
+    with TemporaryDirectory() as folder, zipfile.ZipFile(fmu, "a") as archive:
+        sources = Path(folder) / "sources"
+        archive.extractall(folder, [name for name in archive.namelist() if name.startswith("sources/")])
+        readme = (sources / "README.txt").read_text()
+        command = next(line for line in readme.splitlines() if line.startswith("    gcc "))
+        subprocess.run(f"{command} -O0 -Wall -Wextra -Werror", shell=True, cwd=sources, check=True)
+        (library,) = sources.glob("*.so")
+        archive.write(library, f"binaries/{platform_tuple}/{library.name}")
 
 
 if __name__ == "__main__":

@@ -331,3 +331,7 @@ def test_check_and_ssp_take_both_versions(boost_fmu: Run, lab: Run, exports: Exp
         systems[versions] = structure, out.with_suffix(".csv").read_bytes()
     for versions, system in systems.items():
         assert system == systems[2, 2], versions
+    # Each export writes its own.
+    for version, folder in ((2, TARGET / "both"), (3, TARGET / "both" / "fmi3")):
+        written = tmp_path / f"{version}{version}.ssp"
+        assert (folder / "Boost.ssp").read_bytes() == written.read_bytes()

@@ -1,17 +1,22 @@
 """The libraries that FMPy compiles of the FMUs' sources compute what the native ones do, to the last bit, and
-take the states that those serialize."""
+take the states that those serialize: in both versions of FMI."""
 
 from __future__ import annotations
 
 import zipfile
 from collections.abc import Callable
+from ctypes import byref, c_size_t, c_uint8, c_void_p
+from pathlib import Path
+from struct import pack
 
 import numpy as np
 import pytest
 from conftest import TARGET
 from experiments import BOOST_STEPS, BOOST_STEPS_END, couple_running, scenario, staircase
+from fmpy import read_model_description
 from master import Fmu, Instance, Master, Reals
 from recorded import INPUTS, OUTPUTS, STATES, STEP, Recording
+from wasmtime import FuncType, Linker, Module, Store, ValType
 
 NAMES = ["BoostPlant", "BoostController"]
 
@@ -19,38 +24,67 @@ LARGEST = 1_000_000
 """Bytes of a file of the sources."""
 
 
-@pytest.fixture(scope="session")
-def compiled(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fmu]:
-    """The FMUs with the libraries of their sources, extracted."""
-    folder = TARGET / "compiled" / "fmu"
-    assert folder.is_dir(), f"{folder} is missing: bash tests/run rest compiles them"
-    return {name: Fmu(folder / f"{name}.fmu", tmp_path_factory.mktemp(name)) for name in NAMES}
+VERSIONS = {2: "", 3: "fmi3"}
+"""The folders of the versions of FMI, in that of the FMUs."""
+
+BOTH_VERSIONS = pytest.mark.parametrize("version", VERSIONS)
+
+Fmus = dict[tuple[str, int], Fmu]
+"""FMUs by their names and versions."""
+
+
+def extracted(folder: str, tmp_path_factory: pytest.TempPathFactory) -> Fmus:
+    """The FMUs of a folder."""
+
+    def extract(name: str, version: int) -> Fmu:
+        path = TARGET / folder / VERSIONS[version] / f"{name}.fmu"
+        assert path.is_file(), f"{path} is missing: bash tests/run rest makes it"
+        return Fmu(path, tmp_path_factory.mktemp(f"{name}{version}"))
+
+    return {(name, version): extract(name, version) for name in NAMES for version in VERSIONS}
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Fmus:
+    """The FMUs as they were exported."""
+    return extracted("both", tmp_path_factory)
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> Fmus:
+    """The FMUs with the libraries of their sources."""
+    return extracted("compiled/both", tmp_path_factory)
 
 
 Make = Callable[[Fmu], Instance]
 
 
-def runs(make: Make, fmus: dict[str, Fmu], name: str, signal: str, end: float) -> np.ndarray:
+def runs(make: Make, fmus: Fmus, version: int, name: str, signal: str, end: float) -> np.ndarray:
     """All outputs in the experiment of a figure that changes one signal."""
     steps = BOOST_STEPS if name == "figure_13" else scenario(name)["inputs"][signal]["steps"]
-    instances = [make(fmus[model]) for model in NAMES]
+    instances = [make(fmus[model, version]) for model in NAMES]
     record = couple_running(*instances, inputs={signal: staircase(*steps)}).run(end)
     return np.stack(list(record.values()))
 
 
 @pytest.mark.parametrize(
-    ("name", "signal", "end"),
-    [("figure_13", "boost_reference", BOOST_STEPS_END), ("figure_14", "supply_voltage", 42.0)],
+    ("version", "name", "signal", "end"),
+    [
+        (2, "figure_13", "boost_reference", BOOST_STEPS_END),
+        (2, "figure_14", "supply_voltage", 42.0),
+        (3, "figure_13", "boost_reference", BOOST_STEPS_END),
+    ],
 )
 def test_figures(
-    make: Make, fmus: dict[str, Fmu], compiled: dict[str, Fmu], name: str, signal: str, end: float
-):
-    native, sources = (runs(make, which, name, signal, end) for which in (fmus, compiled))
+    make: Make, exported: Fmus, compiled: Fmus, version: int, name: str, signal: str, end: float
+) -> None:
+    native, sources = (runs(make, fmus, version, name, signal, end) for fmus in (exported, compiled))
     assert native.shape == sources.shape == (1 + 20, round(end * 80) + 1)
     assert (native.view(np.uint64) == sources.view(np.uint64)).all()
 
 
-def test_the_recorded_experiment(make: Make, fmus: dict[str, Fmu], compiled: dict[str, Fmu]) -> None:
+@BOTH_VERSIONS
+def test_the_recorded_experiment(make: Make, exported: Fmus, compiled: Fmus, version: int) -> None:
     recording = Recording.read()
 
     def values(fmu: Fmu) -> np.ndarray:
@@ -64,42 +98,121 @@ def test_the_recorded_experiment(make: Make, fmus: dict[str, Fmu], compiled: dic
             rows.append(values.get().copy())
         return np.array(rows)
 
-    native, sources = values(fmus["BoostPlant"]), values(compiled["BoostPlant"])
+    native, sources = (values(fmus["BoostPlant", version]) for fmus in (exported, compiled))
     assert native.shape == recording.states_and_outputs.shape
     assert (native.view(np.uint64) == sources.view(np.uint64)).all()
 
 
+def serialized(instance: Instance) -> bytes:
+    """The state of an instance as bytes."""
+    slave = instance.slave
+    if not instance.fmu.is_fmi3:
+        state = slave.getFMUstate()
+        content = slave.serializeFMUstate(state)
+        slave.freeFMUstate(state)
+        return content
+    state, size = c_void_p(), c_size_t()
+    slave.fmi3GetFMUState(slave.component, byref(state))
+    slave.fmi3SerializedFMUStateSize(slave.component, state, byref(size))
+    content = (c_uint8 * size.value)()
+    slave.fmi3SerializeFMUState(slave.component, state, content, size.value)
+    slave.fmi3FreeFMUState(slave.component, byref(state))
+    return bytes(content)
+
+
+def restore(instance: Instance, content: bytes) -> None:
+    """Goes on from a serialized state."""
+    slave = instance.slave
+    if not instance.fmu.is_fmi3:
+        state = slave.deSerializeFMUstate(content)
+        slave.setFMUstate(state)
+        slave.freeFMUstate(state)
+        return
+    state, array = c_void_p(), (c_uint8 * len(content))(*content)
+    slave.fmi3DeserializeFMUState(slave.component, array, len(content), byref(state))
+    slave.fmi3SetFMUState(slave.component, state)
+    slave.fmi3FreeFMUState(slave.component, byref(state))
+
+
+@BOTH_VERSIONS
 @pytest.mark.parametrize("name", NAMES)
 def test_states_pass_from_one_library_to_the_other(
-    make: Make, fmus: dict[str, Fmu], compiled: dict[str, Fmu], name: str
+    make: Make, exported: Fmus, compiled: Fmus, name: str, version: int
 ) -> None:
     """The bytes are the same, and either continues from them as the other does."""
     saved, went_on = [], []
-    libraries = [fmus[name], compiled[name]]
+    libraries = [exported[name, version], compiled[name, version]]
     for fmu in libraries:
         instance = make(fmu).start({})
         master = Master([instance], STEP, clock=lambda step: step * STEP)
         master.run(1.0)
-        state = instance.slave.getFMUstate()
-        saved.append(instance.slave.serializeFMUstate(state))
-        instance.slave.freeFMUstate(state)
+        saved.append(serialized(instance))
         went_on.append(np.stack(list(master.run(2.0).values())))
     assert saved[0] == saved[1]
     assert (went_on[0] == went_on[1]).all()
     for fmu, bytes_of_the_other in zip(libraries, reversed(saved), strict=True):
         instance = make(fmu).start({})
-        state = instance.slave.deSerializeFMUstate(bytes_of_the_other)
-        instance.slave.setFMUstate(state)
-        instance.slave.freeFMUstate(state)
+        restore(instance, bytes_of_the_other)
         record = Master([instance], STEP, clock=lambda step: (80 + step) * STEP).run(2.0)
         assert (np.stack(list(record.values())) == went_on[0]).all()
 
 
+@BOTH_VERSIONS
 @pytest.mark.parametrize("name", NAMES)
-def test_files_are_of_bearable_length(name: str) -> None:
-    with zipfile.ZipFile(TARGET / "sources" / "fmu" / f"{name}.fmu") as archive:
+def test_the_files(exported: Fmus, name: str, version: int) -> None:
+    """None is long, and the importer is told which to compile; FMPy compares the list with the schema."""
+    path = exported[name, version].path
+    with zipfile.ZipFile(path) as archive:
         files = {file.filename: file.file_size for file in archive.infolist()}
-    sources = {file: size for file, size in files.items() if file.startswith("sources/")}
-    assert {"sources/fmi2.c", "sources/README.txt"} <= set(sources)
+    sources = {file.removeprefix("sources/"): size for file, size in files.items() if "sources/" in file}
+    assert {f"fmi{version}.c", "README.txt"} <= set(sources)
+    assert ("buildDescription.xml" in sources) == (version == 3)
     assert max(sources.values()) <= LARGEST
     assert any(file.startswith("binaries/") for file in files)
+    description = read_model_description(str(path), validate=True)
+    assert description.buildConfigurations
+    for build in description.buildConfigurations:
+        (file_set,) = build.sourceFileSets
+        assert build.modelIdentifier == name
+        assert sorted(file_set.sourceFiles) == sorted(file for file in sources if file.endswith(".c"))
+
+
+STEPS = {
+    "BoostPlant": ("hp_wastegate_pwm", [40.0, 60.0]),
+    "BoostController": ("boost_pressure", [1e5, 1.4e5]),
+}
+"""An input of each model, and values that it takes in turn."""
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_memory_of_a_module_does_not_grow_in_a_step(modules: Path, name: str) -> None:
+    """That of the sources is this module's."""
+    store = Store()
+    linker = Linker(store.engine)
+    for function, count in (("log", 4), ("panic", 2)):
+        linker.define_func("fmu", function, FuncType([ValType.i32()] * count, []), lambda *_: None)
+    module = Module.from_file(store.engine, str(modules / f"{name}.wasm"))
+    fmu = linker.instantiate(store, module).exports(store)
+
+    def call(function: str, *arguments: float) -> int:
+        return fmu[function](store, *arguments)
+
+    def put(data: bytes) -> int:
+        address = call("fmu_allocate", len(data))
+        fmu["memory"].write(store, data, address)
+        return address
+
+    description = read_model_description(str(TARGET / "fmu" / f"{name}.fmu"))
+    token = put(description.guid.encode() + b"\0")
+    instance = call("fmi2Instantiate", put(b"name\0"), 1, token, 0, put(bytes(20)), 0, 0)
+    assert call("fmi2SetupExperiment", instance, 0, 0.0, 0.0, 0, 0.0) == 0
+    assert call("fmi2EnterInitializationMode", instance) == 0
+    assert call("fmi2ExitInitializationMode", instance) == 0
+    signal, values = STEPS[name]
+    reference = next(v.valueReference for v in description.modelVariables if v.name == signal)
+    references, numbers = put(pack("<I", reference)), [put(pack("<d", value)) for value in values]
+    pages = fmu["memory"].size(store)
+    for step in range(2000):
+        assert call("fmi2SetReal", instance, references, 1, numbers[step // 40 % 2]) == 0
+        assert call("fmi2DoStep", instance, step * STEP, STEP, 1) == 0
+    assert fmu["memory"].size(store) == pages

@@ -24,7 +24,7 @@ CONTRACTED = ["-O2", "-march=native", "-std=gnu99"]
 """What has compilers contract, unless the sources prevent it."""
 
 COMPILERS = {
-    "gcc -O0": ["gcc", *STRICT, "-O0"],
+    "gcc -O0, little memory": ["gcc", *STRICT, "-O0", "-DMODEL_PAGES=18"],
     "gcc, contracting": ["gcc", *STRICT, *CONTRACTED, "-ffp-contract=fast"],
     "gcc, sanitized": ["gcc", *STRICT, *SANITIZED],
     "gcc, i386": ["i686-linux-gnu-gcc", *STRICT, "-O1", "-static", "-msse2", "-mfpmath=sse"],
@@ -90,6 +90,16 @@ def test_sources(
     to = folder / name.replace(", ", "-").replace(" ", "")
     to.mkdir()
     assert numbers(fmu, to, COMPILERS[name], emulator, sorted((fmu / "sources").glob("*.c"))) == native
+
+
+@pytest.mark.parametrize("name", COMPILERS)
+def test_the_functions_of_fmi_3(tmp_path: Path, name: str) -> None:
+    """They compile, too; what is beneath is the same."""
+    path = TARGET / "test-model" / "cs,me" / "fmi3" / "TestModel.fmu"
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(tmp_path)
+    source = tmp_path / "sources" / "fmi3.c"
+    subprocess.run([*COMPILERS[name], "-c", source, "-o", tmp_path / "fmi3.o"], check=True)
 
 
 def test_the_x87_unit_is_refused(fmu: Path, tmp_path: Path) -> None:

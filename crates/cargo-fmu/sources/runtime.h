@@ -1,14 +1,31 @@
 /* What the functions of every version of FMI have in common: instances, each with a module and memory of its own; calls of
-   the module's functions, with arguments copied in and results copied out; messages; saved states. */
+   the module's functions, with arguments copied in and results copied out; messages; saved states.
+
+   The file that includes this has defined `Importer`, and then the two functions that are declared here. */
 
 #include <stdio.h>
 #include <stdlib.h>
 
 #include "model.h"
 
+#if defined(_WIN32)
+#define EXPORT __declspec(dllexport)
+#elif defined(__GNUC__)
+#define EXPORT __attribute__((visibility("default")))
+#else
+#define EXPORT
+#endif
+#ifdef FUNCTION_PREFIX
+#define PASTE(prefix, name) prefix##name
+#define EXPAND(prefix, name) PASTE(prefix, name)
+#define FMI(name) EXPAND(FUNCTION_PREFIX, name)
+#else
+#define FMI(name) name
+#endif
+
 enum { STATUS_OK, STATUS_WARNING, STATUS_DISCARD, STATUS_ERROR };
 
-/* A message that waits until the function returns: then the importer's logger may call the instance, or free it. */
+/* A message that waits until the function returns, or calls the importer: then the logger may call the instance, or free it. */
 typedef struct Message {
   struct Message *next;
   int status;
@@ -18,35 +35,59 @@ typedef struct Message {
 typedef struct Instance {
   /* This library's mark, which no other library's instances have. */
   const void *library;
-  Z_model_instance_t module;
   int has_module;
   /* The instance in the module. */
   u32 handle;
-  /* Instantiates in a new module: its handle, or 0. */
-  u32 (*make)(struct Instance *instance);
-  jmp_buf unwind;
   /* Memory in the module for arguments and results. */
   u32 scratch, scratch_size;
   int is_scratch_used;
   Message *messages, **end_of_messages;
   /* The message of a panic, until the trap that follows. */
   char *panic;
-  /* The strings that were got last. */
+  /* What was got last, strings or binaries. */
   char *strings;
-  /* Calls the importer's logger. */
-  void (*log)(const struct Instance *instance, const Message *message);
+  /* Calls that have not returned: more than one where a callback calls the instance. */
+  int calls;
+  /* Whether such a call has trapped, or has freed the instance. */
+  int has_trapped, is_freed;
   /* What was passed at instantiation. */
   char *name, *token, *resources;
   void *environment;
   void (*logger)(void);
-  int type, is_logging;
+  int is_logging;
+  Importer importer;
+  /* Memory that this points to. */
+  void *kept;
+  /* Called around each call, where the importer schedules partitions of the model. */
+  void (*lock)(void), (*unlock)(void);
+  Z_model_instance_t module;
 } Instance;
 
-/* An argument of a function. */
+/* Calls the importer's logger. */
+static void log_message(const Instance *instance, const Message *message);
+
+/* Instantiates in a new module: the handle there, or 0. */
+static u32 make_instance(Instance *instance);
+
+/* An argument of a function. Results that are returned after errors too are those that the module wrote. */
 typedef struct {
-  enum { INTEGER_ARGUMENT, REAL_ARGUMENT, IN_ARGUMENT, OUT_ARGUMENT, TEXTS_ARGUMENT, TEXTS_OUT_ARGUMENT } kind;
+  enum {
+    INTEGER_ARGUMENT,
+    REAL_ARGUMENT,
+    IN_ARGUMENT,
+    OUT_ARGUMENT,
+    ANYWAY_OUT_ARGUMENT,
+    SIZES_ARGUMENT,
+    SIZES_OUT_ARGUMENT,
+    TEXTS_ARGUMENT,
+    TEXTS_OUT_ARGUMENT,
+    /* These come after their sizes. */
+    BINARIES_ARGUMENT,
+    BINARIES_OUT_ARGUMENT
+  } kind;
   const void *in;
   void *out;
+  /* Of elements as the module has them. */
   size_t count, size;
   u32 integer;
   f64 real;
@@ -57,11 +98,16 @@ typedef struct {
 #define REAL(value) {REAL_ARGUMENT, NULL, NULL, 0, 0, 0, value}
 #define ARRAY(array, count) {IN_ARGUMENT, array, NULL, count, sizeof *(array), 0, 0}
 #define RESULT(array, count) {OUT_ARGUMENT, NULL, array, count, sizeof *(array), 0, 0}
+#define RESULT_ANYWAY(array, count) {ANYWAY_OUT_ARGUMENT, NULL, array, count, sizeof *(array), 0, 0}
+#define SIZES(array, count) {SIZES_ARGUMENT, array, NULL, count, sizeof(u32), 0, 0}
+#define SIZES_RESULT(array, count) {SIZES_OUT_ARGUMENT, NULL, array, count, sizeof(u32), 0, 0}
 #define TEXTS(array, count) {TEXTS_ARGUMENT, array, NULL, count, sizeof(u32), 0, 0}
 #define TEXTS_RESULT(array, count) {TEXTS_OUT_ARGUMENT, NULL, (void *)(array), count, sizeof(u32), 0, 0}
+#define BINARIES(array, count) {BINARIES_ARGUMENT, array, NULL, count, sizeof(u32), 0, 0}
+#define BINARIES_RESULT(array, count) {BINARIES_OUT_ARGUMENT, NULL, (void *)(array), count, sizeof(u32), 0, 0}
 
 /* The types of a function's arguments behind the instance: integers alone, or by letters. */
-typedef enum { INTEGERS, D, DDI, IDDID } Shape;
+typedef enum { INTEGERS, D, DDI, DDIIIII, ID, IDDID } Shape;
 
 /* A call of an instance. */
 typedef struct Call {
@@ -91,41 +137,26 @@ static char *copy_of(const char *text) {
 
 /* ---- the memory of modules ---- */
 
-#define PAGE 65536u
-
 void wasm_rt_allocate_memory(wasm_rt_memory_t *memory, u32 pages, u32 max_pages) {
-  /* 4 GB less a page can be counted. */
-  memory->max_pages = max_pages < 65535 ? max_pages : 65535;
-  memory->data = calloc(pages ? pages : 1, PAGE);
-  memory->pages = memory->data ? pages : 0;
-  memory->size = memory->pages * PAGE;
-  if (!memory->data) {
-    memory->is_exhausted = 1;
-    wasm_trap(memory, TRAP_UNREACHABLE);
-  }
+  (void)max_pages;
+  memory->pages = memory->size = 0;
+  if (wasm_rt_grow_memory(memory, pages) == UINT32_MAX) wasm_trap(memory, TRAP_UNREACHABLE);
 }
 
 u32 wasm_rt_grow_memory(wasm_rt_memory_t *memory, u32 pages) {
   const u32 before = memory->pages;
-  u8 *data = NULL;
-  if (pages == 0) return before;
-  if (pages <= memory->max_pages - before && (size_t)before + pages <= SIZE_MAX / PAGE) {
-    data = realloc(memory->data, ((size_t)before + pages) * PAGE);
-  }
-  if (!data) {
+  if (pages > MODEL_PAGES - before) {
     memory->is_exhausted = 1;
     return UINT32_MAX;
   }
-  memset(data + memory->size, 0, (size_t)pages * PAGE);
-  memory->data = data;
+  memset(memory->data + memory->size, 0, (size_t)pages * PAGE);
   memory->pages += pages;
   memory->size = memory->pages * PAGE;
   return before;
 }
 
 void wasm_rt_free_memory(wasm_rt_memory_t *memory) {
-  free(memory->data);
-  memory->data = NULL;
+  memory->pages = memory->size = 0;
 }
 
 void wasm_rt_allocate_funcref_table(wasm_rt_funcref_table_t *table, u32 size, u32 max_size) {
@@ -144,7 +175,7 @@ void wasm_trap(wasm_rt_memory_t *memory, Trap trap) {
 }
 
 static const char *explain(const wasm_rt_memory_t *memory, int trap) {
-  if (memory->is_exhausted) return "there is no more memory";
+  if (memory->is_exhausted) return "there is no more memory than MODEL_PAGES of model.h";
   switch (trap) {
     case TRAP_OOB: return "an access is outside of the memory";
     case TRAP_INT_OVERFLOW: return "an integer overflows";
@@ -200,23 +231,17 @@ static void add_error(Instance *instance, const char *function, const char *befo
   add_message(instance, STATUS_ERROR, copy_of("logStatusError"), text);
 }
 
-/* Logs what has been said. The instance may be gone afterwards. */
+/* Logs what has been said, while a call lasts. */
 static void deliver(Instance *instance) {
-  Message *message = instance->messages;
-  Instance recipient = *instance;
-  char *name = message ? copy_of(instance->name) : NULL;
-  recipient.name = name;
-  instance->messages = NULL;
-  instance->end_of_messages = &instance->messages;
-  while (message) {
-    Message *next = message->next;
-    if (recipient.logger) recipient.log(&recipient, message);
+  Message *message;
+  while ((message = instance->messages) != NULL) {
+    instance->messages = message->next;
+    if (!message->next) instance->end_of_messages = &instance->messages;
+    if (instance->logger) log_message(instance, message);
     free(message->category);
     free(message->text);
     free(message);
-    message = next;
   }
-  free(name);
 }
 
 /* ---- what modules import ---- */
@@ -227,7 +252,7 @@ static char *string_at(Instance *instance, u32 address, u32 size) {
   char *text;
   check_range(memory, address, 1);
   if (size == UINT32_MAX) {
-    const u8 *end = memchr(memory->data + address, 0, memory->size - address);
+    const u8 *end = memchr(memory->data + address, 0, sizeof memory->data - address);
     if (!end) wasm_trap(memory, TRAP_OOB);
     size = (u32)(end - (memory->data + address));
   }
@@ -272,8 +297,8 @@ u32 Z_fmuZ_read_file(struct Z_fmu_instance_t *host, u32 path, u32 path_size, u32
   u32 is_read = 0;
   free(name);
   if (file) {
-    const wasm_rt_memory_t *memory = &instance->module.w2c_memory;
-    is_read = (u64)bytes + size <= memory->size && fread(memory->data + bytes, 1, size, file) == size;
+    wasm_rt_memory_t *memory = &instance->module.w2c_memory;
+    is_read = (u64)bytes + size <= sizeof memory->data && fread(memory->data + bytes, 1, size, file) == size;
     fclose(file);
   }
   return is_read;
@@ -295,22 +320,66 @@ static u32 place(u32 *next, u64 size) {
   return address;
 }
 
-/* A string of an array at any address. */
-static const char *text_of(const void *texts, size_t index) {
+/* Sizes to the module, and from it. */
+static void put_sizes(u8 *to, const void *sizes, size_t count) {
+  size_t i;
+  for (i = 0; i < count; i++) {
+    size_t size;
+    u32 number;
+    memcpy(&size, (const char *)sizes + i * sizeof size, sizeof size);
+    number = as_size(size);
+    copy_number(to + 4 * i, &number, sizeof number);
+  }
+}
+
+static void take_sizes(void *sizes, const u8 *from, size_t count) {
+  size_t i;
+  for (i = 0; i < count; i++) {
+    u32 number;
+    size_t size;
+    copy_number(&number, from + 4 * i, sizeof number);
+    size = number;
+    memcpy((char *)sizes + i * sizeof size, &size, sizeof size);
+  }
+}
+
+/* Those of the results that the module wrote: no flag and no time is of such bytes, which were there before. */
+#define UNWRITTEN 0xff
+static void take_written(void *to, const u8 *from, size_t count, size_t size) {
+  size_t i, byte;
+  for (i = 0; i < count; i++, from += size) {
+    for (byte = 0; byte < size && from[byte] == UNWRITTEN; byte++) continue;
+    if (byte < size) copy_number((char *)to + i * size, from, size);
+  }
+}
+
+/* A string or a binary of an array at any address, and its size in bytes; nothing where the importer has a null pointer. */
+static const char *text_of(const Argument *argument, size_t index, size_t *size) {
+  const Argument *sizes = argument - 1;
   const char *text;
-  memcpy(&text, (const char *)texts + index * sizeof text, sizeof text);
+  memcpy(&text, (const char *)argument->in + index * sizeof text, sizeof text);
+  *size = 0;
+  if (!text) return NULL;
+  if (argument->kind == TEXTS_ARGUMENT) *size = strlen(text) + 1;
+  else if (sizes->in) memcpy(size, (const char *)sizes->in + index * sizeof *size, sizeof *size);
   return text;
 }
 
+static int has_texts(const Argument *argument) {
+  return argument->kind == TEXTS_ARGUMENT || argument->kind == BINARIES_ARGUMENT;
+}
+
+/* More than a module can have. */
+#define TOO_MUCH ((u64)1 << 40)
+
 /* The bytes of an argument in the scratch memory. */
 static u64 bytes_of(const Argument *argument) {
-  /* More than a module can have is as much as fails. */
-  u64 bytes = argument->count > UINT32_MAX ? (u64)1 << 40 : ((u64)argument->count * argument->size + 7) & ~(u64)7;
-  size_t i;
-  if (argument->kind == TEXTS_ARGUMENT) {
-    for (i = 0; i < argument->count; i++) {
-      const char *text = text_of(argument->in, i);
-      if (text) bytes += (strlen(text) + 8) & ~(u64)7;
+  u64 bytes = argument->count > UINT32_MAX ? TOO_MUCH : ((u64)argument->count * argument->size + 7) & ~(u64)7;
+  size_t i, size;
+  if (has_texts(argument)) {
+    for (i = 0; i < argument->count && bytes < TOO_MUCH; i++) {
+      const u64 length = text_of(argument, i, &size) ? size : 0;
+      bytes += length < TOO_MUCH ? (length + 7) & ~(u64)7 : TOO_MUCH;
     }
   }
   return bytes;
@@ -349,8 +418,12 @@ static u32 invoke(Instance *instance, const Call *call, const u32 *integers) {
   const u32 handle = instance->handle, *a = integers;
   switch (call->shape) {
     case D: return ((u32(*)(M, u32, f64))call->function)(module, handle, arguments[0].real);
+    case ID: return ((u32(*)(M, u32, u32, f64))call->function)(module, handle, a[0], arguments[1].real);
     case DDI:
       return ((u32(*)(M, u32, f64, f64, u32))call->function)(module, handle, arguments[0].real, arguments[1].real, a[2]);
+    case DDIIIII:
+      return ((u32(*)(M, u32, f64, f64, u32, u32, u32, u32, u32))call->function)(
+          module, handle, arguments[0].real, arguments[1].real, a[2], a[3], a[4], a[5], a[6]);
     case IDDID:
       return ((u32(*)(M, u32, u32, f64, f64, u32, f64))call->function)(module, handle, a[0], arguments[1].real,
                                                                        arguments[2].real, a[3], arguments[4].real);
@@ -362,25 +435,38 @@ static u32 invoke(Instance *instance, const Call *call, const u32 *integers) {
     case 2: return ((u32(*)(M, u32, u32, u32))call->function)(module, handle, a[0], a[1]);
     case 3: return ((u32(*)(M, u32, u32, u32, u32))call->function)(module, handle, a[0], a[1], a[2]);
     case 4: return ((u32(*)(M, u32, u32, u32, u32, u32))call->function)(module, handle, a[0], a[1], a[2], a[3]);
-    default:
+    case 5:
+      return ((u32(*)(M, u32, u32, u32, u32, u32, u32))call->function)(module, handle, a[0], a[1], a[2], a[3], a[4]);
+    case 6:
       return ((u32(*)(M, u32, u32, u32, u32, u32, u32, u32))call->function)(module, handle, a[0], a[1], a[2], a[3], a[4],
                                                                             a[5]);
+    default:
+      return ((u32(*)(M, u32, u32, u32, u32, u32, u32, u32, u32, u32))call->function)(
+          module, handle, a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7]);
   }
 }
 
-/* Copies strings of the module, whose addresses are at an address, to memory of the instance. */
-static void take_strings(Instance *instance, u32 addresses, void *texts, size_t count) {
+/* The number of bytes of a string or binary of the module; binaries have their `sizes`. */
+static u32 size_at(wasm_rt_memory_t *memory, u32 address, u32 sizes, size_t index) {
+  const u8 *end;
+  u32 size;
+  if (sizes) {
+    size = i32_load(memory, sizes + 4 * (u64)index);
+    check_range(memory, address, size);
+    return size;
+  }
+  check_range(memory, address, 1);
+  end = memchr(memory->data + address, 0, sizeof memory->data - address);
+  if (!end) wasm_trap(memory, TRAP_OOB);
+  return (u32)(end - (memory->data + address)) + 1;
+}
+
+/* Copies strings or binaries of the module, whose addresses are at an address, to memory of the instance. */
+static void take_strings(Instance *instance, u32 addresses, u32 sizes, void *texts, size_t count) {
   wasm_rt_memory_t *memory = &instance->module.w2c_memory;
   size_t size = 1, i;
   char *end;
-  for (i = 0; i < count; i++) {
-    const u32 address = i32_load(memory, addresses + 4 * (u64)i);
-    const u8 *last;
-    check_range(memory, address, 1);
-    last = memchr(memory->data + address, 0, memory->size - address);
-    if (!last) wasm_trap(memory, TRAP_OOB);
-    size += (size_t)(last - (memory->data + address)) + 1;
-  }
+  for (i = 0; i < count; i++) size += size_at(memory, i32_load(memory, addresses + 4 * (u64)i), sizes, i);
   free(instance->strings);
   instance->strings = end = malloc(size);
   if (!end) {
@@ -388,16 +474,18 @@ static void take_strings(Instance *instance, u32 addresses, void *texts, size_t 
     wasm_trap(memory, TRAP_UNREACHABLE);
   }
   for (i = 0; i < count; i++) {
-    strcpy(end, (const char *)memory->data + i32_load(memory, addresses + 4 * (u64)i));
+    const u32 address = i32_load(memory, addresses + 4 * (u64)i);
+    const u32 bytes = size_at(memory, address, sizes, i);
+    memcpy(end, memory->data + address, bytes);
     memcpy((char *)texts + i * sizeof end, &end, sizeof end);
-    end += strlen(end) + 1;
+    end += bytes;
   }
 }
 
 /* Calls a function of the module. */
 static u32 marshal(Instance *instance, Call *call) {
   wasm_rt_memory_t *memory = &instance->module.w2c_memory;
-  u32 integers[6] = {0}, allocated, next, status;
+  u32 integers[8] = {0}, allocated, next, status;
   u64 size = 0;
   int i;
   for (i = 0; i < call->count; i++) {
@@ -412,12 +500,13 @@ static u32 marshal(Instance *instance, Call *call) {
       integers[i] = place(&next, bytes);
       check_range(memory, integers[i], bytes);
       if (argument->kind == IN_ARGUMENT) copy_numbers(memory->data + integers[i], argument->in, argument->count, argument->size);
-      if (argument->kind == TEXTS_ARGUMENT) {
-        size_t index;
+      if (argument->kind == SIZES_ARGUMENT) put_sizes(memory->data + integers[i], argument->in, argument->count);
+      if (argument->kind == ANYWAY_OUT_ARGUMENT) memset(memory->data + integers[i], UNWRITTEN, (size_t)bytes);
+      if (has_texts(argument)) {
+        size_t index, length;
         for (index = 0; index < argument->count; index++) {
-          const char *text = text_of(argument->in, index);
-          const size_t length = text ? strlen(text) + 1 : 0;
-          const u32 address = length ? place(&next, length) : 0;
+          const char *text = text_of(argument, index, &length);
+          const u32 address = text ? place(&next, length) : 0;
           i32_store(memory, integers[i] + 4 * (u64)index, address);
           check_range(memory, address, length);
           if (length) memcpy(memory->data + address, text, length);
@@ -426,13 +515,17 @@ static u32 marshal(Instance *instance, Call *call) {
     }
   }
   status = invoke(instance, call, integers);
-  for (i = 0; i < call->count && status <= STATUS_WARNING; i++) {
+  for (i = 0; i < call->count; i++) {
     const Argument *argument = &call->arguments[i];
+    const u8 *found = memory->data + integers[i];
     if (!is_array(argument)) continue;
-    if (argument->kind == OUT_ARGUMENT) {
-      copy_numbers(argument->out, memory->data + integers[i], argument->count, argument->size);
-    } else if (argument->kind == TEXTS_OUT_ARGUMENT) {
-      take_strings(instance, integers[i], argument->out, argument->count);
+    if (argument->kind == ANYWAY_OUT_ARGUMENT) take_written(argument->out, found, argument->count, argument->size);
+    if (status > STATUS_WARNING) continue;
+    if (argument->kind == OUT_ARGUMENT) copy_numbers(argument->out, found, argument->count, argument->size);
+    if (argument->kind == SIZES_OUT_ARGUMENT) take_sizes(argument->out, found, argument->count);
+    if (argument->kind == TEXTS_OUT_ARGUMENT) take_strings(instance, integers[i], 0, argument->out, argument->count);
+    if (argument->kind == BINARIES_OUT_ARGUMENT) {
+      take_strings(instance, integers[i], integers[i - 1], argument->out, argument->count);
     }
   }
   if (allocated) {
@@ -455,11 +548,24 @@ static Instance *instance_of(void *handle) {
   return mark == &library ? handle : NULL;
 }
 
+/* An instance without a module, or null. */
+static Instance *new_instance(const char *name, const char *token, const char *resources) {
+  Instance *instance = malloc(sizeof *instance);
+  if (!instance) return NULL;
+  memset(instance, 0, offsetof(Instance, module.w2c_memory.data));
+  instance->library = &library;
+  instance->end_of_messages = &instance->messages;
+  instance->name = copy_of(name);
+  instance->token = copy_of(token);
+  instance->resources = copy_of(resources);
+  return instance;
+}
+
 static void free_module(Instance *instance) {
   if (!instance->has_module) return;
   Z_model_free(&instance->module);
-  memset(&instance->module, 0, sizeof instance->module);
-  instance->has_module = 0;
+  memset(&instance->module, 0, offsetof(Z_model_instance_t, w2c_memory.data));
+  instance->has_module = instance->has_trapped = 0;
   instance->scratch = instance->scratch_size = 0;
   instance->is_scratch_used = 0;
 }
@@ -471,37 +577,80 @@ static void free_memory(Instance *instance) {
   free(instance->name);
   free(instance->token);
   free(instance->resources);
-  /* Not an instance any more, whatever the memory is used for next. */
-  instance->library = NULL;
+  free(instance->kept);
   free(instance);
 }
 
 /* Runs code that may trap: whether it did not. A trap is an error with a message. */
 static int guard(Instance *instance, Call *call, u32 *status) {
-  const int trap = setjmp(instance->unwind);
+  wasm_rt_memory_t *memory = &instance->module.w2c_memory;
+  jmp_buf *const outer = memory->unwind;
+  jmp_buf here;
+  const int trap = setjmp(here);
   if (trap) {
-    const char *why = explain(&instance->module.w2c_memory, trap);
+    memory->unwind = outer;
     if (instance->panic) {
       add_error(instance, call->name, "the model panicked: ", instance->panic, "; reset the instance");
-    } else {
-      add_error(instance, call->name, "the model was stopped: ", why, "; reset the instance");
+    } else if (trap != TRAP_CALLBACK) {
+      add_error(instance, call->name, "the model was stopped: ", explain(memory, trap), "; reset the instance");
     }
     free(instance->panic);
     instance->panic = NULL;
     return 0;
   }
-  instance->module.w2c_memory.unwind = &instance->unwind;
-  instance->module.w2c_memory.depth = 0;
-  instance->module.w2c_memory.is_exhausted = 0;
+  memory->unwind = &here;
+  memory->is_exhausted = 0;
   *status = call->perform(instance, call);
+  memory->unwind = outer;
   return 1;
+}
+
+/* Memory of the module; it is given back by hand, as a trap gives back the module. */
+static u32 allocate(Instance *instance, size_t size) {
+  const u32 address = Z_modelZ_fmu_allocate(&instance->module, as_size(size));
+  if (!address) {
+    instance->module.w2c_memory.is_exhausted = 1;
+    wasm_trap(&instance->module.w2c_memory, TRAP_UNREACHABLE);
+  }
+  return address;
+}
+
+/* What instantiation takes as pointers: bytes, and then the strings. */
+typedef struct {
+  u32 bytes, name, token, resources, end;
+} Passed;
+
+static u32 put_text(Instance *instance, u32 *next, const char *text) {
+  const u32 address = *next;
+  if (!text) return 0;
+  *next += (u32)strlen(text) + 1;
+  memcpy(instance->module.w2c_memory.data + address, text, strlen(text) + 1);
+  return address;
+}
+
+static Passed pass(Instance *instance, size_t bytes) {
+  const size_t texts = (instance->name ? strlen(instance->name) : 0) + (instance->token ? strlen(instance->token) : 0) +
+                       (instance->resources ? strlen(instance->resources) : 0) + 3;
+  Passed passed;
+  passed.bytes = allocate(instance, bytes + texts);
+  check_range(&instance->module.w2c_memory, passed.bytes, bytes + texts);
+  passed.end = passed.bytes + (u32)bytes;
+  passed.name = put_text(instance, &passed.end, instance->name);
+  passed.token = put_text(instance, &passed.end, instance->token);
+  passed.resources = put_text(instance, &passed.end, instance->resources);
+  passed.end = passed.bytes + (u32)(bytes + texts);
+  return passed;
+}
+
+static void free_passed(Instance *instance, const Passed *passed) {
+  Z_modelZ_fmu_free(&instance->module, passed->bytes, passed->end - passed->bytes);
 }
 
 static u32 make_module(Instance *instance, Call *call) {
   (void)call;
   instance->has_module = 1;
   Z_model_instantiate(&instance->module, (struct Z_fmu_instance_t *)instance);
-  instance->handle = instance->make(instance);
+  instance->handle = make_instance(instance);
   return 0;
 }
 
@@ -522,23 +671,52 @@ static u32 fail(Instance *instance, Call *call) {
   return 0;
 }
 
-/* Performs a call. After a trap the instance is a new one that waits to be reset. */
+/* Makes the instance a new one that waits to be reset. */
+static void renew(Instance *instance, const char *name) {
+  Call failing = {0};
+  u32 failed;
+  failing.name = name;
+  failing.perform = fail;
+  free_module(instance);
+  if (make(instance, name) && !guard(instance, &failing, &failed)) free_module(instance);
+}
+
+/* Ends what happens to an instance: its messages are delivered, and it is freed if that was asked for meanwhile. */
+static void conclude(Instance *instance) {
+  deliver(instance);
+  if (--instance->calls == 0 && instance->is_freed) free_memory(instance);
+}
+
+/* Instantiates, under the name of a function: the instance, or null. */
+static void *instantiate(Instance *instance, const char *name) {
+  instance->calls = 1;
+  instance->is_freed = !make(instance, name);
+  if (!instance->is_freed) {
+    conclude(instance);
+    return instance;
+  }
+  conclude(instance);
+  return NULL;
+}
+
+/* Performs a call. After a trap the instance is made anew; of a call by a callback, when the outer call has trapped, too. */
 static int perform(Instance *instance, Call *call) {
+  void (*const unlock)(void) = instance->unlock;
   u32 status = STATUS_ERROR;
-  if (!instance->has_module) {
-    add_error(instance, call->name, "there is no more memory", "", "");
+  if (instance->lock) instance->lock();
+  instance->calls++;
+  if (instance->has_trapped || !instance->has_module) {
+    add_error(instance, call->name, instance->has_trapped ? "the model was stopped" : "there is no more memory", "", "");
   } else if (!guard(instance, call, &status)) {
-    Call failing = {0};
-    failing.name = call->name;
-    failing.perform = fail;
-    free_module(instance);
     status = STATUS_ERROR;
-    if (make(instance, call->name)) {
-      u32 failed;
-      if (!guard(instance, &failing, &failed)) free_module(instance);
+    if (instance->module.w2c_memory.unwind) {
+      instance->has_trapped = 1;
+    } else if (!instance->is_freed) {
+      renew(instance, call->name);
     }
   }
-  deliver(instance);
+  conclude(instance);
+  if (unlock) unlock();
   return (int)status;
 }
 
@@ -648,5 +826,46 @@ static void free_instance(void *handle) {
   Instance *instance = instance_of(handle);
   if (!instance) return;
   free_states(NULL, instance);
-  free_memory(instance);
+  /* Not an instance any more for calls that follow. */
+  instance->library = NULL;
+  if (instance->calls) {
+    instance->is_freed = 1;
+  } else {
+    free_memory(instance);
+  }
 }
+
+/* ---- the functions ---- */
+
+/* A function that the module has: its name and parameters, the types of its arguments, and these. */
+#define FUNCTION(name, parameters, shape, ...)                                                 \
+  EXPORT int FMI(name) parameters {                                                            \
+    Argument arguments[] = {__VA_ARGS__};                                                      \
+    return call(instance, #name, (wasm_rt_function_ptr_t)Z_modelZ_##name, shape, arguments,    \
+                (int)(sizeof arguments / sizeof *arguments));                                  \
+  }
+#define TRANSITION(name)                                                                       \
+  EXPORT int FMI(name)(void *instance) {                                                       \
+    return call(instance, #name, (wasm_rt_function_ptr_t)Z_modelZ_##name, INTEGERS, NULL, 0);  \
+  }
+/* The module counts before it writes or reads. */
+#define VECTOR(name, type, argument, count, elements, ARGUMENT)                                \
+  EXPORT int FMI(name)(void *instance, type argument[], size_t count) {                        \
+    Argument arguments[] = {ARGUMENT(argument, count == elements ? count : 0), SIZE(count)};   \
+    if (count > UINT32_MAX) return refuse_count(instance, #name, #count, count, elements);     \
+    return call(instance, #name, (wasm_rt_function_ptr_t)Z_modelZ_##name, INTEGERS, arguments, 2); \
+  }
+
+#ifdef HAS_STATES
+/* A count that the module cannot be given is refused as it would do. */
+static int refuse_count(void *handle, const char *name, const char *argument, size_t count, unsigned int elements) {
+  Instance *instance = instance_of(handle);
+  char text[100];
+  if (!instance) return STATUS_ERROR;
+  snprintf(text, sizeof text, "%s is %llu; this FMU has %u", argument, (unsigned long long)count, elements);
+  instance->calls++;
+  add_error(instance, name, text, "", "");
+  conclude(instance);
+  return STATUS_ERROR;
+}
+#endif

@@ -1,16 +1,6 @@
 /* The functions of saved states, alike in every version of FMI. An importer's handle is looked up and never used as an
    address; the module gets the state as bytes. */
 
-/* Memory of the module; it is given back by hand, as a trap gives back the module. */
-static u32 allocate(Instance *instance, size_t size) {
-  const u32 address = Z_modelZ_fmu_allocate(&instance->module, as_size(size));
-  if (!address) {
-    instance->module.w2c_memory.is_exhausted = 1;
-    wasm_trap(&instance->module.w2c_memory, TRAP_UNREACHABLE);
-  }
-  return address;
-}
-
 /* What the module takes for an importer's handle at `cell`: null, a state, or else 1, which is none. */
 static u32 load_state(Instance *instance, const void *handle, u32 cell) {
   Z_model_instance_t *module = &instance->module;

@@ -46,19 +46,22 @@ typedef enum {
   TRAP_INVALID_CONVERSION,
   TRAP_UNREACHABLE,
   TRAP_CALL_INDIRECT,
-  TRAP_EXHAUSTION
+  TRAP_EXHAUSTION,
+  TRAP_CALLBACK
 } Trap;
 
-/* The memory of an instance, which begins with little-endian numbers on every machine. */
+/* The memory of an instance: little-endian on every machine. It grows within an array whose size is known to the compiler,
+   which then compares addresses with numbers, and need not repeat comparisons nor read where the memory is. */
+#define PAGE 65536u
 typedef struct {
-  u8 *data;
-  u32 size, pages, max_pages;
+  u32 size, pages;
   /* Calls of functions that have not returned. */
   u32 depth;
   /* Whether it could not grow when it had to. */
   int is_exhausted;
   /* Where a trap goes. */
   jmp_buf *unwind;
+  u8 data[MODEL_PAGES * PAGE];
 } wasm_rt_memory_t;
 
 typedef void (*wasm_rt_function_ptr_t)(void);
@@ -77,7 +80,7 @@ typedef struct {
 typedef struct {
   u32 func_type_index;
   wasm_rt_function_ptr_t func;
-  size_t module_offset;
+  int is_imported;
 } wasm_elem_segment_expr_t;
 
 #if defined(__GNUC__)
@@ -134,7 +137,7 @@ NORETURN void wasm_trap(wasm_rt_memory_t *memory, Trap trap);
    ((type)table.data[x].func)(__VA_ARGS__))
 
 INLINE void check_range(wasm_rt_memory_t *memory, u64 address, u64 size) {
-  if (UNLIKELY(address + size > memory->size)) wasm_trap(memory, TRAP_OOB);
+  if (UNLIKELY(address + size > sizeof memory->data)) wasm_trap(memory, TRAP_OOB);
 }
 
 /* Bytes to numbers and back: both compile to one instruction where the machine's order is that of the memory. */
@@ -209,7 +212,8 @@ static inline void funcref_table_init(wasm_rt_funcref_table_t *table, const wasm
     wasm_rt_funcref_t *entry = &table->data[to + i];
     entry->func_type = function->func_type_index;
     entry->func = function->func;
-    entry->module_instance = (char *)instance + function->module_offset;
+    /* The host of imported functions is the first that an instance has. */
+    entry->module_instance = function->is_imported ? *(void **)instance : instance;
   }
 }
 

@@ -20,7 +20,7 @@ use fmu_package::terminal::{complain, print};
 use fmu_package::{Fmu, Library, Platform, PlatformList, library, reading, writing};
 
 use super::compile::{Compiled, compile};
-use super::sources::Counts;
+use super::sources::Module;
 use super::target::{Build, Made, Target, WebAssembly};
 use super::{licenses, of_platform, sources, validate};
 
@@ -57,7 +57,7 @@ pub struct Export {
     /// Write the models as WebAssembly modules, MODEL.wasm, and no FMUs; docs/wasm.md says how programs run them
     #[arg(long, conflicts_with_all = ["targets", "binaries", "sources"])]
     wasm: bool,
-    /// Include the models as C in FMUs of FMI 2.0, for platforms without a library; docs/sources.md says what it takes
+    /// Include the models as C in the FMUs, for platforms without a library; docs/sources.md says what it takes
     #[arg(long)]
     sources: bool,
 }
@@ -107,9 +107,6 @@ impl Export {
         if interfaces == Some(Interfaces::ScheduledExecution) && versions.contains(&Version::Two) {
             bail!("--interfaces se is of FMI 3.0; --fmi names 2");
         }
-        if self.sources && versions.contains(&Version::Three) {
-            bail!("--sources is for FMI 2.0; --fmi names 3");
-        }
         versions.sort();
         versions.dedup();
         let versions =
@@ -125,15 +122,14 @@ impl Plan {
         self.models.keys().map(String::as_str)
     }
 
-    /// The folder that is written to.
+    /// The folders that FMUs are written to, of FMI 2.0 and 3.0.
     #[must_use]
-    pub fn folder(&self) -> &Path {
-        &self.out
+    pub fn folders(&self) -> [PathBuf; 2] {
+        [self.out.clone(), self.folder_of_fmi3()]
     }
 
     /// The file of a model's FMU of FMI 2.0.
-    #[must_use]
-    pub fn fmu(&self, model: &str) -> PathBuf {
+    fn fmu(&self, model: &str) -> PathBuf {
         self.out.join(format!("{model}.fmu"))
     }
 
@@ -164,8 +160,15 @@ impl Plan {
             .collect::<Result<Vec<_>>>()?;
         fs::create_dir_all(&self.out)
             .with_context(|| format!("cannot create the folder {}", self.out.display()))?;
-        let outputs: Vec<_> =
-            self.models().map(|name| self.fmu(name)).chain(outputs.iter().cloned()).collect();
+        let fmus = self
+            .folders()
+            .map(|folder| self.models().map(|name| folder.join(format!("{name}.fmu"))).collect::<Vec<_>>());
+        // What goes to a folder that is yet to be made overwrites nothing.
+        let outputs: Vec<PathBuf> = [fmus.concat(), outputs.to_vec()]
+            .concat()
+            .into_iter()
+            .filter(|file| file.parent().is_some_and(Path::is_dir))
+            .collect();
         let inputs: Vec<_> =
             self.binaries.iter().map(|(_, file)| file.clone()).chain(inputs.iter().cloned()).collect();
         writing::refuse_overlap(&outputs, &inputs)?;
@@ -213,15 +216,13 @@ impl Plan {
         modules: &Compiled,
         description: &str,
     ) -> Result<Vec<(String, Vec<u8>)>> {
-        if is_fmi3(description) {
-            bail!("--sources is for FMI 2.0, and {model} is exported for FMI 3.0");
-        }
         if modules.description(model)? != description {
             bail!("the build for WebAssembly made another description of {model}");
         }
-        let module = reading::bytes(modules.library(model)?)?;
+        let bytes = reading::bytes(modules.library(model)?)?;
+        let version = if is_fmi3(description) { Version::Three } else { Version::Two };
         let folder = self.metadata.target_directory.as_std_path().join("fmu-sources");
-        sources::files(identifier, &module, Counts::of(description), &folder)
+        sources::files(&Module { model: identifier, version, description, bytes: &bytes }, &folder)
     }
 
     /// Builds the libraries of a version of FMI.
@@ -268,7 +269,10 @@ impl Plan {
             let mut description = Cow::Borrowed(description.as_str());
             if let Some(modules) = modules {
                 let sources = self.sources_of(name, identifier, modules, &description)?;
-                description = with_source_files(&description, sources::compiled(&sources))?.into();
+                // FMI 3.0 lists them in a file beside them.
+                if !is_fmi3(&description) {
+                    description = with_source_files(&description, &sources::compiled(&sources))?.into();
+                }
                 files.extend(sources);
             }
             let fmu = Fmu {
@@ -530,7 +534,7 @@ fn resources(generated: &Path) -> Result<Vec<(String, Vec<u8>)>> {
 
 /// A description of FMI 2.0 with the files to compile (FMI 2.0.5, section 2.2.7: `SourceFiles` is the first element of an
 /// interface).
-fn with_source_files<'a>(description: &str, files: impl Iterator<Item = &'a str>) -> Result<String> {
+fn with_source_files(description: &str, files: &[&str]) -> Result<String> {
     let mut list = "\n    <SourceFiles>\n".to_owned();
     for name in files {
         list += &format!("      <File name=\"{name}\"/>\n");

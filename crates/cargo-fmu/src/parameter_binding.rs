@@ -20,16 +20,21 @@ const WIDTH: f64 = 60.0;
 pub fn export(plan: &Plan, files: &[PathBuf]) -> Result<()> {
     let sets: Vec<_> =
         files.iter().map(|file| Ok((file, ParameterSet::read(file)?))).collect::<Result<_>>()?;
-    let systems: Vec<_> = plan.models().map(|model| plan.folder().join(format!("{model}.ssp"))).collect();
+    let systems: Vec<_> = plan
+        .folders()
+        .iter()
+        .flat_map(|folder| plan.models().map(|model| folder.join(format!("{model}.ssp"))))
+        .collect();
     let written = plan.run(files, if files.is_empty() { &[] } else { &systems })?;
 
     let mut bound: BTreeMap<PathBuf, (FmuDescription, Vec<(String, ParameterSet)>)> = BTreeMap::new();
     for (file, set) in sets {
         let failed = || format!("the parameter set {} cannot be bound", file.display());
-        let (fmu, description) = owner(&written, &set).with_context(failed)?;
-        let set = set.fit(&description).with_context(failed)?;
         let name = file.file_name().and_then(|name| name.to_str()).context("the file's name is not text")?;
-        bound.entry(fmu).or_insert_with(|| (description, vec![])).1.push((name.to_owned(), set));
+        for (fmu, description) in owners(&written, &set).with_context(failed)? {
+            let set = set.fit(&description).with_context(failed)?;
+            bound.entry(fmu).or_insert_with(|| (description, vec![])).1.push((name.to_owned(), set));
+        }
     }
     for (fmu, (description, sets)) in bound {
         if description.interface("CoSimulation").is_none() {
@@ -46,16 +51,21 @@ pub fn export(plan: &Plan, files: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-/// The FMU that has the parameters of a set, the first of those that were written, and its description.
-fn owner(written: &[PathBuf], set: &ParameterSet) -> Result<(PathBuf, FmuDescription)> {
+/// The FMUs that have the parameters of a set, of each version of FMI the first that was written, and their descriptions.
+fn owners(written: &[PathBuf], set: &ParameterSet) -> Result<BTreeMap<PathBuf, FmuDescription>> {
     let first = set.parameters.first().context("it holds no parameter")?;
+    let mut owners = BTreeMap::<PathBuf, FmuDescription>::new();
     let mut names = vec![];
     for fmu in written {
         let description = FmuDescription::read(fmu)?;
-        if description.variable(&first.name).is_some() {
-            return Ok((fmu.clone(), description));
-        }
         names.push(description.attribute("modelName").to_owned());
+        let is_first = owners.keys().all(|owner| owner.parent() != fmu.parent());
+        if is_first && description.variable(&first.name).is_some() {
+            owners.insert(fmu.clone(), description);
+        }
+    }
+    if !owners.is_empty() {
+        return Ok(owners);
     }
     bail!("none of {} has a variable {}", names.join(", "), first.name)
 }

@@ -12,7 +12,9 @@ use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
+use fmu_export_build::Version;
 use fmu_package::reading;
+use fmu_xml::{document, element, empty};
 
 /// The version of wasm2c whose output this reads.
 const VERSION: &str = "1.0.32";
@@ -20,20 +22,34 @@ const VERSION: &str = "1.0.32";
 /// The variable that names the program, where it is not on the path.
 const PROGRAM: &str = "WASM2C";
 
+/// The folder of the sources.
+const FOLDER: &str = "sources/";
+
 /// The longest file that the translation is divided into, in bytes.
 const LONGEST: usize = 800_000;
 
 /// The bytes of one file of data, at most five characters each.
 const DATA: usize = 150_000;
 
+/// The pages by which an instance's memory may grow, 64 KiB each. They are allocated, but most systems provide memory only
+/// when it is first written to.
+const PAGES_TO_GROW: u32 = 240;
+
 /// The files that every FMU has.
-const RUNTIME: [(&str, &str); 5] = [
+const RUNTIME: [(&str, &str); 4] = [
     ("wasm.h", include_str!("../sources/wasm.h")),
     ("runtime.h", include_str!("../sources/runtime.h")),
     ("states.h", include_str!("../sources/states.h")),
-    ("fmi2.c", include_str!("../sources/fmi2.c")),
     ("README.txt", include_str!("../sources/README.txt")),
 ];
+
+/// The file with the functions of a version of FMI.
+fn functions(version: Version) -> (&'static str, &'static str) {
+    match version {
+        Version::Two => ("fmi2.c", include_str!("../sources/fmi2.c")),
+        Version::Three => ("fmi3.c", include_str!("../sources/fmi3.c")),
+    }
+}
 
 /// The beginning of each translated file.
 const TRANSLATED: &str = "\
@@ -53,18 +69,21 @@ const TRANSLATED: &str = "\
 #endif
 ";
 
-/// What the functions of Model Exchange count.
+/// The memory of an instance, among what it has.
+const MEMORY: &str = "  wasm_rt_memory_t w2c_memory;\n";
+
+/// What the functions of Model Exchange of FMI 2.0 count; those of FMI 3.0 leave it to the module.
 #[derive(Clone, Copy, Debug)]
-pub struct Counts {
+struct Counts {
     /// The continuous states.
-    pub states: usize,
+    states: usize,
     /// The event indicators.
-    pub event_indicators: usize,
+    event_indicators: usize,
 }
 
 impl Counts {
-    /// Those of a description of either version of FMI.
-    pub fn of(description: &str) -> Self {
+    /// Those of a description.
+    fn of(description: &str) -> Self {
         let attribute = |name: &str| {
             let value = description.split(&format!(" {name}=\"")).nth(1)?.split('"').next()?;
             value.parse().ok()
@@ -99,30 +118,63 @@ fn program() -> Command {
     Command::new(env::var_os(PROGRAM).unwrap_or_else(|| "wasm2c".into()))
 }
 
-/// The files of `sources/`, and those of them to compile: of a model by its identifier. The folder is for
-/// what lies between.
-pub fn files(model: &str, module: &[u8], counts: Counts, folder: &Path) -> Result<Vec<(String, Vec<u8>)>> {
-    fs::create_dir_all(folder).with_context(|| format!("cannot create the folder {}", folder.display()))?;
-    let [wasm, c, h] = ["wasm", "c", "h"].map(|suffix| folder.join(model).with_extension(suffix));
-    fs::write(&wasm, module).with_context(|| format!("cannot write {}", wasm.display()))?;
-    let status = program().arg(&wasm).args(["--module-name", "model", "--output"]).arg(&c).status();
-    ensure!(status.context("cannot run wasm2c")?.success(), "wasm2c cannot translate {}", wasm.display());
-    let files = divide(model, counts, &reading::text(&h)?, &reading::text(&c)?)
-        .with_context(|| format!("the output of wasm2c, {}, is not as that of {VERSION}", c.display()))?;
-    let runtime =
-        RUNTIME.iter().map(|&(name, text)| (name.to_owned(), text.replace("MODEL_IDENTIFIER", model)));
-    Ok(runtime.chain(files).map(|(name, text)| (format!("sources/{name}"), text.into_bytes())).collect())
+/// A module of a model.
+pub struct Module<'a> {
+    /// The model identifier.
+    pub model: &'a str,
+    /// The version of FMI.
+    pub version: Version,
+    /// The model's description.
+    pub description: &'a str,
+    /// The module.
+    pub bytes: &'a [u8],
 }
 
-/// The files to compile among those of `sources/`, by their names in it.
-pub fn compiled(files: &[(String, Vec<u8>)]) -> impl Iterator<Item = &str> {
-    files.iter().filter_map(|(path, _)| {
-        path.strip_prefix("sources/").filter(|_| path.rsplit('.').next() == Some("c"))
+/// The files of `sources/` of a model. The folder is for what lies between.
+pub fn files(module: &Module<'_>, folder: &Path) -> Result<Vec<(String, Vec<u8>)>> {
+    fs::create_dir_all(folder).with_context(|| format!("cannot create the folder {}", folder.display()))?;
+    let [wasm, c, h] = ["wasm", "c", "h"].map(|suffix| folder.join(module.model).with_extension(suffix));
+    fs::write(&wasm, module.bytes).with_context(|| format!("cannot write {}", wasm.display()))?;
+    let status = program().arg(&wasm).args(["--module-name", "model", "--output"]).arg(&c).status();
+    ensure!(status.context("cannot run wasm2c")?.success(), "wasm2c cannot translate {}", wasm.display());
+    let mut files = divide(module, &reading::text(&h)?, &reading::text(&c)?)
+        .with_context(|| format!("the output of wasm2c, {}, is not as that of {VERSION}", c.display()))?;
+    let runtime = RUNTIME.into_iter().chain([functions(module.version)]);
+    let named = |text: &str| {
+        let prefix = format!("FMI{}_FUNCTION_PREFIX", module.version);
+        text.replace("MODEL_IDENTIFIER", module.model).replace("FUNCTION_PREFIX_OF_VERSION", &prefix)
+    };
+    files.extend(runtime.map(|(name, text)| (name.to_owned(), named(text))));
+    if module.version == Version::Three {
+        files.push(("buildDescription.xml".to_owned(), build_description(module.model, &compiled(&files))));
+    }
+    Ok(files.into_iter().map(|(name, text)| (format!("{FOLDER}{name}"), text.into_bytes())).collect())
+}
+
+/// The files to compile among others, by their names in the folder.
+pub fn compiled<T>(files: &[(String, T)]) -> Vec<&str> {
+    let names = files.iter().map(|(path, _)| path.strip_prefix(FOLDER).unwrap_or(path));
+    names.filter(|name| Path::new(name).extension().is_some_and(|suffix| suffix == "c")).collect()
+}
+
+/// `buildDescription.xml` (FMI 3.0.2, section 2.5.1) with the files to compile.
+fn build_description(model: &str, files: &[&str]) -> String {
+    document(|writer| {
+        element(writer, "fmiBuildDescription", vec![("fmiVersion", "3.0".to_owned())], |writer| {
+            let identifier = vec![("modelIdentifier", model.to_owned())];
+            element(writer, "BuildConfiguration", identifier, |writer| {
+                element(writer, "SourceFileSet", vec![("language", "C99".to_owned())], |writer| {
+                    files
+                        .iter()
+                        .try_for_each(|&name| empty(writer, "SourceFile", vec![("name", name.to_owned())]))
+                })
+            })
+        })
     })
 }
 
 /// The translation as files: what wasm2c wrote as a header and a file.
-fn divide(model: &str, counts: Counts, header: &str, translation: &str) -> Result<Vec<(String, String)>> {
+fn divide(module: &Module<'_>, header: &str, translation: &str) -> Result<Vec<(String, String)>> {
     let (_, after) = header.split_once("struct Z_fmu_instance_t;\n").context("there is no import")?;
     let (instance, exports) = after.split_once("} Z_model_instance_t;\n").context("there is no instance")?;
     let (_, translation) =
@@ -158,6 +210,11 @@ fn divide(model: &str, counts: Counts, header: &str, translation: &str) -> Resul
     files.push(functions);
     rest = rest.replace("  assert(wasm_rt_is_initialized());\n  assert(s_module_initialized);\n", "");
     rest = rest.replace(", func_types);", ");");
+    // wasm2c would pass imported functions the address of what they are to be passed.
+    rest = rest.replace("offsetof(Z_model_instance_t, Z_fmu_instance)}", "1}");
+    let pages = rest.split("wasm_rt_allocate_memory(&instance->w2c_memory, ").nth(1);
+    let pages =
+        pages.and_then(|rest| rest.split(',').next()).context("there is no memory")?.parse::<u32>()?;
 
     let mut named = vec![];
     for (name, bytes) in data {
@@ -186,7 +243,7 @@ fn divide(model: &str, counts: Counts, header: &str, translation: &str) -> Resul
         // The table of types is left out, so their indices are compared.
         (name, format!("{TRANSLATED}\n{}", text.trim_start()))
     }));
-    named.push(("model.h".to_owned(), model_h(model, counts, instance, &declarations)?));
+    named.push(("model.h".to_owned(), model_h(module, pages, instance, &declarations)?));
     Ok(named)
 }
 
@@ -233,19 +290,31 @@ fn data_file(array: &str, bytes: &[u8]) -> String {
 }
 
 /// `model.h`: the module's instance and its functions, under names that are the model's.
-fn model_h(model: &str, counts: Counts, instance: &str, declarations: &[String]) -> Result<String> {
+fn model_h(module: &Module<'_>, pages: u32, instance: &str, declarations: &[String]) -> Result<String> {
     let mut text = format!(
         "/* The translated model: an instance of its module, and its functions. */\n\n#ifndef MODEL_H\n#define MODEL_H\n\n\
-         #define PREFIXED(name) {model}_##name\n#define MODEL_STATES {}\n#define MODEL_EVENT_INDICATORS {}\n\n\
-         #include \"wasm.h\"\n\n#if defined(HIDES)\n#pragma GCC visibility push(hidden)\n#endif\n\n",
-        counts.states, counts.event_indicators
+         #define PREFIXED(name) {}_##name\n\n\
+         /* The most memory that an instance can have, in pages of 64 KiB: it begins with {pages}. */\n\
+         #ifndef MODEL_PAGES\n#define MODEL_PAGES {}\n#endif\n",
+        module.model,
+        pages + PAGES_TO_GROW
     );
+    if module.version == Version::Two {
+        let counts = Counts::of(module.description);
+        text += &format!(
+            "\n#define MODEL_STATES {}\n#define MODEL_EVENT_INDICATORS {}\n",
+            counts.states, counts.event_indicators
+        );
+    }
+    text += "\n#include \"wasm.h\"\n\n#if defined(HIDES)\n#pragma GCC visibility push(hidden)\n#endif\n\n";
     for declaration in declarations {
         let before = declaration.split(['(', '[']).next().unwrap_or_default();
         let name = before.rsplit([' ', '*']).next().context("a declaration has no name")?;
         text += &format!("#define {name} PREFIXED({name})\n");
     }
-    text += &format!("\nstruct Z_fmu_instance_t;\n{instance}}} Z_model_instance_t;\n\n");
+    // The memory has its bytes at its end.
+    let (before, after) = instance.split_once(MEMORY).context("the instance has no memory")?;
+    text += &format!("\nstruct Z_fmu_instance_t;\n{before}{after}{MEMORY}}} Z_model_instance_t;\n\n");
     for declaration in declarations {
         text += declaration;
         text.push('\n');
