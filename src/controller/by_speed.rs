@@ -14,6 +14,7 @@ use super::compensator::Limits;
 use super::feedback::Firmness;
 use super::feedforward;
 use super::law::{BoostLaw, DutyTerms, Task};
+use super::ramp_term::Ramp;
 use super::schedule::{self, OperatingPoint};
 use super::variables::{ControlMode, Inputs, Parameters};
 use crate::elementary::smaller;
@@ -55,10 +56,14 @@ impl BySpeed {
                 measurement,
                 operating_point: OperatingPoint::new(&parameters.schedule, reference, engine_speed),
                 holding: None,
+                model_lambda: parameters.lambda,
                 firmness: Firmness::at(parameters, parameters.lambda),
                 limits,
+                own_limits: limits,
                 model_limits: limits,
+                ramp: Ramp::default(),
                 waits: false,
+                integral_exponent: 0.0,
             },
         );
         let openings = Openings {

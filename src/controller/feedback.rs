@@ -5,7 +5,7 @@ use fmu_export::Persistent;
 
 use super::schedule::LocalModel;
 use super::variables::Parameters;
-use crate::elementary::larger;
+use crate::elementary::{larger, power};
 
 /// The least tracking time in samples. The paper's `T_tr = √(T_i T_d)` goes to 0 with the delay, and a
 /// tracking time below one sample makes the integral term oscillate; four keep it well damped.
@@ -46,8 +46,8 @@ impl FeedbackSettings {
 
     /// With a derivative term that makes up for a lag (s) beside the local model's delay.
     #[must_use]
-    pub fn leading(self, lag: f64) -> Self {
-        Self { derivative_time: self.derivative_time + lag, ..self }
+    pub fn with_lead(self, lead: f64) -> Self {
+        Self { derivative_time: self.derivative_time + lead, ..self }
     }
 
     /// The tracking time `T_tr` of the paper, section 6, not below four samples (s).
@@ -65,13 +65,15 @@ pub struct Firmness {
     pub lead: f64,
     /// How much faster than the derivative time the filter of the derivative term is.
     pub derivative_filter: f64,
+    /// The share of the integral gain that counts.
+    pub integral_share: f64,
 }
 
 impl Firmness {
     /// Of a controller that knows the engine by its schedule, with λ (s).
     #[must_use]
     pub fn at(parameters: &Parameters, lambda: f64) -> Self {
-        Self { lambda, lead: 0.0, derivative_filter: parameters.derivative_filter }
+        Self { lambda, lead: 0.0, derivative_filter: parameters.derivative_filter, integral_share: 1.0 }
     }
 }
 
@@ -98,6 +100,11 @@ impl Pid {
         self.measurement = pressure(self.measurement);
     }
 
+    /// The integral term where the engine's gain has changed: by the gain before, relative to that after, to an exponent.
+    pub fn rescale(&mut self, ratio: f64, exponent: f64) {
+        self.integral *= power(ratio, exponent);
+    }
+
     /// The derivative term takes the measurement (Pa) of a new sample.
     ///
     /// It acts on the measurement alone, so that a step of the reference causes no kick, and through a filter with
@@ -115,10 +122,29 @@ impl Pid {
         self.measurement = measurement;
     }
 
-    /// The integral term for the next sample: by the error (Pa), and by the difference that the limits make to the
+    /// The integral term (%) for the next sample: by the error (Pa), and by the difference that the limits make to the
     /// duty (%, limited minus unlimited), which prevents wind-up.
     pub fn integrate(&mut self, tuning: &FeedbackSettings, sample_time: f64, error: f64, cut: f64) {
         self.integral += sample_time * tuning.integral_gain * error
             + sample_time / tuning.tracking_time(sample_time) * cut;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_integral_term_grows_where_the_engine_is_less_sensitive() {
+        let integral = |exponent| {
+            let mut pid = Pid { integral: -3.0, ..Pid::default() };
+            // From -2 to -1 kPa/%.
+            pid.rescale(-2000.0 / -1000.0, exponent);
+            pid.integral
+        };
+        // As a duty it stays, as a pressure it doubles; the round-off of `power`.
+        assert!((integral(0.0) + 3.0).abs() < 1e-14 * 3.0);
+        assert!((integral(1.0) + 6.0).abs() < 1e-14 * 6.0);
+        assert!((integral(0.5) + 3.0 * 2_f64.sqrt()).abs() < 1e-13);
     }
 }

@@ -6,6 +6,7 @@ use fmu_export::Persistent;
 
 use super::compensator::Limits;
 use super::feedback::{FeedbackSettings, Firmness, Pid};
+use super::ramp_term::{Ramp, RampTerm};
 use super::reference_model::ReferenceModel;
 use super::schedule::OperatingPoint;
 use super::variables::{FeedbackStructure, Parameters};
@@ -50,19 +51,30 @@ pub struct Task<'a, const COLUMNS: usize> {
     pub operating_point: OperatingPoint<'a, COLUMNS>,
     /// The duty (%) that holds the pressure of the reference model where that is not the duty at rest.
     pub holding: Option<f64>,
+    /// λ of the reference model (s).
+    pub model_lambda: f64,
     pub firmness: Firmness,
+    pub ramp: Ramp,
     pub limits: Limits,
+    /// Those that the law takes into account: without those that override it to protect the shaft.
+    pub own_limits: Limits,
     /// Those within which the duty moves the wastegate.
     pub model_limits: Limits,
     /// Whether the reference model waits for an engine that cannot follow.
     pub waits: bool,
+    /// How the integral term is rescaled as the engine's gain changes: 0 where it stays a duty, 1 where it is a pressure.
+    pub integral_exponent: f64,
 }
 
 /// The memory of the law.
 #[derive(Clone, Copy, Debug, Default, Persistent)]
 pub struct BoostLaw {
     pid: Pid,
+    ramp_term: RampTerm,
     reference_model: ReferenceModel,
+    /// What 1 % of duty did to the pressure of the reference model at the last sample (Pa/%), where the integral term is
+    /// rescaled.
+    gain: Option<f64>,
     /// What the limits took away from the duty at the last sample (%).
     blocked: f64,
 }
@@ -73,7 +85,7 @@ impl BoostLaw {
         Self {
             pid: Pid::at(boost_pressure),
             reference_model: ReferenceModel::at(boost_pressure),
-            blocked: 0.0,
+            ..Self::default()
         }
     }
 
@@ -94,11 +106,11 @@ impl BoostLaw {
         parameters: &Parameters,
         task: &Task<'_, COLUMNS>,
     ) -> DutyTerms {
-        let &Parameters { sample_time, lambda, .. } = parameters;
-        let Task { reference, measurement, operating_point, holding, firmness, limits, model_limits, waits } =
-            *task;
+        let sample_time = parameters.sample_time;
+        let &Task { reference, measurement, operating_point, firmness, ramp, limits, waits, .. } = task;
+        let lambda = task.model_lambda;
         let local_model = operating_point.local_model();
-        let tuning = FeedbackSettings::new(&local_model, firmness.lambda).leading(firmness.lead);
+        let tuning = FeedbackSettings::new(&local_model, firmness.lambda).with_lead(firmness.lead);
         self.pid.differentiate(&tuning, firmness.derivative_filter, sample_time, measurement);
 
         let (feedforward, error, reference_model_pressure) = match parameters.structure {
@@ -108,12 +120,16 @@ impl BoostLaw {
                 if waits && self.blocked * model.error(measurement) > 0.0 {
                     model.approach(measurement, sample_time / larger(lambda, sample_time));
                 }
-                let linearized = model.linearize(operating_point, holding);
+                let linearized = model.linearize(operating_point, task.holding);
+                if let Some(before) = self.gain {
+                    self.pid.rescale(before / linearized.gain, task.integral_exponent);
+                }
+                self.gain = (task.integral_exponent > 0.0).then_some(linearized.gain);
                 let unlimited = model.feedforward(&linearized, reference, lambda);
                 let error = model.error(measurement);
                 let pressure = model.pressure;
                 if !(waits && self.blocked * error > 0.0) {
-                    let duty = model_limits.clip(unlimited);
+                    let duty = task.model_limits.clip(unlimited);
                     model.advance(&linearized, duty, local_model.delay, sample_time);
                 }
                 (if waits { limits.clip(unlimited) } else { unlimited }, error, pressure)
@@ -122,14 +138,19 @@ impl BoostLaw {
         let terms = DutyTerms {
             feedforward,
             proportional: tuning.gain * error,
-            integral: self.pid.integral,
+            integral: self.pid.integral + self.ramp_term.duty(ramp),
             derivative: self.pid.derivative,
             reference_model_pressure,
         };
         let duty = terms.duty();
-        let cut = limits.clip(duty) - duty;
-        self.pid.integrate(&tuning, sample_time, error, cut);
-        self.blocked = cut;
+        let (limited, own) = (limits.clip(duty), task.own_limits.clip(duty));
+        // While the shaft's limits hold the duty, the integral term neither adds up an error that the feedback cannot
+        // correct nor follows them: it would be too large when they let go.
+        let error = if limited > own { 0.0 } else { error };
+        self.pid.integrate(&tuning, sample_time, error * firmness.integral_share, own - duty);
+        self.blocked = limited - duty;
+        let error = if self.blocked == 0.0 { error } else { 0.0 };
+        self.ramp_term.integrate(&tuning, sample_time, error, ramp);
         terms
     }
 }

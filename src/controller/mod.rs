@@ -34,6 +34,7 @@ pub mod feedback;
 mod feedforward;
 mod law;
 mod off_schedule;
+mod ramp_term;
 mod rate_filter;
 mod reference_model;
 pub mod schedule;
@@ -54,6 +55,7 @@ use crate::LONGEST_STEP;
 use allocation::Openings;
 use by_speed::BySpeed;
 use compensator::{Compensator, Limits, SupplyVoltage};
+use day::Day;
 use diagnosis::{BoostControl, Diagnosis};
 use law::{BoostLaw, DutyTerms};
 use schedule::Schedule;
@@ -245,7 +247,15 @@ impl ControlLaw {
     fn least_boost(&mut self, parameters: &Parameters, inputs: &Inputs, limits: Limits) -> Command {
         self.law = Some(BoostLaw::at(inputs.boost_pressure));
         let terms = DutyTerms::feedforward(parameters.pwm_max, inputs.boost_pressure);
-        Command::new(terms, limits, Openings { lp_wastegate: 1.0, hp_bypass: 0.0, surge_valve: 0.0 })
+        let openings = Openings { lp_wastegate: 1.0, hp_bypass: 0.0, surge_valve: 0.0 };
+        let command = Command::new(terms, limits, openings);
+        match parameters.strategy {
+            Strategy::SplitRange => {
+                let day = Day::measured(parameters, inputs);
+                Command { hp_duty: day.duty(parameters, command.hp_duty), ..command }
+            }
+            Strategy::BySpeed => command,
+        }
     }
 
     /// Judges whether boost answers a command.

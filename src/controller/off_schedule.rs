@@ -11,32 +11,29 @@
 //! - The feedforward takes a part of the schedule's sensitivity. That was identified with a first-order model, in which all
 //!   of the wastegate's effect is as slow as the low-pressure shaft. The high-pressure shaft follows several times faster,
 //!   so that less duty suffices for ramps of a second, and too much of it costs that shaft its speed when a fall ends.
-//!   While engine speed rises still less suffices: the wastegate then nears its stop.
 //! - Engine speed is filtered less before its rate is taken: the filter's time is missing when a ramp ends.
+//! - Along fast ramps of engine speed the integral action is that of the [`ramp_term`](super::ramp_term).
+//! - The integral term is rescaled as the engine's gain changes along the schedule: what it makes up for is an error of the
+//!   map, which is rather one of pressure than one of duty.
+//! - The reference model follows its limit faster: where the shaft's limit rises with a fall of engine speed, boost can
+//!   follow it as fast as the actuator.
+//! - The reference itself comes through a filter, so that a step of it is no faster along a ramp than at constant speed, and
+//!   slower by as much as the shafts are on that day. For a faster one the wastegate shuts, and opens too late.
+//! - The high-pressure shaft may turn a little faster than on the schedule's day, where its limit is exact.
 //!
-//! The firmer feedback acts while engine speed changes and fades within 2 s: at constant speed steps of the reference would
-//! overshoot by more. It comes in with engine speed, below where the low-pressure wastegate does. Where the shaft's limit
-//! holds the duty, the feedback stays as it was identified: it would work against that limit.
+//! The firmer feedback and the faster model act while engine speed changes and fade within 2 s: at constant speed steps of the
+//! reference would overshoot by more. So does the rescaling. All but the rate of engine speed, its sensitivity and the shaft's allowance come in
+//! with engine speed, below where the low-pressure wastegate does. Where the shaft's limit holds the duty, the feedback stays as it was identified: it would work
+//! against that limit.
 
 use fmu_export::Persistent;
 
 use super::allocation::ramp;
 use super::day::Day;
 use super::feedback::Firmness;
+use super::ramp_term::Ramp;
 use super::variables::Parameters;
 use crate::elementary::larger;
-
-/// The actuator's lag (s) that the derivative term makes up for.
-const LEAD: f64 = 0.08;
-
-/// Factors of `feedback_lambda`, `derivative_filter` and `speed_feedforward.filter_time`.
-const LAMBDA: f64 = 0.6;
-const DERIVATIVE_FILTER: f64 = 0.5;
-const FILTER_TIME: f64 = 0.5;
-
-/// Factors of `speed_feedforward.share` while engine speed falls and while it rises.
-const SHARE_OF_FALLS: f64 = 0.8;
-const SHARE_OF_RISES: f64 = 0.5;
 
 /// How far below the engine speeds (rpm) between which the low-pressure wastegate begins to take part.
 const EARLIER: f64 = 500.0;
@@ -46,47 +43,204 @@ const EARLIER: f64 = 500.0;
 const MOVES: (f64, f64) = (50.0, 150.0);
 const FADES_IN: f64 = 2.0;
 
-/// Whether engine speed has changed lately.
+/// The rates (rpm/s) from which on the ramp term begins to take the place of the integral term, and wholly does. A slower ramp
+/// lasts for so long that the integral term is of use on it.
+const FAST: (f64, f64) = (250.0, 1000.0);
+
+/// Whether engine speed changes or has changed lately.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct Motion {
     /// 1 while it changes; afterwards it fades to 0.
-    share: f64,
+    lately: f64,
+    /// 1 while it changes fast, 0 while it changes slowly or not.
+    fast: f64,
+    /// 1 where it counts.
+    counts: f64,
 }
 
 impl Motion {
-    /// The share at a sample with a rate of engine speed (rpm/s).
-    pub fn sample(&mut self, sample_time: f64, rate: f64) -> f64 {
-        let (slow, fast) = MOVES;
-        self.share = larger(ramp(rate.abs(), slow, fast), self.share - sample_time / FADES_IN);
-        self.share
+    /// Takes a rate of engine speed (rpm/s) at a sample.
+    pub fn sample(&mut self, sample_time: f64, rate: f64) {
+        let between = |(from, to)| ramp(rate.abs(), from, to);
+        self.fast = between(FAST);
+        self.lately = larger(between(MOVES), self.lately - sample_time / FADES_IN);
+    }
+
+    /// The same at an engine speed (rpm, as on the day of the schedule), from which on it counts.
+    pub fn at(self, parameters: &Parameters, day: &Day, engine_speed: f64) -> Self {
+        let counts = parameters.allocation.low_pressure_share(engine_speed + EARLIER);
+        let counts = if day.is_other { counts } else { 0.0 };
+        Self { lately: counts * self.lately, fast: counts * self.fast, counts }
+    }
+
+    /// Whether engine speed has changed lately.
+    pub fn changed_lately(self) -> bool {
+        self.lately > 0.0
+    }
+
+    /// λ of the reference model (s).
+    pub fn model_lambda(self, parameters: &Parameters) -> f64 {
+        parameters.lambda * between(1.0, parameters.off_schedule.model_lambda_share, self.lately)
+    }
+
+    /// How firmly the feedback holds boost at an engine speed (rpm, as on the day of the schedule).
+    pub fn firmness(self, parameters: &Parameters, engine_speed: f64) -> Firmness {
+        let &Parameters {
+            lambda, feedback_lambda, derivative_filter, ref allocation, ref off_schedule, ..
+        } = parameters;
+        let identified = between(lambda, feedback_lambda, allocation.low_pressure_share(engine_speed));
+        let firm = off_schedule.feedback_lambda_share * feedback_lambda;
+        Firmness {
+            lambda: between(identified, firm, self.lately),
+            lead: off_schedule.actuator_lag * self.lately,
+            derivative_filter: derivative_filter
+                * between(1.0, off_schedule.derivative_filter_share, self.lately),
+            integral_share: 1.0 - self.fast,
+        }
+    }
+
+    /// The time constant (s) of the filter of the reference.
+    pub fn reference_filter_time(self, parameters: &Parameters, day: &Day) -> f64 {
+        let &Parameters { lambda, ref off_schedule, .. } = parameters;
+        let asked = off_schedule.reference_lambda_share * lambda * day.time_scale();
+        self.counts * (asked - self.model_lambda(parameters))
+    }
+
+    /// How the integral term is rescaled as the engine's gain changes.
+    pub fn integral_exponent(self, parameters: &Parameters) -> f64 {
+        parameters.off_schedule.integral_exponent * self.lately
+    }
+
+    /// The ramp with a rate of engine speed (rpm/s).
+    pub fn ramp(self, rate: f64) -> Ramp {
+        Ramp { rate, share: self.fast }
     }
 }
 
-/// How firmly the feedback holds boost, by the share of the firmer one (0 to 1), at an engine speed (rpm, as on the day of
-/// the schedule).
-pub fn firmness(parameters: &Parameters, share: f64, engine_speed: f64) -> Firmness {
-    let &Parameters { lambda, feedback_lambda, derivative_filter, ref allocation, .. } = parameters;
-    let share = share * allocation.low_pressure_share(engine_speed + EARLIER);
-    let identified = lambda + (feedback_lambda - lambda) * allocation.low_pressure_share(engine_speed);
-    Firmness {
-        lambda: identified + (LAMBDA * feedback_lambda - identified) * share,
-        lead: LEAD * share,
-        derivative_filter: derivative_filter * (1.0 + (DERIVATIVE_FILTER - 1.0) * share),
+/// The filter of the reference.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
+pub struct ReferenceFilter {
+    /// None before the first sample.
+    filtered: Option<f64>,
+}
+
+impl ReferenceFilter {
+    /// The filtered reference (Pa) at a sample, with a time constant (s).
+    pub fn sample(&mut self, sample_time: f64, time_constant: f64, reference: f64) -> f64 {
+        let before = self.filtered.unwrap_or(reference);
+        let filtered = if time_constant > sample_time {
+            before + sample_time / time_constant * (reference - before)
+        } else {
+            reference
+        };
+        self.filtered = Some(filtered);
+        filtered
     }
+}
+
+/// The value at a share of the way from one to another.
+fn between(from: f64, to: f64, share: f64) -> f64 {
+    from + (to - from) * share
 }
 
 /// The time constant (s) with which engine speed is filtered for its rate.
 pub fn filter_time(parameters: &Parameters, day: &Day) -> f64 {
     let time = parameters.speed_feedforward.filter_time;
-    if day.is_other { FILTER_TIME * time } else { time }
+    if day.is_other { parameters.off_schedule.filter_time_share * time } else { time }
 }
 
-/// How much of the schedule's sensitivity to a rate of engine speed (rpm/s) counts.
-pub fn share(parameters: &Parameters, day: &Day, rate: f64) -> f64 {
+/// By how much the high-pressure shaft may exceed its largest speed (rpm).
+pub fn shaft_speed_allowance(parameters: &Parameters, day: &Day) -> f64 {
+    if day.is_other { parameters.off_schedule.shaft_speed_allowance } else { 0.0 }
+}
+
+/// How much of the schedule's sensitivity to a rate of engine speed counts.
+pub fn sensitivity_share(parameters: &Parameters, day: &Day) -> f64 {
     let of_schedule = parameters.speed_feedforward.share;
-    match (day.is_other, rate < 0.0) {
-        (false, _) => of_schedule,
-        (true, true) => SHARE_OF_FALLS * of_schedule,
-        (true, false) => SHARE_OF_RISES * of_schedule,
+    if day.is_other { parameters.off_schedule.sensitivity_share * of_schedule } else { of_schedule }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::controller::variables::Inputs;
+
+    const SAMPLE_TIME: f64 = 0.0125;
+
+    /// After a second with a rate of engine speed (rpm/s) and some time without (s), at an engine speed (rpm) and an ambient
+    /// pressure (Pa).
+    fn motion(rate: f64, rests_for: f64, engine_speed: f64, ambient_pressure: f64) -> Motion {
+        let parameters = Parameters::default();
+        let day = Day::measured(&parameters, &Inputs { ambient_pressure, ..Inputs::default() });
+        let mut motion = Motion::default();
+        let samples =
+            |time: f64| (0..).take_while(move |&sample| f64::from(sample) * SAMPLE_TIME < time - 1e-9);
+        samples(1.0).for_each(|_| motion.sample(SAMPLE_TIME, rate));
+        samples(rests_for).for_each(|_| motion.sample(SAMPLE_TIME, 0.0));
+        motion.at(&parameters, &day, engine_speed)
+    }
+
+    /// λ, lead, filter and share of the integral gain of the feedback, and λ of the reference model.
+    fn settings(motion: Motion, engine_speed: f64) -> [f64; 5] {
+        let parameters = Parameters::default();
+        let firmness = motion.firmness(&parameters, engine_speed);
+        let Firmness { lambda, lead, derivative_filter, integral_share } = firmness;
+        [lambda, lead, derivative_filter, integral_share, motion.model_lambda(&parameters)]
+    }
+
+    fn assert_near(found: [f64; 5], expected: [f64; 5]) {
+        // Sums of up to 160 samples.
+        assert!(
+            found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12),
+            "{found:?}, not {expected:?}"
+        );
+    }
+
+    #[test]
+    fn the_feedback_is_firmer_along_and_after_ramps_of_other_days() {
+        let altitude = 80e3;
+        let identified = [0.1, 0.0, 8.0, 1.0, 0.3];
+        for rate in [2000.0, -2000.0] {
+            assert_near(settings(motion(rate, 0.0, 3000.0, altitude), 3000.0), [0.06, 0.08, 4.0, 0.0, 0.15]);
+        }
+        // Half of it is left after half of 2 s, and the integral term moves on.
+        assert_near(settings(motion(2000.0, 1.0, 3000.0, altitude), 3000.0), [0.08, 0.04, 6.0, 1.0, 0.225]);
+        assert_near(settings(motion(2000.0, 2.0, 3000.0, altitude), 3000.0), identified);
+        // Along a slow ramp the integral term moves as well.
+        assert_near(settings(motion(250.0, 0.0, 3000.0, altitude), 3000.0), [0.06, 0.08, 4.0, 1.0, 0.15]);
+        assert_near(settings(motion(50.0, 0.0, 3000.0, altitude), 3000.0), identified);
+    }
+
+    #[test]
+    fn the_feedback_is_as_identified_on_the_schedules_day_and_at_low_speed() {
+        let standard = Parameters::default().nominal_ambient_pressure;
+        assert_near(settings(motion(2000.0, 0.0, 3000.0, standard), 3000.0), [0.1, 0.0, 8.0, 1.0, 0.3]);
+        assert_near(settings(motion(2000.0, 0.0, 1500.0, 80e3), 1500.0), [0.3, 0.0, 8.0, 1.0, 0.3]);
+        // At 2000 rpm wholly firm, though the low-pressure wastegate is shut.
+        assert_near(settings(motion(2000.0, 0.0, 2000.0, 80e3), 2000.0), [0.06, 0.08, 4.0, 0.0, 0.15]);
+    }
+
+    #[test]
+    fn a_step_of_the_reference_is_filtered_on_other_days_alone() {
+        let parameters = Parameters::default();
+        let time_constant = |engine_speed, ambient_pressure, rate| {
+            let day = Day::measured(&parameters, &Inputs { ambient_pressure, ..Inputs::default() });
+            motion(rate, 0.0, engine_speed, ambient_pressure).reference_filter_time(&parameters, &day)
+        };
+        let passes = |time_constant| {
+            let mut filter = ReferenceFilter::default();
+            [150e3, 160e3].map(|reference| filter.sample(SAMPLE_TIME, time_constant, reference))
+        };
+        let near = |found: [f64; 2], expected: f64| {
+            assert!((found[0] - 150e3).abs() < 1e-6 && (found[1] - expected).abs() < 1e-6, "{found:?}");
+        };
+        near(passes(time_constant(3000.0, parameters.nominal_ambient_pressure, 0.0)), 160e3);
+        near(passes(time_constant(1500.0, 80e3, 0.0)), 160e3);
+        // With the model's it is 1.2 λ, by how much slower the shafts are; along a ramp the model's is half of λ.
+        let day = Day::measured(&parameters, &Inputs { ambient_pressure: 80e3, ..Inputs::default() });
+        let slow = 1.2 * 0.3 * day.time_scale();
+        assert!(slow > 0.4);
+        near(passes(time_constant(3000.0, 80e3, 0.0)), 150e3 + 10e3 * SAMPLE_TIME / (slow - 0.3));
+        near(passes(time_constant(3000.0, 80e3, 2000.0)), 150e3 + 10e3 * SAMPLE_TIME / (slow - 0.15));
     }
 }

@@ -26,6 +26,8 @@ pub struct ReferenceModel {
 pub struct Linearized {
     /// The duty at nominal voltage (%) that would hold its boost pressure.
     holding: f64,
+    /// `K_p`: what 1 % of duty more does to its boost pressure at rest (Pa/%).
+    pub gain: f64,
     /// `K_p / T_tf`: how fast 1 % of duty more than that moves it (Pa/(% s)).
     slope: f64,
 }
@@ -53,6 +55,7 @@ impl ReferenceModel {
         let local = here.local_model();
         Linearized {
             holding: holding.unwrap_or_else(|| here.feedforward()),
+            gain: local.gain,
             slope: local.gain / local.time_constant,
         }
     }

@@ -7,8 +7,10 @@
 //!
 //! While boost pressure rises the slow low-pressure stage lags behind, and the high-pressure stage makes up for it with
 //! more speed. Where the speed is measured, the virtual duty is at least the one that holds the limit at rest, more above
-//! it and less below it, by the speed to come: the reference model gets the duty within its limits, so it waits. With 0.001
-//! %/rpm and a lead of 0.3 s, duty and speed oscillate at 3 Hz at 85 kPa.
+//! it and less below it, by the speed to come. On the schedule's day the reference model gets the duty within its limits, so
+//! it waits. On another day the limits would take it too far from the engine, and fill the integral term: boost would fall too
+//! far, or swing together with the shaft. There they override the duty alone. With 0.001 %/rpm and a lead of 0.3 s, duty and
+//! speed oscillate at 3 Hz at 85 kPa.
 //!
 //! Near the largest speed, also at rest, the bypass shuts, and the low-pressure wastegate waits until the high-pressure one
 //! is wholly open. An open bypass takes the load off the shaft, in the cold at 5500 rpm to 219 krpm at 120 kPa, where with
@@ -111,12 +113,12 @@ impl ShaftSpeedLimit {
         self.correction
     }
 
-    /// By how much a speed to come is above the largest (rpm), if the speed (rpm) is measured.
-    pub fn excess(&mut self, parameters: &Parameters, speed: f64) -> Option<f64> {
+    /// By how much a speed to come is above the largest and what is allowed beyond it (rpm), if the speed (rpm) is measured.
+    pub fn excess(&mut self, parameters: &Parameters, speed: f64, allowance: f64) -> Option<f64> {
         let speed = measured(speed)?;
         let &ShaftSpeedLimitParameters { speed: most, lead_time, .. } = &parameters.shaft_speed_limit;
         let rate = self.speed.sample(parameters.sample_time, RATE_FILTER, speed);
-        Some(speed + lead_time * rate - most)
+        Some(speed + lead_time * rate - (most + allowance))
     }
 }
 

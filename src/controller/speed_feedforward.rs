@@ -44,7 +44,7 @@ pub fn holding_duty(
     let schedule = &parameters.range_schedule;
     let of_bypass = speed_of_bypass(parameters, engine_speed, bypass);
     let sensitive = day.operating_point(parameters, boost_pressure, of_bypass);
-    let share = off_schedule::share(parameters, day, rate);
+    let share = off_schedule::sensitivity_share(parameters, day);
     let shift = |pressure| {
         let sensitivity = sensitive.at_pressure(pressure).interpolate(&schedule.speed_sensitivity);
         share * sensitivity * rate

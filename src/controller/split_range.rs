@@ -16,7 +16,7 @@ use super::compensator::{Compensator, Limits};
 use super::day::Day;
 use super::feedforward;
 use super::law::{BoostLaw, DutyTerms, Task};
-use super::off_schedule::{self, Motion};
+use super::off_schedule::{self, Motion, ReferenceFilter};
 use super::rate_filter::RateFilter;
 use super::schedule;
 use super::shaft_speed_limit::{self, ShaftSpeedLimit};
@@ -30,13 +30,14 @@ use crate::elementary::{larger, smaller};
 pub struct SplitRange {
     engine_speed: RateFilter,
     motion: Motion,
+    asked: ReferenceFilter,
     bypass: Bypass,
     shaft_speed: ShaftSpeedLimit,
     surge_valve: SurgeValve,
     /// At the last sample (%).
     virtual_duty: f64,
-    /// The limit of the reference for the shaft at the last sample (Pa, as on the day of the schedule).
-    limit: f64,
+    /// The reference within its limits at the last sample (Pa, as on the day of the schedule).
+    reference: f64,
     /// The day of the law's pressures.
     day: Day,
 }
@@ -50,7 +51,7 @@ impl SplitRange {
         inputs: &Inputs,
         compensator: Compensator,
     ) -> Command {
-        let &Parameters { sample_time, lambda, ref allocation, .. } = parameters;
+        let &Parameters { sample_time, ref allocation, .. } = parameters;
         let day = Day::measured(parameters, inputs);
         if day != self.day {
             let before = std::mem::replace(&mut self.day, day);
@@ -62,7 +63,9 @@ impl SplitRange {
         // The sensitivity grows with the time constants.
         let filter_time = off_schedule::filter_time(parameters, &day);
         let acceleration = self.engine_speed.sample(sample_time, filter_time, inputs.engine_speed);
-        let in_motion = self.motion.sample(sample_time, acceleration);
+        self.motion.sample(sample_time, acceleration);
+        let motion = self.motion.at(parameters, &day, engine_speed);
+        let model_lambda = motion.model_lambda(parameters);
         let rate = day.time_scale() * (factor * acceleration);
         let measurement = day.scheduled_pressure(inputs.boost_pressure);
         let limit = match shaft_speed_limit::measured(inputs.hp_turbo_speed) {
@@ -73,7 +76,7 @@ impl SplitRange {
                 };
                 let here = limit_at(inputs.engine_speed);
                 // Boost follows its reference by λ, and the rate by the filter: a limit that rises counts ahead.
-                let ahead = lambda + filter_time;
+                let ahead = model_lambda + filter_time;
                 let to_come = limit_at(larger(inputs.engine_speed + ahead * acceleration, 0.0));
                 let gain = day.operating_point(parameters, pressure, engine_speed).local_model().gain;
                 let margin = shaft_speed_limit::margin(parameters, speed, self.virtual_duty, gain);
@@ -81,21 +84,29 @@ impl SplitRange {
                 larger(here, to_come) + self.shaft_speed.correction(parameters, above, speed)
             }
         };
-        self.limit = limit;
-        let reference = limited_reference(parameters, inputs, &day, limit);
-        let mut limits = allocation.limits(parameters, engine_speed, compensator);
+        let asked = feedforward::bounded_reference(parameters, inputs);
+        let asked = self.asked.sample(sample_time, motion.reference_filter_time(parameters, &day), asked);
+        let reference = smaller(day.scheduled_pressure(asked), limit);
+        self.reference = reference;
+        let own_limits = allocation.limits(parameters, engine_speed, compensator);
         let at = |pressure| day.operating_point(parameters, pressure, engine_speed);
         let holding = at(limit).extrapolated_feedforward(limit);
-        let mut model_limits = if day.is_other { lifting(parameters, limits) } else { limits };
+        let (mut limits, mut firm) = (own_limits, motion);
         let mut waits = day.is_other;
-        let excess = self.shaft_speed.excess(parameters, inputs.hp_turbo_speed);
+        let excess = self.shaft_speed.excess(
+            parameters,
+            inputs.hp_turbo_speed,
+            off_schedule::shaft_speed_allowance(parameters, &day),
+        );
         if let Some(excess) = excess {
             let least = shaft_speed_limit::least_duty(parameters, excess, holding);
             if least > limits.least {
-                (limits.least, waits) = (least, false);
-                model_limits.least = larger(model_limits.least, least);
+                (limits.least, firm) = (least, Motion::default());
+                waits = waits && motion.changed_lately();
             }
         }
+        // On the schedule's day the law sees the shaft's limits: the reference model, which holds there, then waits.
+        let own_limits = if day.is_other { own_limits } else { limits };
         let expected = day.pressure(larger(pressure, reference));
         let surge_valve = self.surge_valve.sample(parameters, inputs.boost_pressure, expected);
         let terms = law.sample(
@@ -112,14 +123,14 @@ impl SplitRange {
                     rate,
                     bypass,
                 ),
-                firmness: off_schedule::firmness(
-                    parameters,
-                    if waits { in_motion } else { 0.0 },
-                    engine_speed,
-                ),
+                model_lambda,
+                firmness: firm.firmness(parameters, engine_speed),
                 limits,
-                model_limits,
+                own_limits,
+                model_limits: if day.is_other { lifting(parameters, own_limits) } else { own_limits },
+                ramp: motion.ramp(acceleration),
                 waits,
+                integral_exponent: if waits { motion.integral_exponent(parameters) } else { 0.0 },
             },
         );
         let virtual_duty = limits.clip(terms.duty());
@@ -139,9 +150,8 @@ impl SplitRange {
         let day = &self.day;
         let boost_pressure = day.scheduled_pressure(inputs.boost_pressure);
         let engine_speed = day.speed_factor(boost_pressure) * inputs.engine_speed;
-        let reference = limited_reference(parameters, inputs, day, self.limit);
         let largest = day.scheduled_pressure(parameters.boost_limit);
-        (Inputs { boost_pressure, engine_speed, ..*inputs }, reference, largest)
+        (Inputs { boost_pressure, engine_speed, ..*inputs }, self.reference, largest)
     }
 }
 
@@ -150,7 +160,7 @@ pub fn at_rest(parameters: &Parameters, inputs: &Inputs, compensator: Compensato
     let day = Day::measured(parameters, inputs);
     let asked = day.scheduled_pressure(feedforward::bounded_reference(parameters, inputs));
     let engine_speed = day.speed_factor(asked) * inputs.engine_speed;
-    let reference = limited_reference(parameters, inputs, &day, scheduled_limit(parameters, engine_speed));
+    let reference = smaller(asked, scheduled_limit(parameters, engine_speed));
     let holding = day.operating_point(parameters, reference, engine_speed).feedforward();
     let limits = parameters.allocation.limits(parameters, engine_speed, compensator);
     let openings = parameters.allocation.openings(limits.clip(holding), engine_speed);
@@ -180,12 +190,6 @@ fn command(
 fn scheduled_limit(parameters: &Parameters, engine_speed: f64) -> f64 {
     let schedule = &parameters.range_schedule;
     schedule::interpolate(&schedule.engine_speed, &schedule.boost_limit, engine_speed)
-}
-
-/// The reference of the boost pressure, within the limits that protect the engine and its high-pressure shaft (Pa, as on
-/// the day of the schedule).
-fn limited_reference(parameters: &Parameters, inputs: &Inputs, day: &Day, limit: f64) -> f64 {
-    smaller(day.scheduled_pressure(feedforward::bounded_reference(parameters, inputs)), limit)
 }
 
 /// Rejects parameters of the strategy that contradict each other.

@@ -46,8 +46,8 @@ pub mod variables {
 }
 
 use fmu_export::{
-    Context, Error, Event, Experiment, InputSignal, Model, ModelExchange, Persistent, Recorded, Step, Tape,
-    Variables as _,
+    Context, Dual, Error, Event, Experiment, InputSignal, Model, ModelExchange, Persistent, Recorded, Step,
+    Tape, Variables as _,
 };
 use num_dual::Dual64;
 
@@ -190,12 +190,12 @@ impl Model for BoostPlant {
 
     fn differentiate(
         &self,
-        _time: f64,
+        _time: Dual,
         variables: &Variables,
         inputs: &Inputs,
         direction: &Variables,
     ) -> Result<Variables, Error> {
-        let parameters = variables.parameters.map(Dual64::from);
+        let parameters = variables.parameters.combine(&direction.parameters, &mut Dual64::new);
         let mut inputs = inputs.combine(direction.inputs(), &mut Dual64::new);
         if variables.parameters.valve.duty_latch {
             // A new command does not act before the next period.
@@ -207,7 +207,7 @@ impl Model for BoostPlant {
 
     fn differentiate_initialization(
         &self,
-        _start_time: f64,
+        _start_time: Dual,
         variables: &Variables,
         inputs: &Inputs,
         direction: &Variables,
@@ -233,12 +233,17 @@ impl Model for BoostPlant {
         variables: &Variables,
         inputs: &Inputs,
         weights: &Variables,
+        by_parameters: bool,
         tape: &mut Tape,
     ) -> Result<Variables, Error> {
         tape.clear();
         let tape = &*tape;
         let variable = |value| tape.variable(value);
-        let parameters = variables.parameters.map(Recorded::from);
+        let parameters = if by_parameters {
+            variables.parameters.map(variable)
+        } else {
+            variables.parameters.map(Recorded::from)
+        };
         let inputs = inputs.map(variable);
         let mut acting = inputs;
         if variables.parameters.valve.duty_latch {
@@ -248,7 +253,12 @@ impl Model for BoostPlant {
         let states = variables.states.map(variable);
         weigh(&System::new(&parameters), &acting, &states, weights, tape);
         let derivative = |number| tape.derivative(number);
-        Ok(Variables { inputs: inputs.map(derivative), states: states.map(derivative), ..Variables::zero() })
+        Ok(Variables {
+            parameters: parameters.map(derivative),
+            inputs: inputs.map(derivative),
+            states: states.map(derivative),
+            ..Variables::zero()
+        })
     }
 
     fn differentiate_initialization_backwards(

@@ -313,3 +313,20 @@ fn the_standard_day_changes_no_bit() {
     };
     assert!(run(AMBIENT) == run(NOTHING));
 }
+
+/// At 75 kPa the duty that opens the wastegate on the standard day, 75 %, leaves it half shut: by paper, eq. (7), the chamber
+/// has 49 kPa there, and the difference to the ambient is 26 kPa, not 52 kPa.
+#[test]
+fn the_limp_home_opens_the_wastegate_at_altitude() {
+    for (ambient_pressure, expected) in [(101_325.0, 75.0), (75e3, 100.0)] {
+        let mut control = on_a_day(ambient_pressure, 298.0, 130e3, 1500.0, AMBIENT);
+        control.run(SETTLING, |_| {});
+        let position = control.plant.variables.outputs.hp_wastegate_position;
+        let fault = &mut control.plant.variables.parameters.fault;
+        (fault.wastegate_stuck, fault.wastegate_stuck_position) = (true, position);
+        control.demand.boost_reference = 150e3;
+        control.run(SETTLING + 5.0, |_| {});
+        let controller::Outputs { fault_code, hp_wastegate_pwm, .. } = control.controller.variables.outputs;
+        assert_eq!((fault_code, hp_wastegate_pwm), (2.0, expected), "{ambient_pressure} Pa");
+    }
+}

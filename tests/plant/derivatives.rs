@@ -5,7 +5,7 @@ use boost_fmu::plant::linearization::linearize;
 use boost_fmu::plant::variables::{InitializationMode, States, Variables};
 use boost_fmu::solver::linear::solve;
 use fmu_export::description::{Causality, Initial, ValueReference};
-use fmu_export::{Context, Experiment, Model, Tape, Variables as _};
+use fmu_export::{Context, Dual, Experiment, Model, Tape, Variables as _};
 
 use crate::dependencies::{
     Dependencies, assert_as_declared, declared_of_initialization, declared_of_steps, name, nothing_observed,
@@ -30,10 +30,11 @@ fn derivatives(point: &Variables, known: ValueReference, of_initialization: bool
     let (model, variables) = initialized(point);
     let mut direction = Variables::zero();
     direction.set_real(known, 1.0);
+    let start = Dual::from(0.0);
     let derivatives = if of_initialization {
-        model.differentiate_initialization(0.0, &variables, variables.inputs(), &direction)
+        model.differentiate_initialization(start, &variables, variables.inputs(), &direction)
     } else {
-        model.differentiate(0.0, &variables, variables.inputs(), &direction)
+        model.differentiate(start, &variables, variables.inputs(), &direction)
     };
     derivatives.expect("there are derivatives")
 }
@@ -69,6 +70,11 @@ fn knowns_of_initialization() -> Vec<ValueReference> {
 /// The inputs and the states.
 fn knowns_of_steps() -> Vec<ValueReference> {
     reals(|reference, causality, _| causality == Causality::Input || States::NAMES.contains(&name(reference)))
+}
+
+/// The parameters, which FMI 3.0 counts among the knowns of steps.
+fn parameters() -> Vec<ValueReference> {
+    reals(|_, causality, _| causality == Causality::Parameter)
 }
 
 /// The calculated variables, except for the states.
@@ -127,7 +133,7 @@ fn compare(
 
 #[test]
 fn derivatives_are_those_of_the_equations() {
-    let (knowns, unknowns) = (knowns_of_steps(), calculated());
+    let (knowns, unknowns) = ([knowns_of_steps(), parameters()].concat(), calculated());
     let mut random = Random(17);
     let mut compared = 0;
     for way in 0..4 {
@@ -179,7 +185,7 @@ fn compare_adjoint(point: &Variables, knowns: &[ValueReference], unknowns: &[Val
         let row = if initial {
             model.differentiate_initialization_backwards(0.0, &variables, inputs, &weights, &mut tape)
         } else {
-            model.differentiate_backwards(0.0, &variables, inputs, &weights, &mut tape)
+            model.differentiate_backwards(0.0, &variables, inputs, &weights, true, &mut tape)
         }
         .expect("there are derivatives");
         for (&known, column) in knowns.iter().zip(&columns) {
@@ -209,7 +215,7 @@ fn adjoint_derivatives_are_the_directional_ones() {
     let mut random = Random(37);
     for way in 0..20 {
         let point = running_point(&mut random, InitializationMode::Given, way);
-        compare_adjoint(&point, &knowns_of_steps(), &calculated(), false);
+        compare_adjoint(&point, &[knowns_of_steps(), parameters()].concat(), &calculated(), false);
     }
 }
 

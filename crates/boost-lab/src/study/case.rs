@@ -228,9 +228,10 @@ impl Rig {
         let mut fastest: Vec<Fastest> = vec![];
         let mut master = self.run_to(&scenario, 0)?;
         for index in 0..steps {
-            if let Some(position) = begins.iter().position(|&begin| begin == index) {
-                let last = begins.get(position + 1).copied().unwrap_or(steps);
-                fastest.push(self.fastest(case, reach, events[position], &mut master, (index, last))?);
+            // A short ramp and the step of the reference within it may begin at once.
+            for (event, _) in events.iter().zip(&begins).filter(|&(_, &begin)| begin == index) {
+                let last = begins.iter().copied().find(|&begin| begin > index).unwrap_or(steps);
+                fastest.push(self.fastest(case, reach, *event, &mut master, (index, last))?);
             }
             master.step()?;
         }
