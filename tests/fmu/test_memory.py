@@ -12,6 +12,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from conftest import TARGET
 from master import Fmu
 
 CYCLES = 2000
@@ -44,11 +45,16 @@ def arguments(fmu: Fmu, other: Fmu) -> list[str]:
     return [str(fmu.library), fmu.description.guid, gives, takes]
 
 
+def coupling(host: Path, fmus: dict[str, Fmu]) -> list[str]:
+    """The command that couples both FMUs, without its options."""
+    plant, controller = (fmus[name] for name in NAMES)
+    return [str(host), "couple", *arguments(plant, controller), *arguments(controller, plant)]
+
+
 @pytest.fixture
 def couple(host: Path, fmus: dict[str, Fmu]) -> list[str]:
-    """The command that couples both FMUs, without its options."""
-    plant, controller = fmus["BoostPlant"], fmus["BoostController"]
-    return [str(host), "couple", *arguments(plant, controller), *arguments(controller, plant)]
+    """The command that couples both FMUs with their native libraries."""
+    return coupling(host, fmus)
 
 
 def run_coupled(command: list[str], how: str, steps: int, before: tuple[str, ...] = ()) -> list[str]:
@@ -91,23 +97,26 @@ def test_a_leak_is_detected(host: Path, fmus: dict[str, Fmu], name: str, leak: s
     assert sizes[-1] - sizes[0] >= 1500 * least
 
 
+def same_in_all(ways: list[str], command: list[str]) -> None:
+    results = {tuple(run_coupled(command, how, 40)) for how in ways}
+    (result,) = results
+    assert len(result) == 9
+
+
+ENVIRONMENTS = ["now local", "now local traps", "now local upward"]
+"""A host that has enabled traps, or rounds upward, still does so afterwards."""
+
+
 def test_modes_of_loading(couple: list[str]) -> None:
     """Both FMUs define the same 34 symbols. However a host loads them, each library finds its own, and the
-    results are the same to the bit, also with enabled traps."""
-    results = {
-        how: run_coupled(couple, how, 40)
-        for how in ["lazy local", "lazy global", "now local", "now global", "now local traps"]
-    }
-    assert len(results["now local"]) == 9
-    assert set(map(tuple, results.values())) == {tuple(results["now local"])}
+    results are the same to the bit, also if the host's floating-point environment is another one."""
+    same_in_all(["lazy local", "lazy global", "now global", *ENVIRONMENTS], couple)
 
 
-def test_another_rounding(couple: list[str]) -> None:
-    """A host that rounds upward gets other last digits, and its rounding mode is restored."""
-    nearest, upward = run_coupled(couple, "now", 40), run_coupled(couple, "now upward", 40)
-    assert upward != nearest
-    # The solver's tolerance (0.01 % of full scale) does not depend on the rounding.
-    assert [float.fromhex(x) for x in upward] == pytest.approx([float.fromhex(x) for x in nearest], rel=1e-4)
+def test_environments_of_compiled_sources(host: Path, tmp_path: Path) -> None:
+    """The libraries of the sources, too, compute in their own environment."""
+    fmus = {name: Fmu(TARGET / "compiled" / "both" / f"{name}.fmu", tmp_path / name) for name in NAMES}
+    same_in_all(ENVIRONMENTS, coupling(host, fmus))
 
 
 def test_small_stack(couple: list[str]) -> None:

@@ -581,8 +581,52 @@ static void free_memory(Instance *instance) {
   free(instance);
 }
 
+/* ---- the floating-point environment ----
+
+   The module rounds to nearest, keeps subnormal numbers and divides by zero without a trap, whatever the importer has set,
+   and the importer finds it as it was. On x86 the register of SSE is all that counts; what C has for this also sets that of
+   the x87 unit, which takes as long as a call. */
+
+#if defined(__SSE2__) || defined(_M_X64)
+#include <xmmintrin.h>
+
+typedef unsigned int Environment;
+
+static int is_default(Environment environment) {
+  /* All exceptions are masked; the flags of those that there have been do not matter. */
+  return (environment & ~0x3fu) == 0x1f80;
+}
+
+static Environment use_default_environment(void) {
+  const Environment importers = _mm_getcsr();
+  if (!is_default(importers)) _mm_setcsr(0x1f80);
+  return importers;
+}
+
+static void restore_environment(Environment importers) {
+  if (!is_default(importers)) _mm_setcsr(importers);
+}
+#else
+#include <fenv.h>
+
+typedef fenv_t Environment;
+
+static Environment use_default_environment(void) {
+  Environment importers;
+  fegetenv(&importers);
+  fesetenv(FE_DFL_ENV);
+  return importers;
+}
+
+static void restore_environment(Environment importers) {
+  fesetenv(&importers);
+}
+#endif
+
+/* ---- calls ---- */
+
 /* Runs code that may trap: whether it did not. A trap is an error with a message. */
-static int guard(Instance *instance, Call *call, u32 *status) {
+static int run(Instance *instance, Call *call, u32 *status) {
   wasm_rt_memory_t *memory = &instance->module.w2c_memory;
   jmp_buf *const outer = memory->unwind;
   jmp_buf here;
@@ -603,6 +647,14 @@ static int guard(Instance *instance, Call *call, u32 *status) {
   *status = call->perform(instance, call);
   memory->unwind = outer;
   return 1;
+}
+
+/* The same in the module's floating-point environment. */
+static int guard(Instance *instance, Call *call, u32 *status) {
+  const Environment importers = use_default_environment();
+  const int has_returned = run(instance, call, status);
+  restore_environment(importers);
+  return has_returned;
 }
 
 /* Memory of the module; it is given back by hand, as a trap gives back the module. */

@@ -1,11 +1,12 @@
 //! What the C functions of every version of the standard have in common: from an importer's pointers to an instance, to
 //! slices and to strings.
 //!
-//! All `unsafe` of the crate is here, in the functions of [`fmi2`](crate::fmi2) and [`fmi3`](crate::fmi3), and in the calls
-//! of their loggers. What they rely on is what the standard demands of an importer: an instance comes from the function
-//! that instantiates, and is used by one thread at a time until it is freed; arrays have as many elements as their
-//! counts say, and those that results are written to overlap with no other argument; strings end in NUL. What can be
-//! checked is checked: null pointers, instances and states of another FMU, UTF-8, every number.
+//! All `unsafe` of the crate is here, in the functions of [`fmi2`](crate::fmi2) and [`fmi3`](crate::fmi3), in the calls
+//! of their loggers, and where the floating-point environment is replaced. What they rely on is what the standard demands
+//! of an importer: an instance comes from the function that instantiates, and is used by one thread at a time until it is
+//! freed; arrays have as many elements as their counts say, and those that results are written to overlap with no other
+//! argument; strings end in NUL. What can be checked is checked: null pointers, instances and states of another FMU,
+//! UTF-8, every number.
 //!
 //! Nothing is relied on beyond that. Arrays and results may be at any address: 32-bit compilers align doubles to 4
 //! bytes, Rust to 8, and bindings of other languages pass parts of buffers. Memory for results is not read, and no
@@ -20,6 +21,7 @@ use std::sync::PoisonError;
 use crate::calling_sequence::{Function, Interface};
 use crate::description::ValueReference;
 use crate::error::Error;
+use crate::floating_point::in_default_environment;
 use crate::instance::{Answer, Instance, Memory, Preemption};
 use crate::logger::Logger;
 use crate::model::{Model, Variables};
@@ -103,7 +105,9 @@ pub(crate) fn instantiate<M: Model>(
 ) -> *mut c_void {
     // Instances are large: this one is made where it stays, as each move would copy it.
     let made = interface.and_then(|interface| {
-        contain(|| Box::new(Exported { fmu: Exported::<M>::FMU, instance: Instance::new(interface) }))
+        in_default_environment(|| {
+            contain(|| Box::new(Exported { fmu: Exported::<M>::FMU, instance: Instance::new(interface) }))
+        })
     });
     match made {
         Ok(mut exported) => {
@@ -132,7 +136,7 @@ pub(crate) unsafe fn call<M: Model>(
 ) -> Status {
     // SAFETY: the caller's promise.
     let Some(target) = (unsafe { Exported::<M>::of(handle) }) else { return Status::Error };
-    let status = target.instance.call(function, body);
+    let status = in_default_environment(|| target.instance.call(function, body));
     // From here on the target is not accessed: the importer's logger may call or free it.
     if let Some(messages) = target.instance.take_messages() {
         messages.deliver(function.name());
@@ -153,7 +157,7 @@ pub(crate) unsafe fn free<M: Model>(handle: *mut c_void) {
     let target = unsafe { Box::from_raw(ptr::from_mut(target)) };
     saved_states::free_all_of(handle.addr());
     // A panic here cannot be reported: the logger belongs to the instance that is freed.
-    let _ = contain(|| drop(target));
+    let _ = in_default_environment(|| contain(|| drop(target)));
 }
 
 /// An array argument; null is taken as an empty one.

@@ -27,10 +27,6 @@ pub(crate) struct Shown(pub(crate) f64);
 
 impl fmt::Display for Shown {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // `{:?}` compares the number, which traps for NaN if the importer has enabled the trap.
-        if !self.0.is_finite() {
-            return write!(formatter, "{}", self.0);
-        }
         let text = format!("{:?}", self.0);
         formatter.write_str(text.strip_suffix(".0").unwrap_or(&text))
     }

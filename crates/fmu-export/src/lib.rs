@@ -16,7 +16,7 @@
 //   clock, events, inputs, logger, calling_sequence, number, tape, linear, resources
 //   serialized_state, saved_states
 //   persistence, wasm
-//   panics
+//   panics, floating_point
 //   error, description, status
 
 // This crate's macros refer to it by this name.
@@ -33,6 +33,7 @@ mod equations;
 mod error;
 mod event_mode;
 mod events;
+mod floating_point;
 pub mod fmi2;
 pub mod fmi3;
 mod inputs;

@@ -1,0 +1,112 @@
+//! The floating-point environment that compiled Rust assumes: operations round to nearest, keep subnormal numbers, and trap
+//! nowhere.
+//!
+//! Importers may have another one: hosts in Fortran and Delphi enable traps, others round otherwise or flush subnormal
+//! numbers to zero. With traps the process would end where nothing is wrong, as LLVM divides before it is known whether the
+//! quotient is needed; otherwise results would be others than elsewhere.
+
+/// Runs code in that environment, and leaves the importer's as it was (FMI 2.0.5, section 2.1.1).
+#[inline]
+pub(crate) fn in_default_environment<T>(body: impl FnOnce() -> T) -> T {
+    let importers = control::read();
+    let is_default = control::settings(importers) == control::settings(control::DEFAULT);
+    let _restored = (!is_default).then(|| Restored::after(control::DEFAULT, importers));
+    body()
+}
+
+/// Restores what the importer's register was.
+struct Restored(control::Register);
+
+impl Restored {
+    fn after(replacement: control::Register, importers: control::Register) -> Self {
+        control::write(replacement);
+        Self(importers)
+    }
+}
+
+impl Drop for Restored {
+    fn drop(&mut self) {
+        control::write(self.0);
+    }
+}
+
+/// MXCSR.
+#[cfg(target_arch = "x86_64")]
+mod control {
+    use core::arch::asm;
+
+    pub(super) type Register = u32;
+
+    /// All exceptions are masked.
+    pub(super) const DEFAULT: Register = 0x1F80;
+
+    /// The register without its flags.
+    pub(super) fn settings(register: Register) -> Register {
+        register & !0x3F
+    }
+
+    #[inline]
+    pub(super) fn read() -> Register {
+        let mut register = 0;
+        // SAFETY: writes four bytes to where the pointer leads.
+        unsafe { asm!("stmxcsr [{}]", in(reg) &raw mut register, options(nostack, preserves_flags)) };
+        register
+    }
+
+    #[cold]
+    #[inline(never)]
+    pub(super) fn write(register: Register) {
+        // SAFETY: the value is the default or one that the register had, so that it sets no reserved bit. Between the
+        // default and the importer's value Rust computes as it must; before and after, nothing is computed.
+        unsafe { asm!("ldmxcsr [{}]", in(reg) &raw const register, options(nostack, preserves_flags)) };
+    }
+}
+
+/// FPCR.
+#[cfg(target_arch = "aarch64")]
+mod control {
+    use core::arch::asm;
+
+    pub(super) type Register = u64;
+
+    pub(super) const DEFAULT: Register = 0;
+
+    /// The flags are in another register.
+    pub(super) fn settings(register: Register) -> Register {
+        register
+    }
+
+    #[inline]
+    pub(super) fn read() -> Register {
+        let register;
+        // SAFETY: reads a register that every program may read.
+        unsafe { asm!("mrs {}, fpcr", out(reg) register, options(nomem, nostack, preserves_flags)) };
+        register
+    }
+
+    #[cold]
+    #[inline(never)]
+    pub(super) fn write(register: Register) {
+        // SAFETY: the value is the default or one that the register had. Between them Rust computes as it must; before and
+        // after, nothing is computed.
+        unsafe { asm!("msr fpcr, {}", in(reg) register, options(nostack, preserves_flags)) };
+    }
+}
+
+/// Other processors, and WebAssembly, whose arithmetic cannot be changed.
+#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+mod control {
+    pub(super) type Register = u32;
+
+    pub(super) const DEFAULT: Register = 0;
+
+    pub(super) fn settings(register: Register) -> Register {
+        register
+    }
+
+    pub(super) fn read() -> Register {
+        DEFAULT
+    }
+
+    pub(super) fn write(_: Register) {}
+}
