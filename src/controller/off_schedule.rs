@@ -5,13 +5,15 @@
 //! differ as well. There the feedback does more and the feedforward less:
 //!
 //! - The feedback's λ is shorter. What limits it is the actuator: until its chamber has filled and its rod has moved, some
-//!   0.08 s on the plant model, a wrong course of boost goes on. So the derivative term leads by that lag, as in a Smith
+//!   0.08 s on the plant model, a wrong course of boost goes on. So the derivative term leads by most of that lag, as in a Smith
 //!   predictor for a plant that integrates: shafts do, for such times. Its filter is slower, or the noise
 //!   of boost pressure would move the wastegate so much that the pump could no longer hold the vacuum.
 //! - The feedforward takes a part of the schedule's sensitivity. That was identified with a first-order model, in which all
 //!   of the wastegate's effect is as slow as the low-pressure shaft. The high-pressure shaft follows several times faster,
 //!   so that less duty suffices for ramps of a second, and too much of it costs that shaft its speed when a fall ends.
-//! - Engine speed is filtered less before its rate is taken: the filter's time is missing when a ramp ends.
+//! - Engine speed is filtered less before its rate is taken: the filter's time is missing when a ramp ends. For the
+//!   feedforward the rate leads by a part of the actuator's lag, and a fall comes in with a lag: boost that is held while
+//!   engine speed begins to fall takes speed from the high-pressure shaft, which is missing when a short fall ends.
 //! - Along fast ramps of engine speed the integral action is that of the [`ramp_term`](super::ramp_term).
 //! - The integral term is rescaled as the engine's gain changes along the schedule: what it makes up for is an error of the
 //!   map, which is rather one of pressure than one of duty.
@@ -46,6 +48,33 @@ const FADES_IN: f64 = 2.0;
 /// The rates (rpm/s) from which on the ramp term begins to take the place of the integral term, and wholly does. A slower ramp
 /// lasts for so long that the integral term is of use on it.
 const FAST: (f64, f64) = (250.0, 1000.0);
+
+/// The time (s) in which a fall of engine speed wholly comes in.
+const FALLS_IN: f64 = 0.3;
+
+/// The rate of engine speed as the feedforward takes it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
+pub struct LeadingRate {
+    /// The rate at the last sample, and that with a lag (rpm/s).
+    before: f64,
+    lagged: f64,
+}
+
+impl LeadingRate {
+    /// The rate (rpm/s) for the feedforward at a sample, by that of engine speed.
+    pub fn sample(&mut self, parameters: &Parameters, day: &Day, rate: f64) -> f64 {
+        let &Parameters { sample_time, ref off_schedule, .. } = parameters;
+        let change = rate - std::mem::replace(&mut self.before, rate);
+        self.lagged += sample_time / (FALLS_IN + sample_time) * (rate - self.lagged);
+        if !day.is_other {
+            return rate;
+        }
+        let to_come = rate - self.lagged;
+        let begins_to_fall = rate < 0.0 && to_come < 0.0 && self.lagged < 0.0;
+        let held_back = if begins_to_fall { (1.0 - off_schedule.falling_share) * to_come } else { 0.0 };
+        rate + off_schedule.rate_lead / sample_time * change - held_back
+    }
+}
 
 /// Whether engine speed changes or has changed lately.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
@@ -181,6 +210,35 @@ mod tests {
     }
 
     /// λ, lead, filter and share of the integral gain of the feedback, and λ of the reference model.
+    #[test]
+    fn a_rate_leads_and_a_fall_comes_in_with_a_lag_on_other_days() {
+        let parameters = Parameters::default();
+        // The rates that the feedforward takes, from the first sample with a rate on and from the first without.
+        let rates = |ambient_pressure, rate: f64| {
+            let day = Day::measured(&parameters, &Inputs { ambient_pressure, ..Inputs::default() });
+            let mut leading = LeadingRate::default();
+            let mut sample = |rate| leading.sample(&parameters, &day, rate);
+            let ramp: Vec<_> = (0..800).map(|_| sample(rate)).collect();
+            let rest = [sample(0.0), sample(0.0)];
+            [ramp[0], ramp[1], ramp[799], rest[0], rest[1]]
+        };
+        let near = |found: [f64; 5], expected: [f64; 5]| {
+            assert!(
+                found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9),
+                "{found:?}, not {expected:?}"
+            );
+        };
+        let lead = 1000.0 * parameters.off_schedule.rate_lead / SAMPLE_TIME;
+        near(rates(80e3, 1000.0), [1000.0 + lead, 1000.0, 1000.0, -lead, 0.0]);
+        // What of a fall is to come after a sample, and after two.
+        let lag = 1.0 - SAMPLE_TIME / (FALLS_IN + SAMPLE_TIME);
+        let held_back =
+            |samples: i32| 1000.0 * (1.0 - parameters.off_schedule.falling_share) * lag.powi(samples);
+        near(rates(80e3, -1000.0), [held_back(1) - 1000.0 - lead, held_back(2) - 1000.0, -1000.0, lead, 0.0]);
+        let standard = parameters.nominal_ambient_pressure;
+        near(rates(standard, -1000.0), [-1000.0, -1000.0, -1000.0, 0.0, 0.0]);
+    }
+
     fn settings(motion: Motion, engine_speed: f64) -> [f64; 5] {
         let parameters = Parameters::default();
         let firmness = motion.firmness(&parameters, engine_speed);
@@ -201,13 +259,16 @@ mod tests {
         let altitude = 80e3;
         let identified = [0.1, 0.0, 8.0, 1.0, 0.3];
         for rate in [2000.0, -2000.0] {
-            assert_near(settings(motion(rate, 0.0, 3000.0, altitude), 3000.0), [0.06, 0.08, 4.0, 0.0, 0.15]);
+            assert_near(
+                settings(motion(rate, 0.0, 3000.0, altitude), 3000.0),
+                [0.068, 0.06, 5.6, 0.0, 0.171],
+            );
         }
         // Half of it is left after half of 2 s, and the integral term moves on.
-        assert_near(settings(motion(2000.0, 1.0, 3000.0, altitude), 3000.0), [0.08, 0.04, 6.0, 1.0, 0.225]);
+        assert_near(settings(motion(2000.0, 1.0, 3000.0, altitude), 3000.0), [0.084, 0.03, 6.8, 1.0, 0.2355]);
         assert_near(settings(motion(2000.0, 2.0, 3000.0, altitude), 3000.0), identified);
         // Along a slow ramp the integral term moves as well.
-        assert_near(settings(motion(250.0, 0.0, 3000.0, altitude), 3000.0), [0.06, 0.08, 4.0, 1.0, 0.15]);
+        assert_near(settings(motion(250.0, 0.0, 3000.0, altitude), 3000.0), [0.068, 0.06, 5.6, 1.0, 0.171]);
         assert_near(settings(motion(50.0, 0.0, 3000.0, altitude), 3000.0), identified);
     }
 
@@ -217,7 +278,7 @@ mod tests {
         assert_near(settings(motion(2000.0, 0.0, 3000.0, standard), 3000.0), [0.1, 0.0, 8.0, 1.0, 0.3]);
         assert_near(settings(motion(2000.0, 0.0, 1500.0, 80e3), 1500.0), [0.3, 0.0, 8.0, 1.0, 0.3]);
         // At 2000 rpm wholly firm, though the low-pressure wastegate is shut.
-        assert_near(settings(motion(2000.0, 0.0, 2000.0, 80e3), 2000.0), [0.06, 0.08, 4.0, 0.0, 0.15]);
+        assert_near(settings(motion(2000.0, 0.0, 2000.0, 80e3), 2000.0), [0.068, 0.06, 5.6, 0.0, 0.171]);
     }
 
     #[test]
@@ -236,11 +297,11 @@ mod tests {
         };
         near(passes(time_constant(3000.0, parameters.nominal_ambient_pressure, 0.0)), 160e3);
         near(passes(time_constant(1500.0, 80e3, 0.0)), 160e3);
-        // With the model's it is 1.2 λ, by how much slower the shafts are; along a ramp the model's is half of λ.
+        // With the model's it is 1.28 λ, by how much slower the shafts are; along a ramp the model's is 0.57 λ.
         let day = Day::measured(&parameters, &Inputs { ambient_pressure: 80e3, ..Inputs::default() });
-        let slow = 1.2 * 0.3 * day.time_scale();
+        let slow = 1.28 * 0.3 * day.time_scale();
         assert!(slow > 0.4);
         near(passes(time_constant(3000.0, 80e3, 0.0)), 150e3 + 10e3 * SAMPLE_TIME / (slow - 0.3));
-        near(passes(time_constant(3000.0, 80e3, 2000.0)), 150e3 + 10e3 * SAMPLE_TIME / (slow - 0.15));
+        near(passes(time_constant(3000.0, 80e3, 2000.0)), 150e3 + 10e3 * SAMPLE_TIME / (slow - 0.171));
     }
 }

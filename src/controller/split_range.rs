@@ -16,7 +16,7 @@ use super::compensator::{Compensator, Limits};
 use super::day::Day;
 use super::feedforward;
 use super::law::{BoostLaw, DutyTerms, Task};
-use super::off_schedule::{self, Motion, ReferenceFilter};
+use super::off_schedule::{self, LeadingRate, Motion, ReferenceFilter};
 use super::rate_filter::RateFilter;
 use super::schedule;
 use super::shaft_speed_limit::{self, ShaftSpeedLimit};
@@ -29,6 +29,7 @@ use crate::elementary::{larger, smaller};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct SplitRange {
     engine_speed: RateFilter,
+    leading_rate: LeadingRate,
     motion: Motion,
     asked: ReferenceFilter,
     bypass: Bypass,
@@ -66,7 +67,8 @@ impl SplitRange {
         self.motion.sample(sample_time, acceleration);
         let motion = self.motion.at(parameters, &day, engine_speed);
         let model_lambda = motion.model_lambda(parameters);
-        let rate = day.time_scale() * (factor * acceleration);
+        let leading = self.leading_rate.sample(parameters, &day, acceleration);
+        let rate = day.time_scale() * (factor * leading);
         let measurement = day.scheduled_pressure(inputs.boost_pressure);
         let limit = match shaft_speed_limit::measured(inputs.hp_turbo_speed) {
             None => scheduled_limit(parameters, engine_speed),
