@@ -5,9 +5,9 @@
 //! differ as well. There the feedback does more and the feedforward less:
 //!
 //! - The feedback's λ is shorter. What limits it is the actuator: until its chamber has filled and its rod has moved, some
-//!   0.08 s on the plant model, a wrong course of boost goes on. So the derivative term leads by most of that lag, as in a Smith
-//!   predictor for a plant that integrates: shafts do, for such times. Its filter is slower, or the noise
-//!   of boost pressure would move the wastegate so much that the pump could no longer hold the vacuum.
+//!   0.08 s on the plant model, a wrong course of boost goes on. So the derivative term leads by most of that lag, as in a
+//!   Smith predictor for a plant that integrates: shafts do, for such times. Its filter is slower, or the noise of boost
+//!   pressure would move the wastegate so much that the pump could no longer hold the vacuum.
 //! - The feedforward takes a part of the schedule's sensitivity. That was identified with a first-order model, in which all
 //!   of the wastegate's effect is as slow as the low-pressure shaft. The high-pressure shaft follows several times faster,
 //!   so that less duty suffices for ramps of a second, and too much of it costs that shaft its speed when a fall ends.
@@ -23,10 +23,10 @@
 //!   slower by as much as the shafts are on that day. For a faster one the wastegate shuts, and opens too late.
 //! - The high-pressure shaft may turn a little faster than on the schedule's day, where its limit is exact.
 //!
-//! The firmer feedback and the faster model act while engine speed changes and fade within 2 s: at constant speed steps of the
-//! reference would overshoot by more. So does the rescaling. All but the rate of engine speed, its sensitivity and the shaft's allowance come in
-//! with engine speed, below where the low-pressure wastegate does. Where the shaft's limit holds the duty, the feedback stays as it was identified: it would work
-//! against that limit.
+//! The firmer feedback and the faster model act while engine speed changes and fade within 2 s: at constant speed steps of
+//! the reference would overshoot by more. So does the rescaling. All but the rate of engine speed, its sensitivity and the
+//! shaft's allowance come in with engine speed, below where the low-pressure wastegate does. Where the shaft's limit holds
+//! the duty, the feedback stays as it was identified: it would work against that limit.
 
 use fmu_export::Persistent;
 
@@ -209,7 +209,6 @@ mod tests {
         motion.at(&parameters, &day, engine_speed)
     }
 
-    /// λ, lead, filter and share of the integral gain of the feedback, and λ of the reference model.
     #[test]
     fn a_rate_leads_and_a_fall_comes_in_with_a_lag_on_other_days() {
         let parameters = Parameters::default();
@@ -222,6 +221,7 @@ mod tests {
             let rest = [sample(0.0), sample(0.0)];
             [ramp[0], ramp[1], ramp[799], rest[0], rest[1]]
         };
+        // The round-off of rates of thousands.
         let near = |found: [f64; 5], expected: [f64; 5]| {
             assert!(
                 found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9),
@@ -239,6 +239,7 @@ mod tests {
         near(rates(standard, -1000.0), [-1000.0, -1000.0, -1000.0, 0.0, 0.0]);
     }
 
+    /// λ, lead, filter and share of the integral gain of the feedback, and λ of the reference model.
     fn settings(motion: Motion, engine_speed: f64) -> [f64; 5] {
         let parameters = Parameters::default();
         let firmness = motion.firmness(&parameters, engine_speed);
