@@ -37,6 +37,9 @@ const EXPONENT: f64 = 0.4 / 1.4;
 /// The least ratio of pressures to ambient: a measurement of 0 stays finite.
 const LEAST_RATIO: f64 = 0.1;
 
+/// The least pressure (Pa) for which engine speed is converted: with a reference of 0 it stays finite.
+const LEAST_CONVERTED: f64 = 1e3;
+
 /// How a day differs from the one of the schedule.
 #[derive(Clone, Copy, Debug, PartialEq, Persistent)]
 pub struct Day {
@@ -131,6 +134,7 @@ impl Day {
         if self.temperature_ratio == 1.0 && self.work_ratio == 1.0 {
             return 1.0;
         }
+        let scheduled_pressure = larger(scheduled_pressure, LEAST_CONVERTED);
         let pressure = self.pressure(scheduled_pressure) / self.pressure_ratio;
         self.work_ratio.sqrt() * pressure / (self.temperature_ratio * scheduled_pressure)
     }
