@@ -30,6 +30,7 @@ mod by_speed;
 mod compensator;
 mod day;
 mod diagnosis;
+mod duty_lead;
 pub mod feedback;
 mod feedforward;
 mod law;

@@ -5,7 +5,7 @@
 //! differ as well. There the feedback does more and the feedforward less:
 //!
 //! - The feedback's λ is shorter. What limits it is the actuator: until its chamber has filled and its rod has moved, some
-//!   0.08 s on the plant model, a wrong course of boost goes on. So the derivative term leads by most of that lag, as in a
+//!   0.08 s on the plant model, a wrong course of boost goes on. So the derivative term leads by about that lag, as in a
 //!   Smith predictor for a plant that integrates: shafts do, for such times. Its filter is slower, or the noise of boost
 //!   pressure would move the wastegate so much that the pump could no longer hold the vacuum.
 //! - The feedforward takes a part of the schedule's sensitivity. That was identified with a first-order model, in which all
@@ -262,14 +262,17 @@ mod tests {
         for rate in [2000.0, -2000.0] {
             assert_near(
                 settings(motion(rate, 0.0, 3000.0, altitude), 3000.0),
-                [0.068, 0.06, 5.6, 0.0, 0.171],
+                [0.072, 0.09, 5.6, 0.0, 0.171],
             );
         }
         // Half of it is left after half of 2 s, and the integral term moves on.
-        assert_near(settings(motion(2000.0, 1.0, 3000.0, altitude), 3000.0), [0.084, 0.03, 6.8, 1.0, 0.2355]);
+        assert_near(
+            settings(motion(2000.0, 1.0, 3000.0, altitude), 3000.0),
+            [0.086, 0.045, 6.8, 1.0, 0.2355],
+        );
         assert_near(settings(motion(2000.0, 2.0, 3000.0, altitude), 3000.0), identified);
         // Along a slow ramp the integral term moves as well.
-        assert_near(settings(motion(250.0, 0.0, 3000.0, altitude), 3000.0), [0.068, 0.06, 5.6, 1.0, 0.171]);
+        assert_near(settings(motion(250.0, 0.0, 3000.0, altitude), 3000.0), [0.072, 0.09, 5.6, 1.0, 0.171]);
         assert_near(settings(motion(50.0, 0.0, 3000.0, altitude), 3000.0), identified);
     }
 
@@ -279,7 +282,7 @@ mod tests {
         assert_near(settings(motion(2000.0, 0.0, 3000.0, standard), 3000.0), [0.1, 0.0, 8.0, 1.0, 0.3]);
         assert_near(settings(motion(2000.0, 0.0, 1500.0, 80e3), 1500.0), [0.3, 0.0, 8.0, 1.0, 0.3]);
         // At 2000 rpm wholly firm, though the low-pressure wastegate is shut.
-        assert_near(settings(motion(2000.0, 0.0, 2000.0, 80e3), 2000.0), [0.068, 0.06, 5.6, 0.0, 0.171]);
+        assert_near(settings(motion(2000.0, 0.0, 2000.0, 80e3), 2000.0), [0.072, 0.09, 5.6, 0.0, 0.171]);
     }
 
     #[test]
@@ -298,9 +301,9 @@ mod tests {
         };
         near(passes(time_constant(3000.0, parameters.nominal_ambient_pressure, 0.0)), 160e3);
         near(passes(time_constant(1500.0, 80e3, 0.0)), 160e3);
-        // With the model's it is 1.28 λ, by how much slower the shafts are; along a ramp the model's is 0.57 λ.
+        // With the model's it is 1.6 λ, by how much slower the shafts are; along a ramp the model's is 0.57 λ.
         let day = Day::measured(&parameters, &Inputs { ambient_pressure: 80e3, ..Inputs::default() });
-        let slow = 1.28 * 0.3 * day.time_scale();
+        let slow = 1.6 * 0.3 * day.time_scale();
         assert!(slow > 0.4);
         near(passes(time_constant(3000.0, 80e3, 0.0)), 150e3 + 10e3 * SAMPLE_TIME / (slow - 0.3));
         near(passes(time_constant(3000.0, 80e3, 2000.0)), 150e3 + 10e3 * SAMPLE_TIME / (slow - 0.171));

@@ -16,16 +16,25 @@ const ITERATIONS: usize = 2;
 /// The range of the shifted pressure (Pa), that of the measurement: maps with absurd values stay finite.
 const PRESSURES: (f64, f64) = (0.0, 1e6);
 
-/// The engine speed (rpm) whose sensitivity counts while the bypass is open: that at which it would be open so far at
-/// rest, since it lags behind engine speed.
-pub fn speed_of_bypass(parameters: &Parameters, engine_speed: f64, bypass: f64) -> f64 {
+/// The engine speed (rpm) whose sensitivity counts at a rate (rpm/s) of engine speed (rpm), and an opening of the bypass.
+///
+/// While the bypass is open, it is that at which the bypass would be open so far at rest, since it lags behind engine speed.
+/// On another day than the schedule's it is higher in a fall, where the low-pressure wastegate shuts by as much as the range in
+/// which it does: a fall passes that range in less time than the shafts need for the greater sensitivity there, and the speed
+/// that the high-pressure shaft loses for it is missing when the fall ends.
+fn sensitive_speed(parameters: &Parameters, day: &Day, engine_speed: f64, rate: f64, bypass: f64) -> f64 {
     let allocation = &parameters.allocation;
     let (shut, free) = (allocation.bypass_shut_below, allocation.bypass_free_above);
-    if engine_speed < free && bypass > 0.0 {
+    let of_bypass = if engine_speed < free && bypass > 0.0 {
         larger(engine_speed, shut + bypass * (free - shut))
     } else {
         engine_speed
+    };
+    if !day.is_other || rate >= 0.0 {
+        return of_bypass;
     }
+    let (shut, free) = (allocation.low_pressure_shut_below, allocation.low_pressure_free_above);
+    larger(of_bypass, smaller(engine_speed + (free - shut), free))
 }
 
 /// The virtual duty (%) that holds a boost pressure (Pa) while engine speed (rpm) changes at a rate (rpm/s); none where
@@ -42,8 +51,8 @@ pub fn holding_duty(
         return None;
     }
     let schedule = &parameters.range_schedule;
-    let of_bypass = speed_of_bypass(parameters, engine_speed, bypass);
-    let sensitive = day.operating_point(parameters, boost_pressure, of_bypass);
+    let sensitive_speed = sensitive_speed(parameters, day, engine_speed, rate, bypass);
+    let sensitive = day.operating_point(parameters, boost_pressure, sensitive_speed);
     let share = off_schedule::sensitivity_share(parameters, day);
     let shift = |pressure| {
         let sensitivity = sensitive.at_pressure(pressure).interpolate(&schedule.speed_sensitivity);
@@ -67,4 +76,33 @@ pub fn holding_duty(
     let start = larger(allocation.low_pressure_start, here.feedforward());
     let beyond = larger(asked - start, 0.0);
     Some(asked - (1.0 - allocation.low_pressure_share(engine_speed)) * beyond)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::controller::variables::Inputs;
+
+    #[test]
+    fn a_fall_keeps_the_sensitivity_of_higher_speeds_on_other_days() {
+        let parameters = Parameters::default();
+        let speed = |ambient_pressure, engine_speed, rate, bypass| {
+            let day = Day::measured(&parameters, &Inputs { ambient_pressure, ..Inputs::default() });
+            sensitive_speed(&parameters, &day, engine_speed, rate, bypass)
+        };
+        let near =
+            |found: f64, expected: f64| assert!((found - expected).abs() < 1e-9, "{found}, not {expected}");
+        let (altitude, standard) = (80e3, parameters.nominal_ambient_pressure);
+        for (engine_speed, in_a_fall) in
+            [(1600.0, 2100.0), (2000.0, 2500.0), (2300.0, 2500.0), (3000.0, 3000.0)]
+        {
+            near(speed(altitude, engine_speed, -1000.0, 0.0), in_a_fall);
+            near(speed(altitude, engine_speed, 1000.0, 0.0), engine_speed);
+            near(speed(standard, engine_speed, -1000.0, 0.0), engine_speed);
+        }
+        // The bypass would be open by a quarter at 3250 rpm.
+        for (day, rate) in [(altitude, -1000.0), (standard, -1000.0), (standard, 1000.0)] {
+            near(speed(day, 2300.0, rate, 0.25), 3250.0);
+        }
+    }
 }

@@ -14,6 +14,7 @@ use super::actuator_inverse;
 use super::allocation::{self, Bypass, Openings};
 use super::compensator::{Compensator, Limits};
 use super::day::Day;
+use super::duty_lead::DutyLead;
 use super::feedforward;
 use super::law::{BoostLaw, DutyTerms, Task};
 use super::off_schedule::{self, LeadingRate, Motion, ReferenceFilter};
@@ -33,6 +34,7 @@ pub struct SplitRange {
     motion: Motion,
     asked: ReferenceFilter,
     bypass: Bypass,
+    duty_lead: DutyLead,
     shaft_speed: ShaftSpeedLimit,
     surge_valve: SurgeValve,
     /// At the last sample (%).
@@ -143,7 +145,9 @@ impl SplitRange {
         let mut asked = allocation.openings(duty_of_others, engine_speed);
         asked.hp_bypass *= excess.map_or(1.0, shaft_speed_limit::bypass_share);
         let hp_bypass = self.bypass.sample(parameters, asked.hp_bypass, virtual_duty);
-        command(parameters, &day, terms, limits, Openings { hp_bypass, surge_valve, ..asked })
+        let openings = Openings { hp_bypass, surge_valve, ..asked };
+        let command = command(parameters, &day, terms, limits, openings);
+        Command { hp_duty: self.duty_lead.sample(parameters, &day, command.hp_duty), ..command }
     }
 
     /// The inputs and the reference of the boost pressure (Pa) at the last sample as on the day of the schedule, and the
