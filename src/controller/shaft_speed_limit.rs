@@ -33,8 +33,8 @@ const LEAST_MEASUREMENT: f64 = 1e3;
 const BYPASS_SHUTS: (f64, f64) = (-8e3, -4e3);
 
 /// The excess of speed (rpm) at which the other valves begin to wait for the high-pressure wastegate, and that from which
-/// on they wait until it is open: with 207.5 krpm, at 203.5 and 207.5 krpm.
-const OTHERS_WAIT: (f64, f64) = (-4e3, 0.0);
+/// on they wait until it is open: with 207.5 krpm, at 203.5 and 205.5 krpm.
+const OTHERS_WAIT: (f64, f64) = (-4e3, -2e3);
 
 /// The filter of the rate of change (s): a fraction of `lead_time`.
 const RATE_FILTER: f64 = 0.05;
