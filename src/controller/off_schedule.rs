@@ -15,6 +15,7 @@
 //!   feedforward the rate leads by a part of the actuator's lag, and a fall comes in with a lag: boost that is held while
 //!   engine speed begins to fall takes speed from the high-pressure shaft, which is missing when a short fall ends.
 //! - Along fast ramps of engine speed the integral action is that of the [`ramp_term`](super::ramp_term).
+//! - The duty of the high-pressure wastegate leads while it changes ([`duty_lead`](super::duty_lead)).
 //! - The integral term is rescaled as the engine's gain changes along the schedule: what it makes up for is an error of the
 //!   map, which is rather one of pressure than one of duty.
 //! - The reference model follows its limit faster: where the shaft's limit rises with a fall of engine speed, boost can
@@ -24,9 +25,9 @@
 //! - The high-pressure shaft may turn a little faster than on the schedule's day, where its limit is exact.
 //!
 //! The firmer feedback and the faster model act while engine speed changes and fade within 2 s: at constant speed steps of
-//! the reference would overshoot by more. So does the rescaling. All but the rate of engine speed, its sensitivity and the
-//! shaft's allowance come in with engine speed, below where the low-pressure wastegate does. Where the shaft's limit holds
-//! the duty, the feedback stays as it was identified: it would work against that limit.
+//! the reference would overshoot by more. So does the rescaling. All but the rate of engine speed, its sensitivity, the lead of
+//! the duty and the shaft's allowance come in with engine speed, below where the low-pressure wastegate does. Where the
+//! shaft's limit holds the duty, the feedback stays as it was identified: it would work against that limit.
 
 use fmu_export::Persistent;
 
