@@ -19,9 +19,9 @@ const PRESSURES: (f64, f64) = (0.0, 1e6);
 /// The engine speed (rpm) whose sensitivity counts at a rate (rpm/s) of engine speed (rpm), and an opening of the bypass.
 ///
 /// While the bypass is open, it is that at which the bypass would be open so far at rest, since it lags behind engine speed.
-/// On another day than the schedule's it is higher in a fall, where the low-pressure wastegate shuts by as much as the range in
-/// which it does: a fall passes that range in less time than the shafts need for the greater sensitivity there, and the speed
-/// that the high-pressure shaft loses for it is missing when the fall ends.
+/// On another day than the schedule's, that of a fall is higher by the width of the range in which the low-pressure wastegate
+/// shuts, up to the end of that range: a fall passes it in less time than the shafts need for the greater sensitivity there,
+/// and the speed that the high-pressure shaft loses for it is missing when the fall ends.
 fn sensitive_speed(parameters: &Parameters, day: &Day, engine_speed: f64, rate: f64, bypass: f64) -> f64 {
     let allocation = &parameters.allocation;
     let (shut, free) = (allocation.bypass_shut_below, allocation.bypass_free_above);
