@@ -68,6 +68,7 @@ where
         let mut log = |_, _: std::fmt::Arguments<'_>| {};
         let mut context = Context::new(self.experiment, &mut log);
         let step = Step { start, size, inputs: &inputs };
+        self.model.take_parameters(&self.variables);
         self.model.step(&mut self.variables, &step, &mut context).expect("the step succeeds");
     }
 }

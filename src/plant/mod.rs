@@ -154,7 +154,6 @@ impl Model for BoostPlant {
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         let parameters = &variables.parameters;
-        self.take_tunable(parameters);
         let mut states = variables.states;
         let tolerance = tolerance(parameters, context.experiment);
         let budget = budget(step.size);
@@ -182,7 +181,6 @@ impl Model for BoostPlant {
     }
 
     fn refresh(&mut self, _time: f64, variables: &mut Variables, inputs: &Inputs) {
-        self.take_tunable(&variables.parameters);
         let inputs = self.as_held(variables, *inputs);
         let evaluation = self.system.evaluate(&inputs, &variables.states);
         self.show(variables, &inputs, &evaluation);
@@ -294,8 +292,12 @@ impl Model for BoostPlant {
         })
     }
 
-    fn restored(&mut self, variables: &Variables) {
+    fn take_parameters(&mut self, variables: &Variables) {
         self.system = System::new(&variables.parameters);
+    }
+
+    fn restored(&mut self, variables: &Variables) {
+        self.take_parameters(variables);
     }
 }
 
@@ -322,12 +324,6 @@ impl ModelExchange for BoostPlant {
 }
 
 impl BoostPlant {
-    /// Takes the parameters that may have changed since the last step.
-    fn take_tunable(&mut self, parameters: &Parameters) {
-        self.system.freeze_tank(parameters.tank.frozen);
-        self.system.set_fault(parameters.fault);
-    }
-
     /// The inputs with the duty that acts on the valve.
     fn as_held(&self, variables: &Variables, mut inputs: Inputs) -> Inputs {
         if variables.parameters.valve.duty_latch {

@@ -151,15 +151,19 @@ impl<D: Scalar> System<D> {
         let (air, exhaust_gas) = (Gas::new(p.air), Gas::new(p.exhaust_gas));
         let air_orifice = Orifice::new(air, p.restrictions.linear_pressure_ratio);
         let exhaust_orifice = Orifice::new(exhaust_gas, p.restrictions.linear_pressure_ratio);
-        let mut system = Self {
+        Self {
             supply: Supply { pump: p.pump, sensor: p.supply_sensor },
             valve: SolenoidValve {
                 parameters: p.valve,
                 orifice: Orifice::new(air, p.valve.linear_pressure_ratio),
-                leak_area: 0.0.into(),
+                leak_area: p.fault.vacuum_leak_area,
             },
             tank: VacuumTank { parameters: p.tank, pump: p.pump, volume: air.volume(p.tank.volume) },
-            actuator: Actuator { parameters: p.actuator, air, stuck: None },
+            actuator: Actuator {
+                parameters: p.actuator,
+                air,
+                stuck: p.fault.wastegate_stuck.then_some(p.fault.wastegate_stuck_position),
+            },
             air_filter: AirFilter { parameters: p.air_filter, volume: air.volume(p.air_filter.volume) },
             lp_compressor: Compressor::new(p.lp_compressor, air),
             hp_compressor: Compressor::new(p.hp_compressor, air),
@@ -198,16 +202,7 @@ impl<D: Scalar> System<D> {
             hp_shaft: Shaft::new(p.hp_shaft),
             lp_shaft: Shaft::new(p.lp_shaft),
             fault: p.fault,
-        };
-        system.set_fault(p.fault);
-        system
-    }
-
-    /// Begins faults, or ends them.
-    pub fn set_fault(&mut self, fault: FaultParameters<D>) {
-        self.fault = fault;
-        self.valve.leak_area = fault.vacuum_leak_area;
-        self.actuator.stuck = fault.wastegate_stuck.then_some(fault.wastegate_stuck_position);
+        }
     }
 
     /// The faults.

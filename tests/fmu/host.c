@@ -150,18 +150,23 @@ static void restore(Fmu *fmu, void *state) {
 /* Wrong calls, each of which must be an error with a message. */
 static void provoke(Fmu *fmu) {
     const char *unknown[] = {"no such category"};
-    const double nan_value = NAN;
+    /* The second one traps where it is compared and FE_INVALID is enabled. */
+    const union {
+        unsigned long long bits;
+        double number;
+    } quiet = {0x7FF8000000000000}, signaling = {0x7FF0000000000001};
     const unsigned no_variable = 1000000;
     double value;
     int before = fmu->messages;
-    REQUIRE(fmu->SetReal(fmu->instance, fmu->takes, 1, &nan_value) == ERROR, fmu);
+    REQUIRE(fmu->SetReal(fmu->instance, fmu->takes, 1, &quiet.number) == ERROR, fmu);
+    REQUIRE(fmu->SetReal(fmu->instance, fmu->takes, 1, &signaling.number) == ERROR, fmu);
     REQUIRE(fmu->GetReal(fmu->instance, &no_variable, 1, &value) == ERROR, fmu);
     REQUIRE(fmu->DoStep(fmu->instance, 1e3, STEP, 0) == ERROR, fmu);
     REQUIRE(fmu->SetDebugLogging(fmu->instance, 1, 1, unknown) == ERROR, fmu);
     REQUIRE(fmu->EnterInitializationMode(fmu->instance) == ERROR, fmu);
     REQUIRE(fmu->SetFMUstate(fmu->instance, NULL) == ERROR, fmu);
     REQUIRE(instantiate(fmu, "{no GUID}") == NULL, fmu);
-    REQUIRE(fmu->messages == before + 7, fmu);
+    REQUIRE(fmu->messages == before + 8, fmu);
 }
 
 /* Both from the start to a number of steps; back once to a state saved halfway. */

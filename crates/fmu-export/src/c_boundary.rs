@@ -125,7 +125,7 @@ pub(crate) fn instantiate<M: Model>(
     }
 }
 
-/// Runs the body of a function on the instance of a handle.
+/// Runs the body of a function on the instance of a handle, in Rust's floating-point environment.
 ///
 /// # Safety
 /// As for [`Exported::of`].
@@ -135,11 +135,40 @@ pub(crate) unsafe fn call<M: Model>(
     body: impl FnOnce(&mut Instance<M>) -> Answer,
 ) -> Status {
     // SAFETY: the caller's promise.
+    unsafe {
+        run::<M>(handle, function.name(), |instance| in_default_environment(|| instance.call(function, body)))
+    }
+}
+
+/// Runs the body of a function that copies and compares numbers, in the importer's floating-point environment. Where it
+/// computes, it enters Rust's.
+///
+/// # Safety
+/// As for [`Exported::of`].
+unsafe fn copy<M: Model>(
+    handle: *mut c_void,
+    function: impl Function,
+    body: impl FnOnce(&mut Instance<M>) -> Answer,
+) -> Status {
+    // SAFETY: the caller's promise.
+    unsafe { run::<M>(handle, function.name(), |instance| instance.call(function, body)) }
+}
+
+/// Runs a function on the instance of a handle, and delivers its messages.
+///
+/// # Safety
+/// As for [`Exported::of`].
+unsafe fn run<M: Model>(
+    handle: *mut c_void,
+    function: &str,
+    body: impl FnOnce(&mut Instance<M>) -> Status,
+) -> Status {
+    // SAFETY: the caller's promise.
     let Some(target) = (unsafe { Exported::<M>::of(handle) }) else { return Status::Error };
-    let status = in_default_environment(|| target.instance.call(function, body));
+    let status = body(&mut target.instance);
     // From here on the target is not accessed: the importer's logger may call or free it.
     if let Some(messages) = target.instance.take_messages() {
-        messages.deliver(function.name());
+        messages.deliver(function);
     }
     status
 }
@@ -265,7 +294,7 @@ pub(crate) unsafe fn get_values<M: Model, F: Function, T: Copy>(
 ) -> Status {
     // SAFETY: the caller's promise.
     unsafe {
-        call::<M>(handle, function, |instance| {
+        copy::<M>(handle, function, |instance| {
             let references = elements(F::VALUE_REFERENCES, references, count)?;
             let references = F::scalars::<M::Variables>(references, value_count)?;
             write_elements(F::VALUES, values, value_count, |values| get(instance, &references, values))
@@ -286,7 +315,7 @@ pub(crate) unsafe fn set_values<M: Model, F: Function, T: Copy>(
 ) -> Status {
     // SAFETY: the caller's promise.
     unsafe {
-        call::<M>(handle, function, |instance| {
+        copy::<M>(handle, function, |instance| {
             let references = elements(F::VALUE_REFERENCES, references, count)?;
             let references = F::scalars::<M::Variables>(references, value_count)?;
             set(instance, &references, &elements(F::VALUES, values, value_count)?)
@@ -372,7 +401,7 @@ pub(crate) unsafe fn get_state<M: Model>(
     unsafe {
         call::<M>(handle, function, |instance| {
             let state = not_null("FMUstate", state)?;
-            let memory = instance.memory()?.clone();
+            let memory = instance.save()?;
             let saved = state.read_unaligned();
             if saved.is_null() {
                 state.write_unaligned(keep(handle, memory));

@@ -4,6 +4,9 @@
 //! Importers may have another one: hosts in Fortran and Delphi enable traps, others round otherwise or flush subnormal
 //! numbers to zero. With traps the process would end where nothing is wrong, as LLVM divides before it is known whether the
 //! quotient is needed; otherwise results would be others than elsewhere.
+//!
+//! Functions that only copy numbers and compare them with bounds do without: that does not depend on the environment, but
+//! for a warning of an input which is below zero by a subnormal number.
 
 /// Runs code in that environment, and leaves the importer's as it was (FMI 2.0.5, section 2.1.1).
 #[inline]

@@ -4,6 +4,7 @@
 use core::mem;
 
 use crate::error::Error;
+use crate::floating_point::in_default_environment;
 use crate::persistence::{Archive, Persistent};
 
 /// The highest accepted order of an input derivative.
@@ -168,7 +169,8 @@ impl<I: Inputs> InputSignal<I> {
     #[cold]
     fn forget_derivatives(&mut self, position: usize) {
         self.reals[position].derivatives = [0.0; MAX_ORDER];
-        self.find_order();
+        // Compares numbers that may be subnormal.
+        in_default_environment(|| self.find_order());
     }
 
     /// Sets the inputs that are not Real.

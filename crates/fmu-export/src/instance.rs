@@ -18,6 +18,7 @@ use crate::calling_sequence::{Function, Interface, Phase};
 use crate::description::{Causality, ModelDescription, ValueReference};
 use crate::error::{Error, Shown};
 use crate::events::Events;
+use crate::floating_point::in_default_environment;
 use crate::inputs::InputSignal;
 use crate::logger::{Delivery, Logger, RecentMessages};
 use crate::model::{Context, Experiment, InputsOf, Model, Step, Variables, time_rounding};
@@ -101,6 +102,17 @@ impl<M: Model> Memory<M> {
             event: EventUnderWay::default(),
             ticks: Ticks::none(),
         }
+    }
+
+    /// Checks parameters that were set since the last time, and hands them to the model. Whether there were any.
+    fn accept_parameters(&mut self) -> Result<bool, Error> {
+        if !self.parameters_changed {
+            return Ok(false);
+        }
+        M::check_parameters(&self.variables)?;
+        self.model.take_parameters(&self.variables);
+        self.parameters_changed = false;
+        Ok(true)
     }
 
     /// Sets the state at a position.
@@ -197,6 +209,10 @@ pub(crate) struct Instance<M: Model> {
     pub(crate) clock_update: Option<ClockUpdate>,
     /// How many model partitions are in Clock Update Mode.
     clock_updates: u32,
+    /// Whether the importer has saved a state, so that it may try values and roll back.
+    may_roll_back: bool,
+    /// The inputs whose bounds were exceeded and logged. Rolling back does not forget them.
+    logged_inputs: Vec<&'static str>,
 }
 
 impl<M: Model> Instance<M> {
@@ -213,6 +229,8 @@ impl<M: Model> Instance<M> {
             intermediate_update: None,
             clock_update: None,
             clock_updates: 0,
+            may_roll_back: false,
+            logged_inputs: Vec::new(),
         }
     }
 
@@ -378,15 +396,22 @@ impl<M: Model> Instance<M> {
     #[expect(clippy::unnecessary_wraps, reason = "returns what every callable function does")]
     pub(crate) fn reset(&mut self) -> Answer {
         self.memory = Memory::new(self.memory.interface);
+        self.may_roll_back = false;
+        self.logged_inputs.clear();
         Ok(Status::Ok)
     }
 
     /// Recomputes the values if something was set.
     fn compute_values(&mut self) -> Answer {
-        let memory = &mut self.memory;
-        if !memory.stale {
-            return Ok(Status::Ok);
+        if self.memory.stale {
+            in_default_environment(|| self.compute_stale_values())
+        } else {
+            Ok(Status::Ok)
         }
+    }
+
+    fn compute_stale_values(&mut self) -> Answer {
+        let memory = &mut self.memory;
         memory.inputs.update();
         let mut status = Status::Ok;
         match memory.phase {
@@ -410,6 +435,9 @@ impl<M: Model> Instance<M> {
             | Phase::StepEventMode
             | Phase::ClockActivationMode
             | Phase::IntermediateUpdateMode => {
+                if memory.parameters_changed {
+                    memory.model.take_parameters(&memory.variables);
+                }
                 memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.latest());
                 if !M::Variables::CLOCKS.is_empty()
                     && matches!(memory.phase, Phase::EventMode | Phase::StepEventMode)
@@ -452,10 +480,8 @@ impl<M: Model> Instance<M> {
             return Ok(self.discard_for_end());
         }
         memory.inputs.update();
-        if memory.parameters_changed {
-            M::check_parameters(&memory.variables)?;
+        if memory.accept_parameters()? {
             memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.initial());
-            memory.parameters_changed = false;
         }
         let mut status = Status::Ok;
         let logger = &self.logger;
@@ -576,10 +602,11 @@ impl<M: Model> Instance<M> {
     }
 
     /// A copy of everything that later calls depend on.
-    pub(crate) fn memory(&self) -> Result<&Memory<M>, Error> {
+    pub(crate) fn save(&mut self) -> Result<Memory<M>, Error> {
         self.check_partitions()?;
         if Self::DESCRIPTION.capabilities.get_and_set_state {
-            Ok(&self.memory)
+            self.may_roll_back = true;
+            Ok(self.memory.clone())
         } else {
             Err(Error::new("this FMU cannot get and set its state (canGetAndSetFMUstate is false)"))
         }

@@ -334,6 +334,12 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         Err(Error::new("this model provides no adjoint derivatives of its initialization"))
     }
 
+    /// Takes the parameters, after the importer has changed tunable ones and before anything is computed with them: for
+    /// models that keep what follows from parameters. They may contradict each other until [`Model::check_parameters`].
+    fn take_parameters(&mut self, variables: &Self::Variables) {
+        let _ = variables;
+    }
+
     /// Computes, after the memory was read from a serialized state, what was left out of it because it
     /// follows from the rest.
     fn restored(&mut self, variables: &Self::Variables) {

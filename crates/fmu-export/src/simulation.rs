@@ -90,6 +90,7 @@ impl<M: Model> Simulation<M> {
         let mut log = log_to(messages);
         let step = Step { start: *time, size, inputs };
         let mut context = Context::new(*experiment, &mut log);
+        model.take_parameters(variables);
         model.step(variables, &step, &mut context)?;
         if let Some(end) = context.end {
             *time = end;

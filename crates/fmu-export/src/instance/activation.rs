@@ -22,10 +22,7 @@ impl<M: ScheduledExecution> Instance<M> {
         self.check_activation(position, time)?;
         let memory = &mut self.memory;
         memory.inputs.update();
-        if memory.parameters_changed {
-            M::check_parameters(&memory.variables)?;
-            memory.parameters_changed = false;
-        }
+        memory.accept_parameters()?;
         if memory.stale {
             memory.model.refresh(time, &mut memory.variables, memory.inputs.latest());
         }

@@ -52,7 +52,7 @@ impl<M: EventMode> Instance<M> {
     }
 
     pub(crate) fn enter_step_mode(&mut self) -> Answer {
-        self.check_changed_parameters()?;
+        self.memory.accept_parameters()?;
         let status = self.compute_values()?;
         self.memory.end_ticks();
         self.memory.model.enter_step_mode();

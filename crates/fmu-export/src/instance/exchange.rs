@@ -7,6 +7,7 @@ use crate::calling_sequence::{Interface, Phase};
 use crate::description::ValueReference;
 use crate::error::{Error, Shown};
 use crate::events::{Event, MOST_ITERATIONS};
+use crate::floating_point::in_default_environment;
 use crate::model::{Context, Variables, time_rounding};
 use crate::model_exchange::ModelExchange;
 use crate::status::Status;
@@ -90,25 +91,16 @@ impl<M: ModelExchange> Instance<M> {
     }
 
     pub(crate) fn enter_continuous_time_mode(&mut self) -> Answer {
-        self.check_changed_parameters()?;
+        self.memory.accept_parameters()?;
         let status = self.compute_values()?;
         self.memory.end_ticks();
         self.memory.phase = Phase::ContinuousTimeMode;
         Ok(status)
     }
 
-    /// Checks the parameters if a tunable one was set since.
-    pub(super) fn check_changed_parameters(&mut self) -> Result<(), Error> {
-        if self.memory.parameters_changed {
-            M::check_parameters(&self.memory.variables)?;
-            self.memory.parameters_changed = false;
-        }
-        Ok(())
-    }
-
     /// One iteration of an event, if there is one now.
     pub(crate) fn new_discrete_states(&mut self) -> Result<(Status, EventInfo), Error> {
-        self.check_changed_parameters()?;
+        self.memory.accept_parameters()?;
         let mut status = self.compute_values()?;
         let memory = &mut self.memory;
         let has_changed = memory.find_changes()?;
@@ -238,7 +230,7 @@ impl<M: ModelExchange> Instance<M> {
         };
         if references.iter().any(|reference| indicator(reference).is_some()) {
             let mut indicators = vec![0.0; M::Variables::EVENT_INDICATORS.len()];
-            let of_indicators = self.get_event_indicators(&mut indicators)?;
+            let of_indicators = in_default_environment(|| self.get_event_indicators(&mut indicators))?;
             for (value, position) in values.iter_mut().zip(references.iter().map(indicator)) {
                 if let Some(position) = position {
                     *value = indicators[position];

@@ -6,6 +6,7 @@ use super::{Answer, Instance};
 use crate::calling_sequence::Phase;
 use crate::description::{Causality, DataType, Initial, ValueReference, Variability, VariableDescription};
 use crate::error::{Error, Shown};
+use crate::floating_point::in_default_environment;
 use crate::inputs::MAX_ORDER;
 use crate::model::{Model, Variables};
 use crate::status::Status;
@@ -257,15 +258,25 @@ impl<M: Model> Instance<M> {
         })
     }
 
+    /// Tells that the nearest bound is used. Where the importer tries values, in Continuous-Time Mode and in steps that it
+    /// may roll back, the status is no warning, which solvers take for a failed evaluation, and each input is logged once,
+    /// as differences leave the range over and over.
     #[cold]
-    fn warn_of_bounds(&self, variable: &VariableDescription, value: f64) -> Status {
-        self.warn(format_args!(
+    fn warn_of_bounds(&mut self, variable: &'static VariableDescription, value: f64) -> Status {
+        let tries = self.memory.phase == Phase::ContinuousTimeMode || self.may_roll_back;
+        if !self.logged_inputs.contains(&variable.name) {
+            self.logged_inputs.push(variable.name);
+        } else if tries {
+            return Status::Ok;
+        }
+        let warned = self.warn(format_args!(
             "{} for the input {} is outside its range {} to {}; the nearest bound is used",
             Shown(value),
             variable.name,
             Shown(variable.min),
             Shown(variable.max)
-        ))
+        ));
+        if tries { Status::Ok } else { warned }
     }
 
     /// Sets values, after checking all of them.
@@ -281,13 +292,13 @@ impl<M: Model> Instance<M> {
             self.memory.rewind();
         }
         if self.memory.phase == Phase::ContinuousTimeMode {
-            return self.set_between_events(references, values, types, setter);
+            return in_default_environment(|| self.set_between_events(references, values, types, setter));
         }
         let &Setter { as_number, write, .. } = setter;
         for (&reference, &value) in references.iter().zip(values) {
             // Real inputs may be set to any finite value: they are limited to their bounds later.
-            if !(Self::is_real_input(reference) && types == REALS && as_number(value).is_finite()) {
-                self.check(reference, types, as_number(value))?;
+            if !(types == REALS && Self::is_real_input(reference) && as_number(value).is_finite()) {
+                in_default_environment(|| self.check(reference, types, as_number(value)))?;
             }
         }
         self.memory.stale = true;
@@ -309,8 +320,8 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    /// The same in Continuous-Time Mode, of states and continuous inputs. Setting discrete inputs to the values that they
-    /// have is not an error, as FMPy does so.
+    /// The same in Continuous-Time Mode, of states and continuous inputs. Setting discrete inputs (FMPy) and tunable
+    /// parameters (CasADi) to the values that they have is not an error.
     #[cold]
     fn set_between_events<T: Copy>(
         &mut self,
@@ -320,7 +331,8 @@ impl<M: Model> Instance<M> {
         &Setter { as_number, is_set, write }: &Setter<M::Variables, T>,
     ) -> Answer {
         let is_kept = |this: &Self, variable: &VariableDescription, reference, value| {
-            variable.causality == Causality::Input && is_set(&this.memory.variables, reference, value)
+            (variable.causality == Causality::Input || variable.variability == Variability::Tunable)
+                && is_set(&this.memory.variables, reference, value)
         };
         for (&reference, &value) in references.iter().zip(values) {
             let variable = Self::variable(reference, types)?;

@@ -318,6 +318,25 @@ def test_an_input_outside_its_range(live: Live, fmu: Fmu, state: str) -> None:
             at.free()
 
 
+def test_an_input_outside_its_range_in_steps_that_are_rolled_back(make: Make) -> None:
+    """PyFMI and CasADi take any status but OK for a failure. An importer that has saved a state tries values: each
+    input is logged once, however often the importer goes back and tries again."""
+    instance, at = make().initialize(), make().initialize()
+    saved = instance.save()
+    for value in [11.0, 12.0, 5.0, 11.0]:
+        assert instance.set({"rate": value, "drive": 1e9}) == Status.OK
+        assert instance.step(0.0, STEP) == Status.OK
+        instance.ok("fmi2SetFMUstate", saved)
+    first, second = instance.messages
+    assert (first.status, "rate" in first.text) == (Status.WARNING, True)
+    assert (second.status, "drive" in second.text) == (Status.WARNING, True)
+    assert instance.set({"rate": 11.0}) == at.set({"rate": 10.0}) == Status.OK
+    assert instance.run(3) == at.run(3)
+    assert len(instance.messages) == 2
+    instance.ok("fmi2Reset")
+    assert instance.set({"rate": 11.0}) == Status.WARNING
+
+
 def test_parameters_that_contradict_each_other(live: Live, unharmed: Check) -> None:
     """Masters set parameters one by one, so that the contradiction is reported at the end of initialization,
     and between steps by the next step. After a correction the instance continues."""
