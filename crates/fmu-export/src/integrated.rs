@@ -3,6 +3,7 @@
 
 use core::mem;
 
+use crate::audit::check_evaluation;
 use crate::description::{Causality, DataType};
 use crate::equations::{Equations, VariablesOf};
 use crate::error::{Error, Shown};
@@ -84,6 +85,7 @@ impl<E: Equations> Model for Integrated<E> {
             self.equations.prepare(variables, context)?;
             variables.states_from_start();
             self.equations.initialize::<f64>(variables);
+            self.check_evaluation(variables)?;
             self.equations.evaluate::<f64>(self.time, variables);
             let Self { equations, events, time, .. } = self;
             events.begin(*time, E::Variables::EVENT_INDICATORS, |indicators| {
@@ -434,6 +436,14 @@ impl<E: Equations> Integrated<E> {
         go_to(self, after)
     }
 
+    fn check_evaluation(&self, variables: &E::Variables) -> Result<(), Error> {
+        let has_events = !E::Variables::EVENT_INDICATORS.is_empty()
+            || self.equations.next_event(self.time, variables).is_some();
+        check_evaluation(variables, has_events, |variables| {
+            self.equations.evaluate::<f64>(self.time, variables);
+        })
+    }
+
     /// Finds which indicators have changed since the last event. Whether any has.
     fn find_changes(&mut self, variables: &E::Variables) -> Result<bool, Error> {
         let Self { equations, events, time, .. } = self;
@@ -454,6 +464,10 @@ impl<E: Equations> Integrated<E> {
         for _ in 0..MOST_ITERATIONS {
             event.indicators = self.events.changed();
             self.equations.event(&event, variables, context)?;
+            if cfg!(debug_assertions) {
+                // Tests of a model look at each of its branches.
+                self.check_evaluation(variables)?;
+            }
             self.equations.evaluate::<f64>(self.time, variables);
             self.events.accept();
             if !self.find_changes(variables)? {
