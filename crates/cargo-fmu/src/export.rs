@@ -124,8 +124,8 @@ impl Export {
             0 => Ok(()),
             1 => Err(missing.remove(0)),
             _ => {
-                let list: String = missing.iter().map(|error| format!("\n- {error:#}")).collect();
-                bail!("nothing was built, as more than one thing is missing:{list}")
+                let list: Vec<_> = missing.iter().map(|error| format!("{error:#}")).collect();
+                bail!("nothing was built, as more than one thing is missing:\n- {}", list.join("\n- "))
             }
         }
     }
