@@ -260,7 +260,14 @@ impl Plan {
             self.models().collect::<Vec<_>>().join(", "),
             build.name()
         ));
-        compile(&self.metadata, self.models.values(), build, version, self.interfaces)
+        compile(&self.metadata, self.models.values(), build, version, self.interfaces).with_context(|| {
+            match version {
+                Some(version) if self.versions.first() != Some(&Some(version)) => {
+                    format!("nothing was exported of FMI {version}.0")
+                }
+                _ => "nothing was exported".to_owned(),
+            }
+        })
     }
 
     /// Writes the FMUs of what was built, with libraries that were built elsewhere, says so, and returns their files.
