@@ -121,6 +121,16 @@ def test_processors_with_numbers_of_16_bits_are_not_refused(fmu: Path, tmp_path:
     subprocess.run(command, check=True)
 
 
+@pytest.mark.parametrize("compiler", ["gcc", "tcc"])
+def test_a_lock_of_the_importers_is_used(fmu: Path, tmp_path: Path, compiler: str) -> None:
+    (tmp_path / "lock.h").write_text("void begin(void);\nvoid end(void);\n")
+    lock = ["-DACQUIRE=begin()", "-DRELEASE=end()", "-include", tmp_path / "lock.h"]
+    library = tmp_path / "fmi2.o"
+    subprocess.run([compiler, *STRICT, *lock, "-c", fmu / "sources" / "fmi2.c", "-o", library], check=True)
+    done = subprocess.run(["nm", library], capture_output=True, text=True, check=True)
+    assert {"U begin", "U end"} <= {line.strip() for line in done.stdout.splitlines()}
+
+
 def test_a_compiler_without_atomic_operations_is_told_what_it_takes(fmu: Path, tmp_path: Path) -> None:
     command = ["tcc", "-std=c99", "-c", fmu / "sources" / "fmi2.c", "-o", tmp_path / "fmi2.o"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
