@@ -319,8 +319,8 @@ def test_an_input_outside_its_range(live: Live, fmu: Fmu, state: str) -> None:
 
 
 def test_an_input_outside_its_range_in_steps_that_are_rolled_back(make: Make) -> None:
-    """PyFMI and CasADi take any status but OK for a failure. An importer that has saved a state tries values: each
-    input is logged once, however often the importer goes back and tries again."""
+    """PyFMI and CasADi take any status but OK for a failure. An importer that has saved a state tries values:
+    each input is logged once, however often the importer goes back and tries again."""
     instance, at = make().initialize(), make().initialize()
     saved = instance.save()
     for value in [11.0, 12.0, 5.0, 11.0]:
