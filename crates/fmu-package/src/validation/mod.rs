@@ -4,6 +4,7 @@
 
 mod archive;
 mod description;
+pub mod importers;
 mod libraries;
 mod model;
 mod other_files;
@@ -18,6 +19,7 @@ use std::fs::File;
 use std::io;
 use std::path::Path;
 
+use importers::Importer;
 use rules::{ARCHIVE_NAME, DESCRIPTION_MISSING, Rule, Severity, VERSION};
 use xml::Xml;
 
@@ -96,11 +98,11 @@ enum Version {
     Three,
 }
 
-/// Finds what is wrong in an FMU.
+/// Finds what is wrong in an FMU, and what some importers refuse.
 ///
 /// # Errors
 /// When the file cannot be read.
-pub fn validate(fmu: &Path) -> io::Result<Report> {
+pub fn validate(fmu: &Path, importers: &[&Importer]) -> io::Result<Report> {
     let cannot_open =
         |error: io::Error| io::Error::new(error.kind(), format!("cannot open {}: {error}", fmu.display()));
     let file = File::open(fmu).map_err(cannot_open)?;
@@ -112,12 +114,12 @@ pub fn validate(fmu: &Path) -> io::Result<Report> {
         report.add(&ARCHIVE_NAME, Place::default(), "the file's name does not end in .fmu");
     }
     if let Some(mut files) = archive::Files::open(file, &mut report) {
-        check(&mut files, &mut report);
+        check(&mut files, importers, &mut report);
     }
     Ok(report)
 }
 
-fn check(files: &mut archive::Files, report: &mut Report) {
+fn check(files: &mut archive::Files, importers: &[&Importer], report: &mut Report) {
     if !files.contains(MODEL_DESCRIPTION) {
         let inside = files.paths().find(|path| path.ends_with("/modelDescription.xml"));
         let message = match inside {
@@ -150,4 +152,5 @@ fn check(files: &mut archive::Files, report: &mut Report) {
     structure::check(&model, report);
     libraries::check(&model, files, report);
     other_files::check(&model, files, report);
+    importers::check(&model, importers, report);
 }
