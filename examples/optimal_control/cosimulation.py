@@ -1,0 +1,74 @@
+"""Both FMUs in co-simulation with FMPy: what BoostController does, and what the plant makes of given valves."""
+
+from fmpy import extract, read_model_description
+from fmpy.fmi2 import FMU2Slave
+
+FOLDER = "target/both"
+STEP = 1 / 80  # s, the controller's sample time
+
+START_KPA, END_KPA = 125.0, 170.0
+"""The step of boost, here and of the optimum."""
+
+MEASURED = ["boost_pressure", "hp_turbo_speed", "exhaust_manifold_pressure", "hp_wastegate_position"]
+VALVES = ["hp_wastegate_pwm", "lp_wastegate", "hp_bypass"]
+
+
+class FMU2ByName(FMU2Slave):
+    """An FMU in initialization mode, its variables by name."""
+
+    def __init__(self, name, engine_speed):
+        path = f"{FOLDER}/{name}.fmu"
+        description = read_model_description(path)
+        super().__init__(guid=description.guid, modelIdentifier=name, unzipDirectory=extract(path))
+        self.variables = {v.name: v for v in description.modelVariables}
+        self.instantiate()
+        self.setupExperiment(startTime=0.0)
+        self.enterInitializationMode()
+        self.set(["engine_speed"], [engine_speed])
+
+    def get(self, names):
+        return self.getReal([self.variables[name].valueReference for name in names])
+
+    def set(self, names, values):
+        self.setReal([self.variables[name].valueReference for name in names], values)
+
+    def named(self, causality):
+        return {name for name, v in self.variables.items() if v.causality == causality}
+
+
+def plant_at(engine_speed, valves):
+    """The plant settled at an engine speed (rpm) and opened valves."""
+    plant = FMU2ByName("BoostPlant", engine_speed)
+    plant.set(VALVES, valves)
+    plant.exitInitializationMode()
+    return plant
+
+
+def apply(engine_speed, start, valves):
+    """Applies valves to the settled plant, one row per step; returns what is measured after each step."""
+    plant, rows = plant_at(engine_speed, start), []
+    for step, opened in enumerate(valves):
+        plant.set(VALVES, opened)
+        plant.doStep(step * STEP, STEP)
+        rows.append(plant.get(MEASURED))
+    return rows
+
+
+def closed_loop(engine_speed, references):
+    """BoostController's response to a reference (Pa) per step: per step the measured and the valves' openings."""
+    controller, plant = (FMU2ByName(name, engine_speed) for name in ("BoostController", "BoostPlant"))
+    commands = controller.named("output") & plant.named("input")
+    measurements = plant.named("output") & controller.named("input")
+    controller.set(["boost_reference"], [references[0]])
+    plant.set(commands, controller.get(commands))
+    controller.exitInitializationMode()
+    plant.exitInitializationMode()
+    rows = []
+    for step, reference in enumerate(references):
+        controller.set(["boost_reference"], [reference])
+        controller.set(measurements, plant.get(measurements))
+        controller.doStep(step * STEP, STEP)
+        plant.set(commands, controller.get(commands))
+        plant.doStep(step * STEP, STEP)
+        rows.append((plant.get(MEASURED), controller.get(VALVES)))
+    return rows
