@@ -1,4 +1,4 @@
-"""Both FMUs in co-simulation with FMPy: what BoostController does, and what the plant makes of given valves."""
+"""Both FMUs in co-simulation with FMPy: the loop with BoostController, and the plant with given valves."""
 
 from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
@@ -7,7 +7,7 @@ FOLDER = "target/both"
 STEP = 1 / 80  # s, the controller's sample time
 
 START_KPA, END_KPA = 125.0, 170.0
-"""The step of boost, here and of the optimum."""
+"""The step of boost."""
 
 MEASURED = ["boost_pressure", "hp_turbo_speed", "exhaust_manifold_pressure", "hp_wastegate_position"]
 VALVES = ["hp_wastegate_pwm", "lp_wastegate", "hp_bypass"]
@@ -37,7 +37,7 @@ class FMU2ByName(FMU2Slave):
 
 
 def plant_at(engine_speed, valves):
-    """The plant settled at an engine speed (rpm) and opened valves."""
+    """The plant, settled at an engine speed (rpm) and with these valves."""
     plant = FMU2ByName("BoostPlant", engine_speed)
     plant.set(VALVES, valves)
     plant.exitInitializationMode()
@@ -45,8 +45,9 @@ def plant_at(engine_speed, valves):
 
 
 def apply(engine_speed, start, valves):
-    """Applies valves to the settled plant, one row per step; returns what is measured after each step."""
-    plant, rows = plant_at(engine_speed, start), []
+    """Applies rows of valves to the settled plant; returns the measured at the start and after each step."""
+    plant = plant_at(engine_speed, start)
+    rows = [plant.get(MEASURED)]
     for step, opened in enumerate(valves):
         plant.set(VALVES, opened)
         plant.doStep(step * STEP, STEP)
@@ -55,7 +56,7 @@ def apply(engine_speed, start, valves):
 
 
 def closed_loop(engine_speed, references):
-    """BoostController's response to a reference (Pa) per step: per step the measured and the valves' openings."""
+    """Runs BoostController with a boost reference (Pa) for each step; returns the measured and the valves."""
     controller, plant = (FMU2ByName(name, engine_speed) for name in ("BoostController", "BoostPlant"))
     commands = controller.named("output") & plant.named("input")
     measurements = plant.named("output") & controller.named("input")

@@ -1,29 +1,17 @@
-"""The steady states with the least exhaust pressure for a boost: a small nonlinear program for each, over all valves."""
-
-from dataclasses import dataclass
+"""The operating points with the least exhaust pressure for a boost: a nonlinear program for each."""
 
 import casadi as ca
 import numpy as np
+from casadi_plant import KRPM, load, voltage
 from fastest_step import DUTY_RANGE
-from plant import KRPM, load, voltage
 
 SHAFT_LIMIT = 210.0  # krpm
 
 HELD = ["tank.pressure", "actuator.velocity", "actuator.friction_force"]
-"""What a steady state does not determine: the tank, a rod at rest, and its friction."""
+"""At their start values: the tank's, and 0 for a rod at rest."""
 
 BALANCED_ELSEWHERE = ["tank.pressure", "actuator.position", "actuator.friction_force"]
-"""Their derivatives are those of the tank, or are zero for a rod at rest."""
-
-
-@dataclass
-class Point:
-    """An optimum: valves (duty in %, openings), kPa and krpm."""
-
-    valves: list[float]
-    exhaust_pressure: float
-    boost: float
-    shaft: float
+"""Derivatives that are no conditions: the tank fills slowly, and the other two are 0 for a rod at rest."""
 
 
 class OperatingPoints:
@@ -49,9 +37,9 @@ class OperatingPoints:
                 "g": ca.vertcat(plant.derivatives(x, given)[balances], x[self.boost]),
             },
             {
-                # The second derivatives jump where the valve of the chamber is at rest.
+                # Second derivatives jump at rest, where the chamber's valve changes sides.
                 "ipopt.hessian_approximation": "limited-memory",
-                # No valve beyond its bounds, not even by 1e-8, which Ipopt allows otherwise.
+                # Ipopt otherwise evaluates 1e-8 beyond the bounds, outside the inputs' ranges.
                 "ipopt.bound_relax_factor": 0.0,
                 "ipopt.print_level": 0,
                 "ipopt.sb": "yes",
@@ -67,17 +55,11 @@ class OperatingPoints:
         self.guess = np.append(plant.start, [0.4, 0.0, 0.0])
 
     def solve(self, engine_speed, boost):
-        """At an engine speed (rpm) and a boost (kPa)."""
+        """The valves at an engine speed (rpm) and a boost (kPa): duty (%), low-pressure wastegate, bypass."""
         balanced = np.zeros(self.solver.size1_in("lbg"))
         balanced[-1] = boost * 1e3 / self.plant.nominal[self.boost]
         found = self.solver(
             x0=self.guess, p=engine_speed, lbx=self.lowest, ubx=self.highest, lbg=balanced, ubg=balanced
         )
         self.guess = found["x"].full().ravel()
-        x = self.guess[:-3] * self.plant.nominal
-        return Point(
-            valves=list(self.guess[-3:] * [100, 1, 1]),
-            exhaust_pressure=x[self.exhaust] / 1e3,
-            boost=x[self.boost] / 1e3,
-            shaft=x[self.shaft] * KRPM,
-        )
+        return self.guess[-3:] * [100, 1, 1]
