@@ -44,11 +44,11 @@ def plant_at(engine_speed, valves):
     return plant
 
 
-def apply(engine_speed, start, valves):
-    """Applies rows of valves to the settled plant; returns the measured at the start and after each step."""
-    plant = plant_at(engine_speed, start)
+def apply(engine_speed, valves):
+    """Settles the plant at the first row of valves, steps with the others; returns the measured for each."""
+    plant = plant_at(engine_speed, valves[0])
     rows = [plant.get(MEASURED)]
-    for step, opened in enumerate(valves):
+    for step, opened in enumerate(valves[1:]):
         plant.set(VALVES, opened)
         plant.doStep(step * STEP, STEP)
         rows.append(plant.get(MEASURED))

@@ -5,8 +5,8 @@ error, with a small penalty on their moves, while the high-pressure shaft stays 
 simulates the plant, linearizes it along the trajectory and solves a quadratic program (Gauss-Newton) in a
 trust region.
 
-Every iterate is thus a trajectory of the plant. With collocation and multiple shooting they are not, and Ipopt
-did not converge: the plant has kinks, such as the stops of the wastegate's rod.
+Every iterate is thus a trajectory of the plant. With collocation and multiple shooting they are not, and
+Ipopt did not converge: the plant has kinks, such as the stops of the wastegate's rod.
 """
 
 from dataclasses import dataclass
@@ -20,8 +20,8 @@ HORIZON = 2.0  # s
 SAMPLES = round(HORIZON / STEP)
 
 SUBSTEPS = 10
-"""Runge-Kutta steps in a sample, of 1.25 ms; stable up to 1.7 ms, as the fastest time constant is 0.6 ms. Boost
-is within 0.01 kPa of the co-simulation, the shaft within 0.01 krpm."""
+"""Runge-Kutta steps in a sample, of 1.25 ms: stable up to 1.7 ms, as the fastest time constant is 0.6 ms.
+Boost is within 0.01 kPa of the co-simulation, the shaft within 0.01 krpm."""
 
 DUTY_RANGE = 25.0, 75.0
 """In %: the controller's."""

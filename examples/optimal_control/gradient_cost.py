@@ -1,5 +1,5 @@
-"""What a gradient costs in CasADi: by an FMU's adjoint derivatives, by its Jacobian and by finite differences,
-beside a model in CasADi's own symbols.
+"""What a gradient costs in CasADi: by an FMU's adjoint derivatives, its Jacobian and finite differences, and
+with a model in CasADi's own symbols.
 
 python examples/optimal_control/gradient_cost.py VAN_DER_POL.fmu
 

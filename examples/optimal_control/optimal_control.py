@@ -3,15 +3,15 @@
 python examples/optimal_control/optimal_control.py [--plot FILE]
 
 Two optima: the fastest step of boost below a limit of the high-pressure shaft, and the operating points with
-the least exhaust pressure. They are found with the plant's Model Exchange FMU and applied to its co-simulation
-FMU.
+the least exhaust pressure. They are found with the plant's Model Exchange FMU and applied to its
+co-simulation FMU.
 """
 
 import argparse
 
 import numpy as np
 from cosimulation import END_KPA, MEASURED, START_KPA, STEP, apply, closed_loop, plant_at
-from fastest_step import SAMPLES, fastest_step
+from fastest_step import HORIZON, SAMPLES, fastest_step
 from operating_points import OperatingPoints
 
 SHAFT_LIMITS = {1500: 130.0, 2500: 145.0}
@@ -33,27 +33,28 @@ def settled_after(boost):
 
 
 def steps():
-    """For each engine speed, the measured and the valves, with BoostController and at the optimum."""
+    """For each engine speed the measured and the valves, first at rest: BoostController's, the optimum's."""
     found = {}
     for engine_speed, limit in SHAFT_LIMITS.items():
         references = [START_KPA * 1e3] * REST + [END_KPA * 1e3] * 2 * REST
         measured, valves = map(np.array, zip(*closed_loop(engine_speed, references), strict=True))
-        start, measured, valves = valves[REST - 1], measured[REST - 1 :], valves[REST:]
-        optimum = fastest_step(engine_speed, start[:2], limit)
-        opened = np.column_stack([optimum.valves, np.full(SAMPLES, start[2])])
-        applied = np.array(apply(engine_speed, start, opened))
+        measured, valves = measured[REST - 1 :], valves[REST - 1 :]
+        optimum = fastest_step(engine_speed, valves[0, :2], limit)
+        bypass = np.full(SAMPLES, valves[0, 2])
+        opened = np.vstack([valves[0], np.column_stack([optimum.valves, bypass])])
+        applied = np.array(apply(engine_speed, opened))
         found[engine_speed] = {"BoostController": (measured, valves), "optimum": (applied, opened)}
         for name, (rows, _) in found[engine_speed].items():
             boost, shaft = rows[:, 0] / 1e3, rows[:, 1] / 1e3
             print(
-                f"{engine_speed} rpm, {name}: within {SETTLED_KPA} kPa after {settled_after(boost):.2f} s, "
-                f"at the end {boost[-1]:.2f} kPa; shaft up to {max(shaft):.1f} krpm"
+                f"{engine_speed} rpm, {name}: within {SETTLED_KPA} kPa after {settled_after(boost):.2f} s; "
+                f"{boost[SAMPLES]:.1f} kPa at {HORIZON:.0f} s; shaft up to {max(shaft):.1f} krpm"
             )
     return found
 
 
 def operating_points():
-    """For each boost, the measured and the valves by engine speed, with BoostController and at the optimum."""
+    """For each boost, the same at rest, by engine speed."""
     found = {}
     for boost in BOOSTS:
         points, optima, controlled = OperatingPoints(), [], []
@@ -91,15 +92,15 @@ def plot(file, steps, points):
             boost, shaft = measured[: SAMPLES + 1, :2].T / 1e3
             column[0].plot(time, boost, color=color, lw=1.8, label=name)
             column[1].plot(time, shaft, color=color, lw=1.8)
-            for opening, style, valve in ((valves[:, 0], "-", "high"), (100 * valves[:, 1], ":", "low")):
+            for opening, style, valve in ((valves[:, 0], "-", "HP"), (100 * valves[:, 1], ":", "LP")):
                 column[2].stairs(
-                    opening[:SAMPLES],
+                    opening[1 : SAMPLES + 1],
                     time,
                     baseline=None,
                     color=color,
                     lw=1.2,
                     ls=style,
-                    label=f"{valve} pressure",
+                    label=f"{valve}, {name}",
                 )
         column[0].set_title(f"step to {END_KPA:.0f} kPa at {engine_speed} rpm", fontsize=10)
         column[1].axhline(SHAFT_LIMITS[engine_speed], color="tab:red", lw=0.8, label="limit")
@@ -115,11 +116,11 @@ def plot(file, steps, points):
     panels[2, 2].set(xlabel="engine speed (rpm)", xlim=(ENGINE_SPEEDS[0], ENGINE_SPEEDS[-1]))
     for axes, label in (
         (panels[0, 0], "boost pressure (kPa)"),
-        (panels[1, 0], "high-pressure shaft (krpm)"),
-        (panels[2, 0], "wastegates: duty, opening (%)"),
+        (panels[1, 0], "HP shaft (krpm)"),
+        (panels[2, 0], "duty, opening (%)"),
         (panels[0, 2], "exhaust pressure (kPa)"),
-        (panels[1, 2], "high-pressure wastegate (%)"),
-        (panels[2, 2], "low-pressure wastegate (%)"),
+        (panels[1, 2], "HP wastegate (%)"),
+        (panels[2, 2], "LP wastegate (%)"),
     ):
         axes.set_ylabel(label)
     panels[0, 0].legend(loc="lower right")
