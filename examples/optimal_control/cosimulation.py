@@ -1,5 +1,7 @@
 """Both FMUs in co-simulation with FMPy: the loop with BoostController, and the plant with given valves."""
 
+from functools import cache
+
 from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
 
@@ -13,13 +15,19 @@ MEASURED = ["boost_pressure", "hp_turbo_speed", "exhaust_manifold_pressure", "hp
 VALVES = ["hp_wastegate_pwm", "lp_wastegate", "hp_bypass"]
 
 
+@cache
+def opened(name):
+    """The description of an FMU, and the folder that it is extracted to."""
+    path = f"{FOLDER}/{name}.fmu"
+    return read_model_description(path), extract(path)
+
+
 class FMU2ByName(FMU2Slave):
     """An FMU in initialization mode, its variables by name."""
 
     def __init__(self, name, engine_speed):
-        path = f"{FOLDER}/{name}.fmu"
-        description = read_model_description(path)
-        super().__init__(guid=description.guid, modelIdentifier=name, unzipDirectory=extract(path))
+        description, folder = opened(name)
+        super().__init__(guid=description.guid, modelIdentifier=name, unzipDirectory=folder)
         self.variables = {v.name: v for v in description.modelVariables}
         self.instantiate()
         self.setupExperiment(startTime=0.0)
@@ -48,8 +56,8 @@ def apply(engine_speed, valves):
     """Settles the plant at the first row of valves, steps with the others; returns the measured for each."""
     plant = plant_at(engine_speed, valves[0])
     rows = [plant.get(MEASURED)]
-    for step, opened in enumerate(valves[1:]):
-        plant.set(VALVES, opened)
+    for step, openings in enumerate(valves[1:]):
+        plant.set(VALVES, openings)
         plant.doStep(step * STEP, STEP)
         rows.append(plant.get(MEASURED))
     return rows
