@@ -16,7 +16,7 @@ from operating_points import OperatingPoints
 
 SHAFT_LIMITS = {1500: 130.0, 2500: 145.0}
 """krpm by engine speed. The 210 krpm that this shaft may reach do not limit these steps: without a limit the
-optima reach 136 and 180 krpm. At rest at 170 kPa it turns at 124 and 130 krpm."""
+optima reach 135 and 175 krpm. At rest at 170 kPa it turns at 124 and 130 krpm."""
 
 REST = 800
 """Samples (10 s) in which the loop comes to rest."""

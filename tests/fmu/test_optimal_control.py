@@ -82,7 +82,7 @@ def test_parameters_have_to_be_fixed(folder: Path) -> None:
 
 
 def check_fastest_step(plant: Make, engine_speed: str, found: dict, limit: float) -> None:
-    """Its valves, applied by the tests' master, end within 0.5 kPa and keep the limit (rpm) within 100 rpm."""
+    """Its valves, applied by the tests' master, end within 0.5 kPa and keep the limit within 100 rpm."""
     rest, *valves = np.array(found["optimum"][1])
     instance = plant().start({"engine_speed": float(engine_speed), **dict(zip(VALVES, rest, strict=True))})
     signals = {
@@ -145,8 +145,7 @@ def check_page(printed: str) -> None:
 
 
 def test_the_optima(folder: Path, plant: Make) -> None:
-    """They converge, hold in co-simulation, and are those of the page: in one test, as it takes half a minute to
-    find them."""
+    """They converge, hold in co-simulation, and are on the page: one test, as they take half a minute."""
     (folder / "optima.py").write_text(OPTIMA)
     printed = run("python optima.py", folder)
     optima = json.loads((folder / "optima.json").read_text())
