@@ -3,8 +3,6 @@
 import casadi as ca
 
 dae = ca.DaeBuilder("plant", "target/both/BoostPlant.fmu")
-for name in dae.p():
-    dae.set_variability(name, "fixed")
 dae.set("engine_speed", 2000.0)
 dae.set("hp_wastegate_pwm", 44.0)  # a discrete input: a constant in CasADi
 

@@ -73,14 +73,6 @@ def test_first_steps(folder: Path, plant: Make, fmu: str) -> None:
     assert shown == pytest.approx(boost[[0, 80, 160]], abs=ON_TOLERANCE)
 
 
-def test_parameters_have_to_be_fixed(folder: Path) -> None:
-    """The failure that the page tells of: without it, the paragraph would be out of date."""
-    script = (ROOT / SCRIPTS / "first_steps.py").read_text()
-    (folder / "tunable.py").write_text(script.replace('dae.set_variability(name, "fixed")', "pass"))
-    with pytest.raises(AssertionError, match="cannot be set in the state Continuous-Time Mode"):
-        run("python tunable.py", folder)
-
-
 def check_fastest_step(plant: Make, engine_speed: str, found: dict, limit: float) -> None:
     """Its valves, applied by the tests' master, end within 0.5 kPa and keep the limit within 100 rpm."""
     rest, *valves = np.array(found["optimum"][1])
