@@ -31,7 +31,33 @@ pub struct Events {
     indicators: Box<[f64]>,
     /// The indicators on both sides of a crossing that is searched for.
     sides: [Box<[f64]>; 2],
+    /// The largest magnitude that each has had.
+    scales: Box<[f64]>,
+    /// The indicators in the last two places of a search, and these places.
+    last: [Box<[f64]>; 2],
+    places: [f64; 2],
+    /// The number of places in the search, of those where an indicator turns sharply, and where it turns at all.
+    looked: u32,
+    sharp: u32,
+    turning: u32,
 }
+
+/// How indicators change from place to place in a search.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Pace {
+    /// So fast that a crossing may be missed.
+    Fast,
+    Even,
+    /// So slowly that half as many places would do.
+    Slow,
+}
+
+/// An indicator turns sharply where its second difference is so large, relative to its scale; an oscillation does with
+/// fewer than some eight places in a period. It turns where it is an eighth of that.
+const SHARP: f64 = 0.5;
+const TURNING: f64 = SHARP / 8.0;
+/// Kinks and jumps turn sharply in two places, however close these are.
+const OF_A_JUMP: u32 = 2;
 
 /// The sides of a crossing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,6 +72,7 @@ impl Persistent for Events {
         self.next.persist(archive)?;
         self.reached.persist(archive)?;
         self.crowded.persist(archive)?;
+        self.scales.persist(archive)?;
         self.positive.persist(archive)
     }
 }
@@ -61,6 +88,12 @@ impl Events {
             changed: vec![false; indicators].into(),
             indicators: vec![0.0; indicators].into(),
             sides: [vec![0.0; indicators].into(), vec![0.0; indicators].into()],
+            scales: vec![0.0; indicators].into(),
+            last: [vec![0.0; indicators].into(), vec![0.0; indicators].into()],
+            places: [0.0; 2],
+            looked: 0,
+            sharp: 0,
+            turning: 0,
         }
     }
 
@@ -130,6 +163,47 @@ impl Events {
             *changed = (*indicator > 0.0) != *positive;
         }
         Ok(self.changed.contains(&true))
+    }
+
+    /// Begins a search at the place where the indicators were computed last.
+    pub(crate) fn begin_search(&mut self, place: f64) {
+        (self.looked, self.sharp, self.turning) = (0, 0, 0);
+        self.places[1] = place;
+        self.last[1].copy_from_slice(&self.indicators);
+    }
+
+    /// Looks at the indicators that were computed last, in the next place.
+    pub(crate) fn look(&mut self, place: f64) {
+        self.looked += 1;
+        let share = (self.places[1] - self.places[0]) / (place - self.places[0]);
+        let (mut is_sharp, mut turns) = (false, false);
+        for (i, indicator) in self.indicators.iter().enumerate() {
+            let [first, second] = [self.last[0][i], self.last[1][i]];
+            let scale = &mut self.scales[i];
+            *scale = scale.max(indicator.abs());
+            if self.looked > 1 {
+                // Twice as far from the straight line: where the places are even, the second difference.
+                let difference = 2.0 * (second - first - share * (indicator - first)).abs();
+                is_sharp |= difference > SHARP * *scale;
+                turns |= difference > TURNING * *scale;
+            }
+        }
+        self.sharp += u32::from(is_sharp);
+        self.turning += u32::from(turns);
+        self.places = [self.places[1], place];
+        self.last.swap(0, 1);
+        self.last[1].copy_from_slice(&self.indicators);
+    }
+
+    /// How the indicators changed in the search.
+    pub(crate) fn pace(&self) -> Pace {
+        if self.sharp > OF_A_JUMP + self.looked / 16 {
+            Pace::Fast
+        } else if self.turning <= OF_A_JUMP {
+            Pace::Slow
+        } else {
+            Pace::Even
+        }
     }
 
     /// Notes the indicators that were computed last as those on a side of a crossing.

@@ -8,7 +8,7 @@ use crate::description::{Causality, DataType};
 use crate::equations::{Equations, VariablesOf};
 use crate::error::{Error, Shown};
 use crate::event_mode::{EventMode, EventsLeft, Stop, Stops, due_until};
-use crate::events::{Event, Events, MOST_ITERATIONS, Side};
+use crate::events::{Event, Events, MOST_ITERATIONS, Pace, Side};
 use crate::inputs::{InputSignal, Inputs as _};
 use crate::integrator::{Integrator, StepFailure, System, Tolerance};
 use crate::model::{Context, InputsOf, Model, Step, Variables, time_rounding};
@@ -22,8 +22,11 @@ pub const DEFAULT_TOLERANCE: f64 = 1e-6;
 const MOST_TRIALS: u32 = 100_000;
 /// The steps after an event are short at first: where there is one event to so many trials, events are the cause.
 const MOST_TRIALS_AN_EVENT: u32 = 8;
-/// In how many places, beside its end, a step is searched for events.
+/// In how many places, at least, a step is searched for events, and at most.
 const SEARCHED: u32 = 8;
+const MOST_SEARCHED: u32 = 1 << 16;
+/// In how many places beyond a crossing, where indicators change faster than states.
+const CONFIRMED: u32 = 24;
 /// How far beyond its estimate a crossing is looked for, in roundings of the time since the step's start.
 const ROOT_MARGIN: f64 = 4.0;
 /// An event that is due so little after a communication step, relative to it and beyond the rounding of the time, belongs
@@ -44,6 +47,8 @@ pub struct Integrated<E: Equations> {
     /// That since the step's start, by which states are integrated: late in an experiment the time is rounded more than
     /// the step may be.
     elapsed: f64,
+    /// The time in s between two places that are searched for events, where indicators change faster than states.
+    look: f64,
     events: Events,
     /// The states, as an array.
     states: Vec<f64>,
@@ -57,6 +62,7 @@ impl<E: Equations> Default for Integrated<E> {
             integrator: Integrator::new(states),
             time: 0.0,
             elapsed: 0.0,
+            look: f64::INFINITY,
             events: Events::new(E::Variables::EVENT_INDICATORS.len()),
             states: vec![0.0; states],
         }
@@ -69,6 +75,7 @@ impl<E: Equations> crate::Persistent for Integrated<E> {
         self.equations.persist(archive)?;
         self.integrator.persist(archive)?;
         self.time.persist(archive)?;
+        self.look.persist(archive)?;
         self.events.persist(archive)
     }
 }
@@ -411,22 +418,51 @@ impl<E: Equations> Integrated<E> {
         if E::Variables::EVENT_INDICATORS.is_empty() {
             return go_to(self, end);
         }
-        let (mut before, mut after) = (begin, end);
-        self.events.note(Side::Before);
-        for place in 1..=SEARCHED {
-            let share = f64::from(place) / f64::from(SEARCHED);
-            let elapsed = if place == SEARCHED { end } else { begin + share * (end - begin) };
-            if go_to(self, elapsed)? {
-                self.events.note(Side::After);
-                after = elapsed;
-                break;
-            }
+        // So close that the indicators change little from place to place, whatever the step: crossings would be missed.
+        let mut places = SEARCHED;
+        while (end - begin) / f64::from(places) > self.look && places < MOST_SEARCHED {
+            places *= 2;
+        }
+        let (mut before, mut after) = loop {
+            let (mut before, mut after) = (begin, None);
             self.events.note(Side::Before);
-            before = elapsed;
-        }
-        if before >= end {
-            return Ok(false);
-        }
+            self.events.begin_search(begin);
+            let mut last = places;
+            for place in 1..=places {
+                if place > last {
+                    break;
+                }
+                let share = (f64::from(place) + unevenness(place)) / f64::from(places);
+                let elapsed = if place == places { end } else { begin + share * (end - begin) };
+                let has_changed = go_to(self, elapsed)?;
+                self.events.look(elapsed);
+                if after.is_some() {
+                    // Whether it was the first crossing depends on how the indicators change.
+                } else if has_changed {
+                    self.events.note(Side::After);
+                    after = Some(elapsed);
+                    last = if places == SEARCHED { SEARCHED } else { place + CONFIRMED };
+                } else {
+                    self.events.note(Side::Before);
+                    before = elapsed;
+                }
+            }
+            let pace = self.events.pace();
+            let distance = (end - begin) / f64::from(places);
+            if pace == Pace::Fast && places < MOST_SEARCHED {
+                places *= 2;
+                self.look = 0.5 * distance;
+                go_to(self, begin)?;
+                continue;
+            }
+            if pace == Pace::Slow && self.look < 2.0 * distance {
+                self.look = 2.0 * distance;
+            }
+            match after {
+                Some(after) => break (before, after),
+                None => return Ok(false),
+            }
+        };
         // Straight lines from side to side lead close to the crossing; a little beyond them, on the side that has not
         // moved, both sides close in. Halving ends the search, when no time is between.
         let mut moved = Side::After;
@@ -508,6 +544,15 @@ impl<E: Equations> Integrated<E> {
             E::Variables::STATE_NAMES[failure.state]
         ))
     }
+}
+
+/// By how much a place is off an even distance from the others, so that no oscillation keeps step with them: pseudo-random,
+/// from -1/4 to 1/4.
+fn unevenness(place: u32) -> f64 {
+    // The finalizer of MurmurHash3.
+    let mixed = (place ^ place >> 16).wrapping_mul(0x85EB_CA6B);
+    let mixed = (mixed ^ mixed >> 13).wrapping_mul(0xC2B2_AE35);
+    0.5 * f64::from(mixed ^ mixed >> 16) / f64::from(u32::MAX) - 0.25
 }
 
 /// Computes with inputs that are within their bounds in the place of those that were set.

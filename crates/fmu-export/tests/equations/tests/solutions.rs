@@ -1,8 +1,8 @@
 //! The built-in integrator against closed forms and independent solutions.
 
 use fmu_export::{
-    Dual, Equations, Error, InputSignal, Integrated, Model, Number, Persistent, Simulation, Tape,
-    Variables as _, VariablesOf, check_dependencies,
+    Context, Dual, Equations, Error, Event, InputSignal, Integrated, Model, Number, Persistent, Simulation,
+    Tape, Variables as _, VariablesOf, check_dependencies,
 };
 use fmu_export_equations::{
     BouncingBall, Decay, Hires, Robertson, Stairs, Undeclared, VanDerPol, bouncing_ball, decay, stairs,
@@ -206,6 +206,44 @@ fn events_that_come_ever_faster_are_an_error_that_says_when() {
     assert!(error.starts_with("the step from 0 s was given up at the time "), "{error}");
     assert!(error.contains("after 100000 trials and events"), "{error}");
     assert!(error.ends_with("are events, which come ever faster, the last one of height"), "{error}");
+}
+
+/// Counts where a sine of time passes a half.
+#[derive(Clone, Debug, Default, Persistent)]
+struct Crossings {}
+
+impl Equations for Crossings {
+    type Variables = stairs::Variables;
+
+    fn evaluate<T: Number>(&self, _time: T, variables: &mut VariablesOf<Self, T>) {
+        variables.derivatives.level = T::from(0.0);
+        variables.outputs.seen = T::from(0.0);
+    }
+
+    fn event_indicators(&self, time: f64, _variables: &stairs::Variables, indicators: &mut [f64]) {
+        indicators[0] = (50.0 * time).sin() - 0.5;
+    }
+
+    fn event(
+        &mut self,
+        event: &Event<'_>,
+        variables: &mut stairs::Variables,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        variables.outputs.switches += i32::from(!event.is_initial);
+        Ok(())
+    }
+}
+
+/// sin 50 t = 0.5 twice in each of 795.77 periods in 100 s, at a twelfth and five twelfths.
+#[test]
+fn no_crossing_is_missed_in_long_steps() {
+    for steps in [1, 10, 100, 1000] {
+        let mut simulation = simulation::<Crossings>(1e-6);
+        simulation.initialize().unwrap();
+        go_to(&mut simulation, 100.0, steps).unwrap();
+        assert_eq!(simulation.variables.outputs.switches, 1592, "in {steps} steps");
+    }
 }
 
 #[test]
