@@ -2,7 +2,7 @@
 //!
 //! The library is not loaded, nothing is extracted, and time and memory are bounded by the sizes that are read.
 
-mod archive;
+pub(crate) mod archive;
 mod description;
 mod libraries;
 mod model;
@@ -15,7 +15,7 @@ mod variables;
 mod xml;
 
 use std::fs::File;
-use std::io;
+use std::io::{self, BufReader};
 use std::path::Path;
 
 use rules::{ARCHIVE_NAME, DESCRIPTION_MISSING, Rule, Severity, VERSION};
@@ -111,7 +111,7 @@ pub fn validate(fmu: &Path) -> io::Result<Report> {
     if fmu.extension().is_none_or(|extension| extension != "fmu") {
         report.add(&ARCHIVE_NAME, Place::default(), "the file's name does not end in .fmu");
     }
-    if let Some(mut files) = archive::Files::open(file, &mut report) {
+    if let Some(mut files) = archive::Files::open(BufReader::new(file), &mut report) {
         check(&mut files, &mut report);
     }
     Ok(report)
