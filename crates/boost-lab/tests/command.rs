@@ -618,7 +618,20 @@ fn records_are_compared_as_numbers_and_in_a_plot() {
         ),
         (&["one.csv", "two.csv", "--plot", "one.csv"], "one.csv: a plot is written to a file that ends with"),
         (&["one.csv", "scenario.toml"], "scenario.toml: a record is a file that ends with .csv or .parquet"),
+        (&["one.csv", "later.csv"], "later.csv has none of the times of one.csv"),
+        (&["empty.csv", "one.csv"], "empty.csv has no rows"),
+        (&["one.csv", "hours.csv"], "cannot read hours.csv: its time is in h, not in s"),
+        (&["one.csv", "vast.csv", "--plot", "x.svg"], "level, vast.csv: 1e308 is beyond 1e300"),
+        (&["one.csv", "vast.csv", "--plot", "x.png"], "level, vast.csv: 1e308 is beyond 1e300"),
     ] {
+        for (name, table) in [
+            ("later.csv", "time,level\n2,1\n3,1\n"),
+            ("empty.csv", "time,level\n"),
+            ("hours.csv", "time (h),level\n0,1\n"),
+            ("vast.csv", "time,level\n0,1\n1,1e308\n"),
+        ] {
+            bench.write(name, table);
+        }
         let message = bench.refusal(&[&["compare"], arguments].concat());
         assert!(message.contains(reason), "{message}");
     }
