@@ -666,6 +666,23 @@ fn a_study_has_a_report() {
     );
 }
 
+/// It records what is measured: neither what else is drawn nor what else has noise.
+#[test]
+fn a_study_takes_a_scenario_with_panels_and_noise() {
+    let bench = Bench::new();
+    let own = "panels = [[\"level\", \"input\"]]\nmeasurement_noise.input.standard_deviation = 1.0\n";
+    let scenario = format!("record = [\"level\", \"input\"]\n{own}{}", bench.read("scenario.toml"));
+    bench.write("scenario.toml", &scenario);
+    bench.succeeds(&["simulate", "scenario.toml"]);
+    let study = bench.read("study.toml");
+    for (records, header) in [("true", "time,level,input\n"), ("false", "")] {
+        bench.write("study.toml", &study.replace("records = true", &format!("records = {records}")));
+        bench.succeeds(&["sweep", "study.toml", "--out", records]);
+        assert!(bench.read(&format!("{records}/results.csv")).contains("\n1,2.0,2.0,,\n"));
+        assert!(header.is_empty() || bench.read("true/records/0.csv").starts_with(header));
+    }
+}
+
 /// It is not replaced by a file.
 #[cfg(unix)]
 #[test]
