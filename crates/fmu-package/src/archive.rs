@@ -183,9 +183,10 @@ mod tests {
         for path in
             ["../a", "a/../../b", "/etc/passwd", "a//b", "./a", "C:/a", "a\\..\\b", "a/.", ".. /a", "a/..."]
         {
-            let reason = match path.contains('\\') {
-                true => "its path has backslashes",
-                false => "it would be extracted outside of its folder on some systems",
+            let reason = if path.contains('\\') {
+                "its path has backslashes"
+            } else {
+                "it would be extracted outside of its folder on some systems"
             };
             let expected = format!("its entry '{path}': {reason}");
             assert_eq!(refusal(archive(&["first", path])), expected);
