@@ -443,7 +443,7 @@ def test_fmu_that_would_write_outside_of_its_folder_is_refused(
     with zipfile.ZipFile(fmus / "BoostPlant.fmu", "a") as archive:
         archive.writestr("../../outside", "harm")
     message = refusal(lab, tmp_path, fmus, FIGURE_13)
-    assert "its entry '../../outside' would be extracted outside of its folder" in message
+    assert "its entry '../../outside': it would be extracted outside of its folder" in message
 
 
 def test_units_that_differ_are_converted(lab: Run, exported: Path, tmp_path: Path) -> None:

@@ -36,21 +36,36 @@ struct Difference {
     /// The greatest, with its time; none where they are equal.
     greatest: Option<(f64, f64)>,
     root_mean_square: f64,
-    /// The rows in which one of both is not finite, and the other is another value.
+    /// The rows in which the values differ, but not by a finite number.
     undefined: usize,
 }
 
 impl<'a> Comparison<'a> {
     /// Compares records by their names; of all variables, or of some.
     pub fn new(records: &'a [(String, Record)], wanted: Option<&[String]>) -> Result<Self> {
-        let [(_, first), others @ ..] = records else { bail!("there is no record to compare") };
+        let [(first_name, first), others @ ..] = records else { bail!("there is no record to compare") };
         let mut notes = vec![];
+        if let Some((name, _)) = records.iter().find(|(_, record)| record.time().is_empty()) {
+            bail!("{name} has no rows");
+        }
         for (name, record) in others {
-            if !has_times_of(record, first) {
-                notes.push(format!(
-                    "{name} and {} have different times: values between those of {name} are taken from a line",
-                    records[0].0
-                ));
+            let times = record.time();
+            let mut place = 0;
+            let common = first.time().iter().filter(|time| at(times, times, **time, &mut place).is_some());
+            match (common.count(), first.time().len()) {
+                (0, _) => {
+                    let range = |times: &[f64]| format!("{} s to {} s", times[0], times[times.len() - 1]);
+                    bail!(
+                        "{name} has none of the times of {first_name}: it is from {}, {first_name} from {}",
+                        range(times),
+                        range(first.time())
+                    );
+                }
+                (common, rows) if !has_times_of(record, first) => notes.push(format!(
+                    "{name} and {first_name} have different times: {common} of {rows} rows of {first_name} are \
+                     compared, with values on the line between two rows of {name}"
+                )),
+                _ => {}
             }
         }
         let known = || first.columns().iter().map(|column| column.name.as_str());
@@ -178,7 +193,7 @@ impl Variable<'_> {
         let Difference { greatest, root_mean_square, undefined, .. } = &self.differences[record];
         let undefined = match undefined {
             0 => String::new(),
-            rows => format!("; not a number in one of both in {rows} rows"),
+            rows => format!("; no finite difference in {rows} rows"),
         };
         match greatest {
             Some((value, time)) => [
@@ -187,7 +202,7 @@ impl Variable<'_> {
                 format!("{} root of mean square{undefined}", quantity(*root_mean_square, self.unit)),
             ],
             None if undefined.is_empty() => ["equal".to_owned(), String::new(), String::new()],
-            None => ["equal".to_owned(), String::new(), undefined[2..].to_owned()],
+            None => ["unequal".to_owned(), String::new(), undefined[2..].to_owned()],
         }
     }
 }
@@ -208,8 +223,10 @@ impl Difference {
         let greatest = finite().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
         let greatest =
             greatest.filter(|(_, difference)| *difference != 0.0).map(|&(time, value)| (value, time));
-        let squares: f64 = finite().map(|(_, difference)| difference * difference).sum();
-        let root_mean_square = (squares / finite().count().max(1) as f64).sqrt();
+        // The squares of the greatest numbers are infinite.
+        let size = greatest.map_or(1.0, |(value, _)| value.abs());
+        let squares: f64 = finite().map(|(_, difference)| (difference / size).powi(2)).sum();
+        let root_mean_square = size * (squares / finite().count().max(1) as f64).sqrt();
         Self { points, greatest, root_mean_square, undefined }
     }
 }
@@ -277,6 +294,40 @@ mod tests {
         assert!(comparison.text().contains("equal"), "{}", comparison.text());
         assert_eq!(comparison.variables[0].differences[0].points.len(), 3);
         assert!(comparison.notes[0].contains("different times"));
+    }
+
+    #[test]
+    fn records_without_common_times_are_not_equal() {
+        let refusal = |a: &[(f64, f64)], b: &[(f64, f64)]| {
+            let records = [record("a", "m", a), record("b", "m", b)];
+            Comparison::new(&records, None).err().unwrap().to_string()
+        };
+        let rows = [(0.0, 1.0), (1.0, 1.0)];
+        assert_eq!(
+            refusal(&rows, &[(2.0, 1.0), (3.5, 1.0)]),
+            "b has none of the times of a: it is from 2 s to 3.5 s, a from 0 s to 1 s"
+        );
+        assert!(refusal(&rows, &[(0.25, 1.0), (0.75, 1.0)]).starts_with("b has none of the times of a"));
+        assert_eq!(refusal(&rows, &[]), "b has no rows");
+        assert_eq!(refusal(&[], &rows), "a has no rows");
+        // One row of two.
+        let records = [record("a", "m", &rows), record("b", "m", &[(1.0, 1.0), (2.0, 1.0)])];
+        let notes = Comparison::new(&records, None).unwrap().notes;
+        assert!(notes[0].contains("1 of 2 rows of a are compared"), "{notes:?}");
+    }
+
+    /// Their squares and the greatest differences are infinite.
+    #[test]
+    fn the_greatest_numbers_are_compared() {
+        let text = |a: f64, b: f64| {
+            let records = [record("a", "m", &[(0.0, a)]), record("b", "m", &[(0.0, b)])];
+            Comparison::new(&records, None).unwrap().text()
+        };
+        let half = text(0.0, 1e308);
+        assert_eq!(half.matches("1.0\u{b7}10\u{b3}\u{2070}\u{2078}").count(), 2, "{half}");
+        for text in [text(-1e308, 1e308), text(f64::NAN, 1.0)] {
+            assert!(text.contains("unequal") && text.contains("no finite difference in 1 rows"), "{text}");
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! inputs of its name without a connection; a signal for a single FMU takes precedence over a connection. A scenario
 //! made of a system has the system's own connections instead.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -518,7 +518,11 @@ impl Recorder {
             columns.push((name.to_owned(), unit));
         };
         if let Some(record) = &scenario.record {
+            let mut seen = BTreeSet::new();
             for recorded in record {
+                if !seen.insert(&recorded.name) {
+                    return Err(recorded.location.error(format!("{} is recorded already", recorded.name)));
+                }
                 let found = find(&recorded.name, scenario, fmus);
                 add(&recorded.name, recorded.location.locate(found)?);
             }

@@ -1,7 +1,8 @@
 //! Recorded variables over time.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
+use std::panic;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
@@ -11,7 +12,7 @@ use parquet::column::reader::get_typed_column_reader;
 use parquet::data_type::DoubleType;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 
-use crate::table::{Cells, Table, TableColumn, TableFormat, UNITS};
+use crate::table::{Cells, Table, TableColumn, TableFormat, UNITS, expect_seconds, name_and_unit};
 
 /// The name of the first column.
 const TIME: &str = "time";
@@ -78,28 +79,52 @@ impl Record {
     pub fn read(path: &Path) -> Result<Self> {
         let columns = match TableFormat::of(path)? {
             TableFormat::Csv => csv_columns(&reading::text(path)?),
-            TableFormat::Parquet => parquet_columns(path),
+            TableFormat::Parquet => without_panic(|| parquet_columns(path)),
         };
-        let mut columns = columns.with_context(|| format!("cannot read {}", path.display()))?.into_iter();
-        let Some(time) = columns.next().filter(|column| column.name == TIME) else {
-            bail!("{}: the first column of a record is {TIME}", path.display());
-        };
-        if !time.values.is_sorted() {
-            bail!("{}: the time decreases", path.display());
-        }
-        Ok(Self { time: time.values, columns: columns.collect() })
+        columns.and_then(Self::of_columns).with_context(|| format!("cannot read {}", path.display()))
     }
+
+    fn of_columns(columns: Vec<Column>) -> Result<Self> {
+        let mut columns = columns.into_iter();
+        let Some(time) = columns.next().filter(|column| column.name == TIME) else {
+            bail!("the first column of a record is {TIME}");
+        };
+        expect_seconds(&time.unit)?;
+        if !time.values.iter().all(|time| time.is_finite()) {
+            bail!("a time is not a finite number");
+        }
+        if !time.values.is_sorted() {
+            bail!("the time decreases");
+        }
+        let mut names = BTreeSet::new();
+        let columns: Vec<_> = columns.collect();
+        for column in &columns {
+            if !names.insert(&column.name) {
+                bail!("two columns are named {}", column.name);
+            }
+            if column.values.len() != time.values.len() {
+                bail!("{} has {} rows, the time {}", column.name, column.values.len(), time.values.len());
+            }
+        }
+        Ok(Self { time: time.values, columns })
+    }
+}
+
+/// The library for Parquet panics on some damaged files.
+fn without_panic<T>(read: impl FnOnce() -> Result<T> + panic::UnwindSafe) -> Result<T> {
+    let hook = panic::take_hook();
+    panic::set_hook(Box::new(|_| ()));
+    let read = panic::catch_unwind(read);
+    panic::set_hook(hook);
+    read.unwrap_or_else(|_| bail!("it is damaged"))
 }
 
 fn csv_columns(text: &str) -> Result<Vec<Column>> {
     let mut reader =
         csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
     let named = |header: &str| {
-        let (name, unit) = match header.strip_suffix(')').and_then(|header| header.rsplit_once(" (")) {
-            Some((name, unit)) => (name.to_owned(), unit.to_owned()),
-            None => (header.to_owned(), String::new()),
-        };
-        Column { name, unit, values: vec![] }
+        let (name, unit) = name_and_unit(header);
+        Column { name: name.to_owned(), unit: unit.to_owned(), values: vec![] }
     };
     let mut columns: Vec<_> = reader.headers()?.iter().map(named).collect();
     for row in reader.records() {
@@ -190,6 +215,9 @@ mod tests {
             ("a.csv", "time,b\n0,1\n1,x\n", "a.csv: line 3, b: expected a number, found \"x\""),
             ("b.csv", "b,time\n0,1\n", "b.csv: the first column of a record is time"),
             ("c.csv", "time,b\n1,1\n0,1\n", "c.csv: the time decreases"),
+            ("f.csv", "time (h),b\n0,1\n", "f.csv: its time is in h, not in s"),
+            ("g.csv", "time,b\ninf,1\n", "g.csv: a time is not a finite number"),
+            ("h.csv", "time,b,b (Pa)\n0,1,2\n", "h.csv: two columns are named b"),
             ("d.parquet", "no", "cannot read "),
             ("e.txt", "time\n0\n", "e.txt: a record is a file that ends with .csv or .parquet"),
         ] {
@@ -198,5 +226,26 @@ mod tests {
             let refusal = format!("{:#}", Record::read(&path).unwrap_err());
             assert!(refusal.contains(reason), "{refusal}");
         }
+    }
+
+    /// Whatever byte is wrong; the library for Parquet panics at some.
+    #[test]
+    fn a_damaged_parquet_file_is_read_or_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.parquet");
+        record().table().write(TableFormat::Parquet, Header::Names, File::create(&path).unwrap()).unwrap();
+        let whole = fs::read(&path).unwrap();
+        let mut panics = 0;
+        for index in 0..whole.len() {
+            let mut bytes = whole.clone();
+            bytes[index] ^= 0xff;
+            fs::write(&path, bytes).unwrap();
+            if let Err(error) = Record::read(&path) {
+                let error = format!("{error:#}");
+                assert!(error.starts_with("cannot read ") && error.contains("a.parquet: "), "{error}");
+                panics += usize::from(error.ends_with("it is damaged"));
+            }
+        }
+        assert!(panics > 0);
     }
 }

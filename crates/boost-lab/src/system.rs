@@ -1,18 +1,16 @@
 //! Scenarios that are not written as such: one FMU alone, and the system in an .ssp, with the connections, start values
 //! and parameter sets that it has.
 
-use std::fs::File;
-use std::io::BufReader;
 use std::path::Path;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Error, Result, bail};
 use fmu_package::temporary::Folder;
 use fmu_package::terminal::number;
 use fmu_package::{
-    ConnectorDescription, FmuDescription, Kind, Linear, ParameterSet, SystemDescription, Unit, Value,
-    archive, reading,
+    ConnectorDescription, FmuDescription, Kind, Linear, ParameterSet, SystemDescription, Unit, Value, reading,
 };
 
+use crate::importer::extract;
 use crate::scenario::{Connection, Input, Location, Member, Scenario, Signal, Stepping};
 
 /// The structure that every package has (SSP, section 3).
@@ -100,15 +98,17 @@ pub fn alone(path: &Path, times: Times) -> Result<Scenario> {
 /// The system of a package, and the folder with its FMUs.
 pub fn read(path: &Path, times: Times) -> Result<(Scenario, Folder)> {
     let folder = extract(path).with_context(|| format!("cannot read {}", path.display()))?;
-    let mut scenario =
-        of_structure(folder.path(), times).with_context(|| format!("the system in {}", path.display()))?;
+    let scenario =
+        of_structure(folder.path(), times).with_context(|| format!("the system in {}", path.display()));
+    let mut scenario = scenario.map_err(|error| named(&error, path, &folder))?;
     scenario.files.push(path.to_owned());
     Ok((scenario, folder))
 }
 
-fn extract(path: &Path) -> Result<Folder> {
-    let mut archive = archive::open(BufReader::new(File::open(path)?))?;
-    Ok(Folder::filled("boost-lab-", |folder| archive::extract(&mut archive, folder))?)
+/// An error in which the package stands for the folder that it was extracted to.
+pub fn named(error: &Error, package: &Path, folder: &Folder) -> Error {
+    let [package, folder] = [package, folder.path()].map(|path| path.display().to_string());
+    Error::msg(format!("{error:#}").replace(&folder, &package))
 }
 
 fn of_structure(folder: &Path, times: Times) -> Result<Scenario> {

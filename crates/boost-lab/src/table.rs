@@ -37,6 +37,19 @@ pub enum Header {
     NamesAndUnits,
 }
 
+/// The name and the unit in the header of a column; the unit is empty where there is none.
+pub fn name_and_unit(header: &str) -> (&str, &str) {
+    header.strip_suffix(')').and_then(|header| header.rsplit_once(" (")).unwrap_or((header, ""))
+}
+
+/// Refuses the unit of a time that is not in s.
+pub fn expect_seconds(unit: &str) -> Result<()> {
+    match unit {
+        "" | "s" => Ok(()),
+        other => bail!("its time is in {other}, not in s"),
+    }
+}
+
 pub struct Table<'a>(pub Vec<TableColumn<'a>>);
 
 pub struct TableColumn<'a> {

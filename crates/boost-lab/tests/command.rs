@@ -528,7 +528,7 @@ fn a_system_runs_with_its_connections_start_values_and_parameters() {
         (
             "careless.fmu\"><ssd:Connectors>\n            <ssd:Connector name=\"input\" kind=\"input\"/></",
             "none.fmu\"><ssd:Connectors></",
-            "the component second: cannot open ",
+            "the component second: cannot open chain.ssp/resources/none.fmu: ",
         ),
         (
             "name=\"drive\"",
@@ -540,6 +540,10 @@ fn a_system_runs_with_its_connections_start_values_and_parameters() {
         let message = bench.refusal(&system);
         assert!(message.contains(reason), "{message}");
     }
+    careless::write(&bench.path("careless.fmu"), DESCRIPTION, &library()[..100]);
+    write_system(&bench, "", "");
+    let message = bench.refusal(&system);
+    assert!(message.contains("cannot import chain.ssp/resources/careless.fmu: "), "{message}");
 }
 
 #[test]
@@ -618,7 +622,20 @@ fn records_are_compared_as_numbers_and_in_a_plot() {
         ),
         (&["one.csv", "two.csv", "--plot", "one.csv"], "one.csv: a plot is written to a file that ends with"),
         (&["one.csv", "scenario.toml"], "scenario.toml: a record is a file that ends with .csv or .parquet"),
+        (&["one.csv", "later.csv"], "later.csv has none of the times of one.csv"),
+        (&["empty.csv", "one.csv"], "empty.csv has no rows"),
+        (&["one.csv", "hours.csv"], "cannot read hours.csv: its time is in h, not in s"),
+        (&["one.csv", "vast.csv", "--plot", "x.svg"], "level, vast.csv: 1e308 is beyond 1e300"),
+        (&["one.csv", "vast.csv", "--plot", "x.png"], "level, vast.csv: 1e308 is beyond 1e300"),
     ] {
+        for (name, table) in [
+            ("later.csv", "time,level\n2,1\n3,1\n"),
+            ("empty.csv", "time,level\n"),
+            ("hours.csv", "time (h),level\n0,1\n"),
+            ("vast.csv", "time,level\n0,1\n1,1e308\n"),
+        ] {
+            bench.write(name, table);
+        }
         let message = bench.refusal(&[&["compare"], arguments].concat());
         assert!(message.contains(reason), "{message}");
     }
@@ -651,6 +668,59 @@ fn a_study_has_a_report() {
     assert!(
         bench.read("out/results.csv").starts_with("run,alone:input,alone:fail,last (Pa),error,warnings\n")
     );
+}
+
+/// It records what is measured: neither what else is drawn nor what else has noise.
+#[test]
+fn a_study_takes_a_scenario_with_panels_and_noise() {
+    let bench = Bench::new();
+    let own = "panels = [[\"level\", \"input\"]]\nmeasurement_noise.input.standard_deviation = 1.0\n";
+    let scenario = format!("record = [\"level\", \"input\"]\n{own}{}", bench.read("scenario.toml"));
+    bench.write("scenario.toml", &scenario);
+    bench.succeeds(&["simulate", "scenario.toml"]);
+    let study = bench.read("study.toml");
+    for (records, header) in [("true", "time,level,input\n"), ("false", "")] {
+        bench.write("study.toml", &study.replace("records = true", &format!("records = {records}")));
+        bench.succeeds(&["sweep", "study.toml", "--out", records]);
+        assert!(bench.read(&format!("{records}/results.csv")).contains("\n1,2.0,2.0,,\n"));
+        assert!(header.is_empty() || bench.read("true/records/0.csv").starts_with(header));
+    }
+}
+
+#[test]
+fn numbers_of_the_command_line_are_finite_and_in_their_range() {
+    let bench = Bench::new();
+    let tune = ["tune", "--plant", "careless.fmu"];
+    let identify = ["identify", "actuator", "a.csv", "--plant", "careless.fmu"];
+    for (command, option, expected, values) in [
+        (["simulate", "scenario.toml"].as_slice(), "--stop-time", "a finite number", ["nan", "inf"]),
+        (&["simulate", "careless.fmu"], "--step", "a finite number above 0", ["nan", "0"]),
+        (&tune, "--lambda", "a finite number above 0", ["nan", "-1"]),
+        (&tune, "--engine-speeds", "a finite number above 0", ["1,nan", "0,1"]),
+        (&tune, "--boost-references", "a finite number above 0", ["1,inf", "0,1"]),
+        (&identify, "--validation-share", "a number from 0 to 0.9", ["nan", "1"]),
+    ] {
+        for value in values {
+            let message = bench.refusal(&[command, &[&format!("{option}={value}")]].concat());
+            assert!(message.contains(option) && message.contains(expected), "{value}: {message}");
+        }
+    }
+    // What an FMU says is not checked by the command line.
+    let description =
+        DESCRIPTION.replace("<ModelVariables>", "<DefaultExperiment stopTime=\"NaN\"/><ModelVariables>");
+    careless::write(&bench.path("careless.fmu"), &description, library());
+    let message = bench.refusal(&["simulate", "careless.fmu", "--step", "0.1"]);
+    assert!(message.contains("NaN communication steps of 0.1 s: expected 1 to 4294967295"), "{message}");
+}
+
+#[test]
+fn a_variable_is_recorded_once() {
+    let bench = Bench::new();
+    bench.write("twice.toml", &format!("record = [\"level\", \"level\"]\n{}", bench.read("scenario.toml")));
+    let message = bench.refusal(&["simulate", "twice.toml"]);
+    assert!(message.contains("twice.toml, line 1, record[2]: level is recorded already"), "{message}");
+    let message = bench.refusal(&["simulate", "scenario.toml", "--record", "level,input,level"]);
+    assert!(message.contains("--record: level is recorded already"), "{message}");
 }
 
 /// It is not replaced by a file.

@@ -18,7 +18,6 @@ mod target;
 mod validate;
 
 use std::env;
-use std::io;
 use std::path::PathBuf;
 use std::process::{self, ExitCode};
 
@@ -140,8 +139,9 @@ pub fn main() -> ExitCode {
                 let mut command = Arguments::command();
                 // Shells complete the program that cargo runs.
                 let name = command.get_name().to_owned();
-                clap_complete::generate(shell, &mut command, name, &mut io::stdout());
-                Ok(())
+                let mut script = vec![];
+                clap_complete::generate(shell, &mut command, name, &mut script);
+                String::from_utf8(script).map_err(Into::into).and_then(|script| Ok(terminal::print(&script)?))
             }
             Command::Man { folder } => clap_mangen::generate_to(Arguments::command(), &folder)
                 .with_context(|| format!("cannot write to the folder {}", folder.display())),

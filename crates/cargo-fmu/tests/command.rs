@@ -562,3 +562,24 @@ fn info_shows_the_variables_of_each_version_of_fmi() {
         assert_eq!(words, ["p", "input", data_type, "Pa", "1e5", "0..", "pressure"]);
     }
 }
+
+/// As under `| true`, which does not read.
+#[test]
+fn a_closed_pipe_ends_no_command_in_a_panic() {
+    let path = archive("pipe.fmu", "modelDescription.xml", &description(""));
+    for arguments in [
+        ["completions", "bash"].as_slice(),
+        &["validate", "--rules"],
+        &["info", &path],
+        &["info", &path, "--format", "json"],
+        &["--help"],
+        &["--version"],
+    ] {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"));
+        let output = command.arg("fmu").args(arguments).stdout(writer).output().unwrap();
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success() && message.is_empty(), "{arguments:?}: {message}");
+    }
+}

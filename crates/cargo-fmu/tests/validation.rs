@@ -162,3 +162,50 @@ fn the_published_rules_are_those_of_the_command() {
         "run `cargo fmu validate --rules`, and put the tables into docs/validation.md"
     );
 }
+
+/// A program must not take an FMU that another one refuses.
+#[test]
+fn what_validate_finds_in_the_archive_is_refused_by_all_that_read_it() {
+    let below = archive_of(
+        "below.fmu",
+        &[("modelDescription.xml", DESCRIPTION.as_bytes()), ("modelDescription.xml/x", b"")],
+    );
+    let linked = fmu("linked.fmu", DESCRIPTION);
+    let file = fs::File::options().read(true).write(true).open(&linked).unwrap();
+    let mut zip = zip::ZipWriter::new_append(file).unwrap();
+    zip.add_symlink("resources/link", "/etc/passwd", zip::write::SimpleFileOptions::default()).unwrap();
+    zip.finish().unwrap();
+    // In the last entry's header of the central directory.
+    let long = fmu("long.fmu", DESCRIPTION);
+    let mut bytes = fs::read(&long).unwrap();
+    let header = bytes.windows(4).rposition(|window| window == b"PK\x01\x02").unwrap();
+    bytes[header + 24] += 1;
+    fs::write(&long, bytes).unwrap();
+    let twice = archive_of("twice.fmu", &[("resources/one", b""), ("resources/two", b"")]);
+    let mut bytes = fs::read(&twice).unwrap();
+    for place in 0..bytes.len() - 13 {
+        if bytes[place..].starts_with(b"resources/two") {
+            bytes[place..place + 13].copy_from_slice(b"resources/one");
+        }
+    }
+    fs::write(&twice, bytes).unwrap();
+    for (path, entry) in [
+        (&below, "modelDescription.xml/x"),
+        (&linked, "resources/link"),
+        (&long, "binaries/darwin64/VisualStudio/tank.lib"),
+        (&twice, "resources/one"),
+    ] {
+        assert_eq!(cargo_fmu(&["validate", path]).status.code(), Some(1), "{path}");
+        for arguments in [
+            ["info", path].as_slice(),
+            &["info", path, "--format", "json"],
+            &["parameters", path, "--out", "no.ssv"],
+            &["merge", path, "--out", "no.fmu"],
+        ] {
+            let output = cargo_fmu(arguments);
+            let message = String::from_utf8(output.stderr).unwrap();
+            assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+            assert!(message.contains(&format!("{path} is not an FMU: its entry '{entry}': ")), "{message}");
+        }
+    }
+}

@@ -1,8 +1,9 @@
 //! ZIP archives: written reproducibly, and read without trust.
 //!
-//! Harmful archives are refused: with paths out of the archive's folder, two entries of one path, or huge sizes.
+//! An archive is read if [validation](super::validation) finds no error in its entries: harmful ones are refused, with
+//! paths out of the archive's folder, links, two entries of one path, or huge sizes.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, Cursor, Read, Seek, Write};
 use std::path::Path;
@@ -13,25 +14,26 @@ use zip::write::{SimpleFileOptions, ZipWriter};
 use zip::{CompressionMethod, DateTime, ZipArchive};
 
 use super::reading::{LARGEST_CONTENT, LARGEST_TEXT, up_to, utf_8};
+use super::validation::Report;
+use super::validation::archive::Files;
+use super::validation::rules::Severity;
 
-/// Opens the archive of an FMU or a system, and checks all its entries.
+/// Opens the archive of an FMU or a system, and unpacks all its entries once to check them.
 ///
 /// # Errors
-/// When it is not a ZIP archive, or an entry is harmful; the message names it.
+/// When it is not a ZIP archive, or an entry is harmful or damaged; the message names it.
 pub fn open<R: Read + Seek>(reader: R) -> io::Result<ZipArchive<R>> {
-    let mut archive = ZipArchive::new(reader)
-        .map_err(|error| broken(format!("it is not a ZIP archive: {}", plain(error))))?;
-    let mut paths = Paths::default();
-    let mut size = 0_u64;
-    for index in 0..archive.len() {
-        let entry = archive.by_index_raw(index).map_err(plain)?;
-        paths.add(&path_of(&entry)?)?;
-        size = size.saturating_add(entry.size());
-        if size > LARGEST_CONTENT {
-            return Err(broken(format!("its entries claim to hold more than {LARGEST_CONTENT} bytes")));
-        }
+    let mut report = Report::default();
+    let files = Files::open(reader, &mut report);
+    let error = report.findings.into_iter().find(|finding| finding.rule.severity == Severity::Error);
+    match (files, error) {
+        (Some(files), None) => Ok(files.into_archive()),
+        (_, Some(error)) => Err(broken(match error.place.file {
+            Some(path) => format!("its entry '{path}': {}", error.message),
+            None => error.message,
+        })),
+        (None, None) => Err(broken("it cannot be read")),
     }
-    Ok(archive)
 }
 
 /// The text of an entry.
@@ -53,11 +55,11 @@ fn read_text_up_to<R: Read + Seek>(
         .map_err(|error| broken(format!("its {path} cannot be read: {error}")))
 }
 
-/// All files of an archive, by their paths. Their sizes are subtracted from `left`, a budget that several archives
+/// All files of an archive that was [opened](open), by their paths. Their sizes are subtracted from `left`, a budget that several archives
 /// may share: [`LARGEST_CONTENT`] for all in memory.
 ///
 /// # Errors
-/// When an entry is not a file, damaged, or the files exceed the budget.
+/// When an entry cannot be read, or the files exceed the budget.
 pub fn read_files<R: Read + Seek>(
     archive: &mut ZipArchive<R>,
     left: &mut u64,
@@ -66,9 +68,6 @@ pub fn read_files<R: Read + Seek>(
     for index in 0..archive.len() {
         let entry = archive.by_index(index).map_err(plain)?;
         let path = path_of(&entry)?;
-        if entry.is_symlink() {
-            return Err(broken(format!("its entry '{path}' is a link")));
-        }
         if entry.is_dir() {
             continue;
         }
@@ -88,7 +87,7 @@ pub fn read_files<R: Read + Seek>(
 /// Extracts an archive that was [opened](open) to an empty folder.
 ///
 /// # Errors
-/// When an entry cannot be written, is damaged or is larger than it claims to be; the message names it.
+/// When an entry cannot be read or written; the message names it.
 pub fn extract<R: Read + Seek>(archive: &mut ZipArchive<R>, folder: &Path) -> io::Result<()> {
     for index in 0..archive.len() {
         let mut entry = archive.by_index(index).map_err(plain)?;
@@ -99,10 +98,7 @@ pub fn extract<R: Read + Seek>(archive: &mut ZipArchive<R>, folder: &Path) -> io
                 return fs::create_dir_all(&target);
             }
             target.parent().map_or(Ok(()), fs::create_dir_all)?;
-            let size = entry.size();
-            // An entry that holds more than it claims would fill the disk.
-            let copied = io::copy(&mut entry.by_ref().take(size + 1), &mut File::create_new(&target)?)?;
-            if copied == size { Ok(()) } else { Err(broken("its size is not what the archive says")) }
+            io::copy(&mut entry, &mut File::create_new(&target)?).map(drop)
         };
         extract().map_err(|error| {
             io::Error::new(error.kind(), format!("its entry '{path}' cannot be extracted: {error}"))
@@ -113,24 +109,6 @@ pub fn extract<R: Read + Seek>(archive: &mut ZipArchive<R>, folder: &Path) -> io
 
 fn path_of<R: Read>(entry: &ZipFile<'_, R>) -> io::Result<String> {
     Ok(entry.name().map_err(plain)?.into_owned())
-}
-
-/// The paths of an archive's entries.
-#[derive(Default)]
-struct Paths(BTreeSet<String>);
-
-impl Paths {
-    /// Adds a path, unless it is harmful to extract.
-    fn add(&mut self, path: &str) -> io::Result<()> {
-        if !is_inside(path) {
-            return Err(broken(format!("its entry '{path}' would be extracted outside of its folder")));
-        }
-        // Windows and macOS ignore the case of paths.
-        if !self.0.insert(path.to_lowercase()) {
-            return Err(broken(format!("its entry '{path}' occurs twice")));
-        }
-        Ok(())
-    }
 }
 
 /// Whether a path stays in the folder that it is extracted to, on every system.
@@ -158,24 +136,25 @@ pub(crate) fn broken(message: impl Into<String>) -> io::Error {
 /// Writes an archive of paths and contents: the order of the entries, their times and permissions are fixed. Entries
 /// that [`open`] would refuse are errors.
 pub(crate) fn write(mut writer: impl Write, entries: &[(String, &[u8])]) -> io::Result<()> {
-    let mut paths = Paths::default();
-    entries.iter().try_for_each(|(path, _)| paths.add(path))?;
-    writer.write_all(&zipped(entries).map_err(plain)?)
+    let archive = zipped(entries)?;
+    open(Cursor::new(&archive))?;
+    writer.write_all(&archive)
 }
 
 /// The bytes of an archive. They are made in memory, because a `ZipWriter` dropped after a failed write tries again
 /// and prints an error.
-fn zipped(entries: &[(String, &[u8])]) -> Result<Vec<u8>, ZipError> {
+fn zipped(entries: &[(String, &[u8])]) -> io::Result<Vec<u8>> {
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
         .last_modified_time(DateTime::default())
         .unix_permissions(0o644);
     let mut zip = ZipWriter::new(Cursor::new(vec![]));
     for (path, content) in entries {
-        zip.start_file(path.as_str(), options)?;
+        zip.start_file(path.as_str(), options)
+            .map_err(|_| broken(format!("its entry '{path}' occurs twice, or its path is too long")))?;
         zip.write_all(content)?;
     }
-    Ok(zip.finish()?.into_inner())
+    Ok(zip.finish().map_err(plain)?.into_inner())
 }
 
 #[cfg(test)]
@@ -204,7 +183,12 @@ mod tests {
         for path in
             ["../a", "a/../../b", "/etc/passwd", "a//b", "./a", "C:/a", "a\\..\\b", "a/.", ".. /a", "a/..."]
         {
-            let expected = format!("its entry '{path}' would be extracted outside of its folder");
+            let reason = if path.contains('\\') {
+                "its path has backslashes"
+            } else {
+                "it would be extracted outside of its folder on some systems"
+            };
+            let expected = format!("its entry '{path}': {reason}");
             assert_eq!(refusal(archive(&["first", path])), expected);
             let written = write(io::sink(), &[(path.to_owned(), b"")]);
             assert_eq!(written.unwrap_err().to_string(), expected);
@@ -213,7 +197,7 @@ mod tests {
 
     #[test]
     fn paths_that_differ_only_in_case_are_refused() {
-        assert_eq!(refusal(archive(&["a/b", "A/b"])), "its entry 'A/b' occurs twice");
+        assert_eq!(refusal(archive(&["a/b", "A/b"])), "its entry 'A/b': another entry has this path");
     }
 
     #[test]
@@ -254,19 +238,47 @@ mod tests {
     }
 
     #[test]
-    fn a_link_is_not_a_file() {
+    fn a_link_is_refused() {
         let mut zip = ZipWriter::new(Cursor::new(vec![]));
         zip.add_symlink("a", "/etc/passwd", SimpleFileOptions::default()).unwrap();
-        let mut archive = open(zip.finish().unwrap()).unwrap();
-        assert_eq!(read_files(&mut archive, &mut 8).unwrap_err().to_string(), "its entry 'a' is a link");
+        assert_eq!(refusal(zip.finish().unwrap()), "its entry 'a': it is a link");
     }
 
+    /// The last one, by its header in the central directory.
     #[test]
-    fn a_damaged_text_is_refused() {
-        let mut bytes = archive(&["a.txt"]);
-        let place = bytes.get_ref().windows(5).position(|window| window == b"a.txt").unwrap();
-        bytes.get_mut()[place + 6] ^= 0x55;
-        let message = read_text(&mut open(bytes).unwrap(), "a.txt").unwrap_err().to_string();
-        assert!(message.starts_with("its a.txt cannot be read"), "{message}");
+    fn a_damaged_entry_is_refused() {
+        let central = |bytes: &[u8]| bytes.windows(4).rposition(|window| window == b"PK\x01\x02").unwrap();
+        for (what, offset, message) in [
+            ("checksum", 16, "its entry 'b': it cannot be unpacked: "),
+            ("size", 24, "its entry 'b': its size is not what the archive states"),
+        ] {
+            let mut bytes = archive(&["a", "b"]);
+            let place = central(bytes.get_ref()) + offset;
+            bytes.get_mut()[place] ^= 1;
+            assert!(refusal(bytes.clone()).starts_with(message), "{what}: {}", refusal(bytes));
+        }
+    }
+
+    /// The index of the archive has only the last one.
+    #[test]
+    fn a_path_that_occurs_twice_is_refused() {
+        let mut bytes = archive(&["a/one", "a/two"]);
+        let places: Vec<_> = (0..bytes.get_ref().len() - 5)
+            .filter(|&place| bytes.get_ref()[place..].starts_with(b"a/two"))
+            .collect();
+        for place in places {
+            bytes.get_mut()[place..place + 5].copy_from_slice(b"a/one");
+        }
+        assert_eq!(refusal(bytes), "its entry 'a/one': another entry has this path");
+    }
+
+    /// It would have to be a file and a folder.
+    #[test]
+    fn an_entry_below_a_file_is_refused() {
+        for paths in [["a.txt", "a.txt/b"], ["a.txt/b", "A.txt"], ["a", "a/"]] {
+            let message = refusal(archive(&paths));
+            assert!(message.contains("is a file, too"), "{paths:?}: {message}");
+        }
+        open(archive(&["a", "a.txt", "a b/c", "b/a", "b/a.txt"])).unwrap();
     }
 }

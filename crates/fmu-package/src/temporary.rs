@@ -1,11 +1,13 @@
 //! Temporary files and folders: they are removed when dropped and, on request, when the user interrupts the program.
 
 use std::collections::BTreeSet;
-use std::fs::{self, File};
+use std::env;
+use std::fs::{self, DirEntry, File};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::process;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use tempfile::{Builder, NamedTempFile, TempDir};
 
@@ -13,6 +15,8 @@ use tempfile::{Builder, NamedTempFile, TempDir};
 pub const INTERRUPTED: i32 = 130;
 /// The prefix of unfinished files.
 const UNFINISHED: &str = ".unfinished-";
+/// A folder is locked within this time from its making.
+const UNLOCKED: Duration = Duration::from_secs(60);
 
 /// Everything to be removed.
 static PATHS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
@@ -37,11 +41,12 @@ pub fn remove_when_interrupted() {
     let _ = ctrlc::try_set_handler(remove);
 }
 
-/// A folder in the system's folder for temporary files.
-pub struct Folder(Option<TempDir>);
+/// A folder in the system's folder for temporary files, locked while its process lives.
+pub struct Folder(Option<(TempDir, Option<File>)>);
 
 impl Folder {
-    /// Makes a folder and fills it; if that fails, removes it. Only one is filled at a time.
+    /// Makes a folder and fills it; if that fails, removes it. Only one is filled at a time. Folders with this prefix
+    /// that killed processes left are removed, so no other folder may have it.
     ///
     /// # Errors
     /// When it cannot be made, or what `fill` returns.
@@ -51,22 +56,45 @@ impl Folder {
     ) -> Result<Self, E> {
         // An interruption waits until the folder is registered.
         let mut paths = paths();
+        remove_abandoned(prefix);
         let folder = Builder::new().prefix(prefix).tempdir()?;
+        let lock = lock(folder.path());
         fill(folder.path())?;
         paths.insert(folder.path().to_owned());
-        Ok(Self(Some(folder)))
+        Ok(Self(Some((folder, lock))))
     }
 
     /// Where it is.
     #[must_use]
     pub fn path(&self) -> &Path {
-        self.0.as_ref().map_or(Path::new(""), TempDir::path)
+        self.0.as_ref().map_or(Path::new(""), |(folder, _)| folder.path())
+    }
+}
+
+/// Locks a folder, unless another process does; none on Windows, which cannot open folders as files.
+fn lock(folder: &Path) -> Option<File> {
+    let folder = File::open(folder).ok()?;
+    folder.try_lock().ok()?;
+    Some(folder)
+}
+
+fn remove_abandoned(prefix: &str) {
+    let is_abandoned = |entry: &DirEntry| {
+        let metadata = entry.metadata().ok().filter(fs::Metadata::is_dir);
+        let age = metadata.and_then(|metadata| metadata.modified().ok()?.elapsed().ok());
+        entry.file_name().to_string_lossy().starts_with(prefix)
+            && age.is_some_and(|age| age > UNLOCKED)
+            && lock(&entry.path()).is_some()
+    };
+    for entry in fs::read_dir(env::temp_dir()).into_iter().flatten().flatten().filter(is_abandoned) {
+        // Those of other users cannot be removed.
+        let _ = fs::remove_dir_all(entry.path());
     }
 }
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        if let Some(folder) = self.0.take() {
+        if let Some((folder, _lock)) = self.0.take() {
             let mut paths = paths();
             paths.remove(folder.path());
             drop(folder);
@@ -128,4 +156,27 @@ pub fn remove_unfinished(folder: &Path) -> io::Result<()> {
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::SystemTime;
+
+    use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn only_the_folders_of_killed_processes_are_removed() {
+        let prefix = format!(".test-of-temporary-{}-", process::id());
+        let filled = || Folder::filled(&prefix, |folder| fs::write(folder.join("a"), "")).unwrap();
+        let plain = || Builder::new().prefix(&prefix).tempdir().unwrap();
+        let (alive, killed, new) = (filled(), plain(), plain());
+        for folder in [alive.path(), killed.path()] {
+            let hour_ago = SystemTime::now() - Duration::from_secs(3600);
+            File::open(folder).unwrap().set_modified(hour_ago).unwrap();
+        }
+        let other = filled();
+        let exists = [alive.path(), killed.path(), new.path(), other.path()].map(Path::exists);
+        assert_eq!(exists, [true, false, true, true]);
+    }
 }

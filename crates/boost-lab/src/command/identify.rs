@@ -33,7 +33,7 @@ pub struct Arguments {
     #[arg(long, value_name = "QUANTITY=UNIT", value_parser = name_and_value)]
     unit: Vec<(String, String)>,
     /// The share of the data that is kept for validation
-    #[arg(long, value_name = "SHARE", default_value_t = 0.3, value_parser = share)]
+    #[arg(long, value_name = "SHARE", default_value_t = 0.3, value_parser = super::number_in(0.0..=0.9, "a number from 0 to 0.9"))]
     validation_share: f64,
     /// The folder for identified.ssv, report.html and report.json
     #[arg(long, value_name = "DIR", default_value = "target/identification")]
@@ -42,11 +42,6 @@ pub struct Arguments {
 
 fn columns_help() -> String {
     format!("Another column for a quantity: {}", crate::identify::quantities())
-}
-
-fn share(text: &str) -> Result<f64, String> {
-    let share = text.parse().ok().filter(|share| (0.0..=0.9).contains(share));
-    share.ok_or_else(|| "expected a number from 0 to 0.9".to_owned())
 }
 
 /// Identifies the actuator.

@@ -12,6 +12,7 @@ mod tune;
 
 use std::fs;
 use std::io::Write;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use crate::importer;
@@ -226,6 +227,27 @@ fn write<'a>(folder: &Path, texts: impl IntoIterator<Item = (&'a str, String)>) 
         print(&format!("{}\n", path.display()))?;
     }
     Ok(())
+}
+
+/// Reads a number in a range, whose ends are finite.
+fn number_in(
+    range: RangeInclusive<f64>,
+    expected: &'static str,
+) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
+    move |text| {
+        let number = text.parse().ok().filter(|number| range.contains(number));
+        number.ok_or_else(|| format!("expected {expected}"))
+    }
+}
+
+/// Reads a finite number.
+fn finite() -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
+    number_in(f64::MIN..=f64::MAX, "a finite number")
+}
+
+/// Reads a finite number above 0.
+fn positive() -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
+    number_in(f64::MIN_POSITIVE..=f64::MAX, "a finite number above 0")
 }
 
 fn name_and_value(text: &str) -> Result<(String, String)> {

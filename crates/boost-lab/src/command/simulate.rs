@@ -37,10 +37,10 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.ssv")]
     parameters: Vec<PathBuf>,
     /// Another end (s)
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", value_parser = super::finite())]
     stop_time: Option<f64>,
     /// Another communication step of a system or an FMU alone (s)
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", value_parser = super::positive())]
     step: Option<f64>,
     /// What to record instead, as in a scenario
     #[arg(long, value_name = "[FMU:]NAME,...", value_delimiter = ',')]
@@ -58,6 +58,14 @@ pub struct Arguments {
 
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<()> {
+    let (scenario, folder) = scenario(arguments)?;
+    simulate(arguments, scenario).map_err(|error| match &folder {
+        Some(folder) => system::named(&error, &arguments.subject, folder),
+        None => error,
+    })
+}
+
+fn simulate(arguments: &Arguments, mut scenario: Scenario) -> Result<()> {
     let Arguments { subject, fmus, plot, .. } = arguments;
     let name = subject.file_stem().unwrap_or_default().to_string_lossy();
     let table = format!("{name}.csv");
@@ -68,8 +76,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     };
     let format = TableFormat::of(&out)?;
     let plot = plot.as_ref().map(|plot| Ok::<_, Error>((plot, PlotFormat::of(plot)?))).transpose()?;
-    // The folder of a system's FMUs lasts until the run ends.
-    let (mut scenario, _folder) = scenario(arguments)?;
     let outputs: Vec<_> = [&out].into_iter().chain(plot.map(|(plot, _)| plot)).cloned().collect();
     let inputs = [fmus.inputs(&scenario), arguments.parameters.clone()].concat();
     writing::refuse_overlap(&outputs, &inputs)?;
@@ -113,7 +119,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// What is to be run, and the folder of a system's FMUs.
+/// What is to be run, and the folder of a system's FMUs, which lasts until the run ends.
 fn scenario(arguments: &Arguments) -> Result<(Scenario, Option<Folder>)> {
     let Arguments { subject, fmus, stop_time, step, .. } = arguments;
     let times = Times { start: None, stop: *stop_time, step: *step };

@@ -37,13 +37,13 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value_t = Strategy::SplitRange)]
     strategy: Strategy,
     /// Other engine speeds of the grid's columns (rpm), ascending
-    #[arg(long, value_name = "RPM,...", value_delimiter = ',')]
+    #[arg(long, value_name = "RPM,...", value_delimiter = ',', value_parser = super::positive())]
     engine_speeds: Option<Vec<f64>>,
     /// Other boost references of the grid's rows (Pa), ascending
-    #[arg(long, value_name = "PA,...", value_delimiter = ',')]
+    #[arg(long, value_name = "PA,...", value_delimiter = ',', value_parser = super::positive())]
     boost_references: Option<Vec<f64>>,
     /// The desired time constant of the closed loop (s) [default: the controller's]
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", value_parser = super::positive())]
     lambda: Option<f64>,
     /// The folder to write schedule.ssv, report.html and report.json to, and the journal that an interrupted
     /// tuning goes on from

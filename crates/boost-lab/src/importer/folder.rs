@@ -1,4 +1,4 @@
-//! The temporary folder of an extracted FMU.
+//! The temporary folder of an extracted FMU or system.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -8,10 +8,13 @@ use anyhow::{Context, Result};
 use fmu_package::archive;
 use fmu_package::temporary::Folder;
 
+/// No other folder begins with it: those that killed processes left are removed.
+const PREFIX: &str = ".unpacked-by-boost-lab-";
+
 pub fn extract(path: &Path) -> Result<Folder> {
     let file = File::open(path).context("it cannot be opened")?;
     let mut archive = archive::open(BufReader::new(file))?;
-    Ok(Folder::filled("boost-lab-", |folder| archive::extract(&mut archive, folder))?)
+    Ok(Folder::filled(PREFIX, |folder| archive::extract(&mut archive, folder))?)
 }
 
 /// The `file` URI (RFC 8089) of a folder, as `fmi2Instantiate` takes it.

@@ -22,6 +22,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use self::c_boundary::{Functions, Handle, NumberType, Numbers};
+pub use self::folder::extract;
 pub use self::messages::{CallFailed, Message, Status};
 use anyhow::{Context, Result, bail};
 use boost_interface::Translation;
@@ -72,7 +73,7 @@ impl Fmu {
         if !path.exists() {
             bail!("there is no such file; {}", remedy(path));
         }
-        let folder = folder::extract(path)?;
+        let folder = extract(path)?;
         let description = folder.path().join("modelDescription.xml");
         if !description.is_file() {
             bail!("there is no modelDescription.xml in it");

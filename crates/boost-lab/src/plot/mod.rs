@@ -324,6 +324,9 @@ fn distinct(points: &[(f64, f64)], [columns, rows]: [((f64, f64), usize); 2]) ->
     points.iter().filter(&mut is_new).copied().collect()
 }
 
+/// Sizes below are shown as 0, since a range of them has no ticks.
+const LEAST: f64 = 1e-300;
+
 /// The least and the greatest of the finite values, apart from each other.
 fn extent(lines: &[Line], value: impl Fn(&(f64, f64)) -> f64) -> (f64, f64) {
     let values = lines.iter().flat_map(|line| &line.points).map(value).filter(|value| value.is_finite());
@@ -331,8 +334,9 @@ fn extent(lines: &[Line], value: impl Fn(&(f64, f64)) -> f64) -> (f64, f64) {
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| (least.min(value), most.max(value)));
     // Values equal to six digits are shown as constant.
     let half = match least.abs().max(most.abs()) {
+        size if size < LEAST => 1.0,
         size if most - least > 1e-6 * size => return (least, most),
-        size if size > 0.0 && size.is_finite() => 0.05 * size,
+        size if size.is_finite() => 0.05 * size,
         _ => 1.0,
     };
     if least <= most { (least - half, most + half) } else { (-half, half) }
@@ -489,11 +493,29 @@ mod tests {
         }
     }
 
+    /// The library for drawing never finds the ticks of axes beyond.
+    #[test]
+    fn pictures_of_the_greatest_and_least_numbers_are_drawn_or_refused_by_name() {
+        let figure = |x: f64, y: f64| {
+            let line = Line::new(&[0.0, x], [0.0, y]).label("b");
+            Figure::new().row([Panel::new("x", "y").title("p").line(line)])
+        };
+        for size in [5e-324, 1e-305, 1e-299, 1e299] {
+            assert!(figure(size, -size).svg().unwrap().contains("polyline"), "{size}");
+        }
+        for figure in [figure(1.0, -1e301), figure(f64::MAX, 1.0)] {
+            for refusal in [figure.svg().unwrap_err(), figure.png().unwrap_err()] {
+                assert!(refusal.to_string().starts_with("p, b: "), "{refusal}");
+            }
+        }
+    }
+
     #[test]
     fn constant_and_empty_lines_have_an_extent() {
         let extent = |y: &[f64]| extent(&[Line::new(&[0.0, 1.0], y.iter().copied())], |point| point.1);
         assert_eq!(extent(&[12.0, 12.0]), (11.4, 12.6));
         assert_eq!(extent(&[0.0, 0.0]), (-1.0, 1.0));
+        assert_eq!(extent(&[0.0, 1e-310]), (-1.0, 1.0));
         assert_eq!(extent(&[f64::NAN, f64::INFINITY]), (-1.0, 1.0));
         assert_eq!(extent(&[-3.0, 5.0]), (-3.0, 5.0));
     }

@@ -1,7 +1,7 @@
 //! Figures as SVG and PNG, drawn by `plotters`, in the colours of the day. The texts of a PNG are in a font that the
 //! crate `epaint_default_fonts` ships, so that a machine without fonts draws the same.
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, bail};
 use epaint_default_fonts::UBUNTU_LIGHT;
 use plotters::coord::Shift;
 use plotters::data::float::FloatPrettyPrinter;
@@ -31,6 +31,8 @@ const DASH: u32 = 6;
 const GAP: u32 = 10;
 /// A PNG has so many pixels in each CSS pixel, for dense screens and paper.
 const DENSITY: u32 = 2;
+/// The ticks of an axis with greater numbers would never be found.
+const GREATEST: f64 = 1e300;
 /// The share of a range above and below the curves.
 const ROOM: f64 = 0.06;
 
@@ -69,6 +71,7 @@ impl Figure {
     where
         B::ErrorType: 'static,
     {
+        self.rows.iter().flatten().try_for_each(Panel::refuse_extremes)?;
         register_font(FONT, FontStyle::Normal, UBUNTU_LIGHT).map_err(|_| anyhow!("the font is damaged"))?;
         self.draw_rows(area, density).context("the figure cannot be drawn")
     }
@@ -106,6 +109,20 @@ impl Figure {
 }
 
 impl Panel {
+    fn refuse_extremes(&self) -> Result<()> {
+        for line in &self.lines {
+            let mut values = line.points.iter().flat_map(|&(x, y)| [x, y]);
+            if let Some(value) = values.find(|value| value.is_finite() && value.abs() > GREATEST) {
+                let names: Vec<_> = self.title.iter().chain(&line.label).map(String::as_str).collect();
+                bail!(
+                    "{}: {value:e} is beyond {GREATEST:e}, the greatest number in a picture",
+                    names.join(", ")
+                );
+            }
+        }
+        Ok(())
+    }
+
     fn draw<B: DrawingBackend>(
         &self,
         area: &DrawingArea<B, Shift>,

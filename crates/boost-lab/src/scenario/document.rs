@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Error, Result, anyhow};
+use anyhow::{Error, Result, anyhow, bail};
 use fmu_package::like;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -50,9 +50,13 @@ impl Location {
     }
 }
 
+/// The largest TOML file in bytes: parsing takes up to a hundred times as much memory.
+const LARGEST: usize = 1 << 20;
+
 /// A TOML file.
 pub struct Document<'a> {
-    text: &'a str,
+    /// The places of its line breaks.
+    line_breaks: Vec<usize>,
     file: Arc<str>,
     root: Spanned<DeTable<'a>>,
     /// The files whose paths were read.
@@ -62,11 +66,15 @@ pub struct Document<'a> {
 impl<'a> Document<'a> {
     /// Reads a text; `file` is its name in messages.
     pub fn parse(file: &str, text: &'a str) -> Result<Self> {
+        if text.len() > LARGEST {
+            bail!("{file} is larger than {LARGEST} bytes; long signals are columns of CSV files");
+        }
+        let line_breaks: Vec<_> = text.match_indices('\n').map(|(place, _)| place).collect();
         let root = DeTable::parse(text).map_err(|error| {
-            let line = line(text, &error.span().unwrap_or_default());
+            let line = line(&line_breaks, &error.span().unwrap_or_default());
             anyhow!("{file}, line {line}: {}", error.message())
         })?;
-        Ok(Self { text, file: file.into(), root, files: RefCell::default() })
+        Ok(Self { line_breaks, file: file.into(), root, files: RefCell::default() })
     }
 
     pub fn into_files(self) -> Vec<PathBuf> {
@@ -91,8 +99,8 @@ fn is_misspelt(key: &str, meant: &str) -> bool {
     strsim::osa_distance(&key, &meant) <= meant.chars().count() / 4
 }
 
-fn line(text: &str, span: &Range<usize>) -> usize {
-    1 + text.as_bytes().iter().take(span.start).filter(|&&byte| byte == b'\n').count()
+fn line(line_breaks: &[usize], span: &Range<usize>) -> usize {
+    1 + line_breaks.partition_point(|&place| place < span.start)
 }
 
 /// A table, and which keys were read.
@@ -189,7 +197,7 @@ impl<'a> Node<'a> {
         path: String,
         parent: &Location,
     ) -> Self {
-        let location = parent.child(&path, line(document.text, &value.span()));
+        let location = parent.child(&path, line(&document.line_breaks, &value.span()));
         Self { document, value: value.get_ref(), path, location }
     }
 

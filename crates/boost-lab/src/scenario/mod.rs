@@ -269,8 +269,8 @@ impl Scenario {
 /// The number of steps in a duration (s), which is a multiple of the step up to rounding.
 fn count(duration: f64, step: f64) -> Result<u32> {
     let count = (duration / step).round();
-    if count > f64::from(u32::MAX) {
-        bail!("{} communication steps of {} s are too many", number(count), number(step));
+    if !(1.0..=f64::from(u32::MAX)).contains(&count) {
+        bail!("{} communication steps of {} s: expected 1 to {}", number(count), number(step), u32::MAX);
     }
     if (count * step - duration).abs() > 1e-9 * duration.max(1.0) {
         bail!("{} s is not a multiple of the communication step, {} s", number(duration), number(step));

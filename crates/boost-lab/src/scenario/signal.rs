@@ -9,6 +9,7 @@ use fmu_package::terminal::number as shown;
 use toml::de::DeValue;
 
 use super::document::{Node, TomlTable};
+use crate::table::{expect_seconds, name_and_unit};
 
 /// A time may be before an instant by so much (s), since communication points are rounded multiples of the step.
 const ROUNDING: f64 = 1e-9;
@@ -163,6 +164,7 @@ fn csv_column(text: &str, name: &str) -> Result<Vec<(f64, f64)>> {
     let mut reader =
         csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
     let header = reader.headers()?.clone();
+    expect_seconds(name_and_unit(header.get(0).unwrap_or_default()).1)?;
     let Some(column) = header.iter().skip(1).position(|known| known == name) else {
         let names: Vec<_> = header.iter().skip(1).collect();
         bail!("its header has no column {name}: there are {}", names.join(", "));

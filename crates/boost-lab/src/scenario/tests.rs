@@ -97,11 +97,11 @@ fn each_refusal_names_line_and_key_and_what_was_expected() {
         ("step = 0.1\nstop_time = 1", "line 1, the file: fmu is missing"),
         (
             "stop_time = 1e308\nstep = 1e-3",
-            "line 1, stop_time: inf communication steps of 0.001 s are too many",
+            "line 1, stop_time: inf communication steps of 0.001 s: expected 1 to 4294967295",
         ),
         (
             "stop_time = 4294967296\nstep = 1",
-            "line 1, stop_time: 4294967296 communication steps of 1 s are too many",
+            "line 1, stop_time: 4294967296 communication steps of 1 s: expected 1 to 4294967295",
         ),
         (
             "step = 0.3\nstop_time = 1",
@@ -138,7 +138,7 @@ fn each_refusal_names_line_and_key_and_what_was_expected() {
         ),
         (
             "run_in = { duration = 1e300 }",
-            "line 6, fmu[1].run_in.duration: 1e301 communication steps of 0.1 s are too many",
+            "line 6, fmu[1].run_in.duration: 1e301 communication steps of 0.1 s: expected 1 to 4294967295",
         ),
         ("run_in = { begin = 1 }", "line 6, fmu[1].run_in: duration is missing: a time in s"),
         (
@@ -211,4 +211,23 @@ fn a_csv_file_is_a_signal_and_its_errors_name_line_and_column() {
         assert!(refusal.starts_with("test.toml, line 7, inputs.a.csv: cannot read "), "{refusal}");
         assert!(refusal.ends_with(expected), "{refusal}");
     }
+}
+
+/// The parser takes much memory for brackets.
+#[test]
+fn a_file_of_a_mebibyte_is_read_and_no_larger_one() {
+    let text = |length: usize| format!("title = \"{}\"", "x".repeat(length - 10));
+    assert!(Document::parse("a.toml", &text(1 << 20)).is_ok());
+    let refusal = Document::parse("a.toml", &"[".repeat((1 << 20) + 1)).err().unwrap().to_string();
+    assert!(refusal.starts_with("a.toml is larger than 1048576 bytes"), "{refusal}");
+}
+
+#[test]
+fn a_csv_signal_has_its_time_in_seconds() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.csv"), "time (min),a\n0,1\n").unwrap();
+    let text = "stop_time = 1\nstep = 0.5\nfmu = [{ name = \"a\", file = \"a\" }]\n\
+                inputs.a = { csv = \"a.csv\", column = \"a\" }";
+    let refusal = Scenario::parse("a.toml", text, folder.path(), folder.path()).unwrap_err().to_string();
+    assert!(refusal.ends_with("a.csv: its time is in min, not in s"), "{refusal}");
 }

@@ -28,7 +28,7 @@ use crate::journal::digest;
 use crate::mapping;
 use crate::master::{LoadedFmus, Master};
 use crate::scenario::document::Document;
-use crate::scenario::{Assignment, Location, Recorded, Scenario};
+use crate::scenario::{Assignment, Location, Noise, Recorded, Scenario};
 use crate::table::{Header, TableFormat};
 
 /// The folder of the runs' records, below that of the results.
@@ -153,8 +153,9 @@ impl Study {
     }
 }
 
-/// Limits what a scenario records to what is measured, unless records are kept.
+/// Limits what a scenario records to what is measured, unless records are kept; nothing of it is drawn.
 fn record_measured(scenario: &mut Scenario, measures: &[Measure], keeps_records: bool) {
+    scenario.panels = None;
     let mut record = match scenario.record.take() {
         Some(record) if keeps_records => record,
         // The default is all driven inputs and all outputs.
@@ -165,6 +166,10 @@ fn record_measured(scenario: &mut Scenario, measures: &[Measure], keeps_records:
         if !record.iter().any(|recorded| recorded.name == measure.variable) {
             record.push(Recorded { name: measure.variable.clone(), location: measure.location.clone() });
         }
+    }
+    let is_recorded = |noise: &Noise| record.iter().any(|recorded| recorded.name == noise.name);
+    if !keeps_records {
+        scenario.measurement_noise.retain(is_recorded);
     }
     scenario.record = Some(record);
 }

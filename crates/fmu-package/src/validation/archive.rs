@@ -9,7 +9,7 @@ use zip::{CompressionMethod, ZipArchive};
 
 use super::rules::{
     ARCHIVE_BACKSLASH, ARCHIVE_COMPRESSION, ARCHIVE_DAMAGED, ARCHIVE_DUPLICATE, ARCHIVE_ENCRYPTION,
-    ARCHIVE_FORMAT, ARCHIVE_LINK, ARCHIVE_PATH, ARCHIVE_STRAY, LIMIT, XML_ENCODING,
+    ARCHIVE_FILE_AND_FOLDER, ARCHIVE_FORMAT, ARCHIVE_LINK, ARCHIVE_PATH, ARCHIVE_STRAY, LIMIT, XML_ENCODING,
 };
 use super::{Place, Report};
 use crate::archive::is_inside;
@@ -29,39 +29,49 @@ const TOP: &[&str] = &[
 ];
 
 /// The files of an FMU that can be read.
-pub(super) struct Files {
-    archive: ZipArchive<BufReader<File>>,
+pub(crate) struct Files<R = BufReader<File>> {
+    archive: ZipArchive<R>,
     /// By their paths, with `/` even where the archive has backslashes; none where it cannot be unpacked.
     entries: BTreeMap<String, Option<usize>>,
 }
 
-impl Files {
+impl<R: Read + Seek> Files<R> {
     /// Opens an archive and reports what is wrong with its entries; none where nothing can be read.
-    pub fn open(file: File, report: &mut Report) -> Option<Self> {
-        if file.metadata().is_ok_and(|metadata| metadata.len() > LARGEST_CONTENT) {
+    pub fn open(mut reader: R, report: &mut Report) -> Option<Self> {
+        if reader.seek(SeekFrom::End(0)).is_ok_and(|length| length > LARGEST_CONTENT) {
             report.add(&LIMIT, Place::default(), "the archive is larger than 1 GiB");
             return None;
         }
-        let again = file.try_clone();
-        let archive = match ZipArchive::new(BufReader::new(file)) {
+        let archive = ZipArchive::new(reader).and_then(|archive| {
+            if !archive.has_duplicate_names() {
+                return Ok(archive);
+            }
+            let start = archive.central_directory_start();
+            let mut reader = archive.into_inner();
+            report_duplicates(&mut reader, start, report);
+            ZipArchive::new(reader)
+        });
+        let archive = match archive {
             Ok(archive) => archive,
             Err(error) => {
                 report.add(&ARCHIVE_FORMAT, Place::default(), format!("it is not a ZIP archive: {error}"));
                 return None;
             }
         };
-        if archive.has_duplicate_names()
-            && let Ok(file) = again
-        {
-            report_duplicates(file, archive.central_directory_start(), report);
-        }
         let mut files = Self { archive, entries: BTreeMap::new() };
         let mut left = LARGEST_CONTENT;
-        let mut paths = BTreeSet::new();
+        let mut paths = BTreeMap::new();
         for index in 0..files.archive.len() {
             if !files.add(index, &mut paths, &mut left, report) {
                 report.add(&LIMIT, Place::default(), "its entries hold more than 1 GiB");
                 return None;
+            }
+        }
+        for (lower, file) in paths.iter().filter(|(_, path)| !path.ends_with('/')) {
+            let folder = format!("{lower}/");
+            let next = paths.range(folder.clone()..).next();
+            if let Some((_, below)) = next.filter(|(path, _)| path.starts_with(&folder)) {
+                report.add(&ARCHIVE_FILE_AND_FOLDER, Place::file(below), format!("{file} is a file, too"));
             }
         }
         let mut tops: Vec<_> = files.paths().map(|path| path.split('/').next().unwrap_or_default()).collect();
@@ -76,7 +86,7 @@ impl Files {
     fn add(
         &mut self,
         index: usize,
-        paths: &mut BTreeSet<String>,
+        paths: &mut BTreeMap<String, String>,
         left: &mut u64,
         report: &mut Report,
     ) -> bool {
@@ -103,10 +113,10 @@ impl Files {
             report.add(
                 &ARCHIVE_PATH,
                 place.clone(),
-                "its path leads out of the folder, or is not one on every system",
+                "it would be extracted outside of its folder on some systems",
             );
         }
-        if !paths.insert(path.to_lowercase()) {
+        if paths.insert(path.to_lowercase(), path.clone()).is_some() {
             report.add(&ARCHIVE_DUPLICATE, place.clone(), "another entry has this path");
         }
         if is_link {
@@ -145,6 +155,10 @@ impl Files {
         io::copy(&mut entry.take(most), &mut io::sink())
     }
 
+    pub fn into_archive(self) -> ZipArchive<R> {
+        self.archive
+    }
+
     pub fn paths(&self) -> impl Iterator<Item = &str> {
         self.entries.keys().map(String::as_str)
     }
@@ -176,23 +190,30 @@ impl Files {
     }
 }
 
-/// Reports the names that stand twice, of which an index of the archive keeps the last: reads the headers of the
+/// Reports the names that occur twice, of which an index of the archive keeps the last: reads the headers of the
 /// central directory (APPNOTE.TXT of ZIP, section 4.3.12).
-fn report_duplicates(mut file: File, start: u64, report: &mut Report) {
+fn report_duplicates(reader: &mut (impl Read + Seek), start: u64, report: &mut Report) {
     let mut headers = vec![];
-    if file.seek(SeekFrom::Start(start)).and_then(|_| file.read_to_end(&mut headers)).is_err() {
-        return;
+    if reader.seek(SeekFrom::Start(start)).and_then(|_| reader.read_to_end(&mut headers)).is_err() {
+        headers.clear();
     }
+    let before = report.findings.len();
     let mut seen = BTreeSet::new();
     let mut rest = headers.as_slice();
     while rest.starts_with(b"PK\x01\x02") && rest.len() > 46 {
         let length = |place: usize| usize::from(u16::from_le_bytes([rest[place], rest[place + 1]]));
         let (name, more) = (length(28), length(30) + length(32));
-        let Some(path) = rest.get(46..46 + name) else { return };
+        let Some(path) = rest.get(46..46 + name) else { break };
         if !seen.insert(path) {
-            let path = String::from_utf8_lossy(path).into_owned();
-            report.add(&ARCHIVE_DUPLICATE, Place::file(path), "another entry has this path");
+            report.add(
+                &ARCHIVE_DUPLICATE,
+                Place::file(String::from_utf8_lossy(path)),
+                "another entry has this path",
+            );
         }
         rest = rest.get(46 + name + more..).unwrap_or_default();
+    }
+    if report.findings.len() == before {
+        report.add(&ARCHIVE_DUPLICATE, Place::default(), "two entries have the same path");
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! The library is not loaded, nothing is extracted, and time and memory are bounded by the sizes that are read.
 
-mod archive;
+pub(crate) mod archive;
 mod description;
 pub mod importers;
 mod libraries;
@@ -16,7 +16,7 @@ mod variables;
 mod xml;
 
 use std::fs::File;
-use std::io;
+use std::io::{self, BufReader};
 use std::path::Path;
 
 use importers::Importer;
@@ -113,7 +113,7 @@ pub fn validate(fmu: &Path, importers: &[&Importer]) -> io::Result<Report> {
     if fmu.extension().is_none_or(|extension| extension != "fmu") {
         report.add(&ARCHIVE_NAME, Place::default(), "the file's name does not end in .fmu");
     }
-    if let Some(mut files) = archive::Files::open(file, &mut report) {
+    if let Some(mut files) = archive::Files::open(BufReader::new(file), &mut report) {
         check(&mut files, importers, &mut report);
     }
     Ok(report)

@@ -62,6 +62,8 @@ rules! {
         "The file's name ends in `.fmu`." => "Rename the file.";
     ARCHIVE_DUPLICATE: Error "archive-duplicate" ("portability")
         "No two entries have the same path, upper and lower case being equal." => "Remove or rename one of them.";
+    ARCHIVE_FILE_AND_FOLDER: Error "archive-file-and-folder" ("ZIP")
+        "No entry lies below another one that is a file, upper and lower case being equal." => "Remove or rename one of them: no system can unpack both.";
     ARCHIVE_BACKSLASH: Error "archive-backslash" ("2.0.5: 2.3; 3.0.2: 2.5")
         "Folders are separated by `/`, not by backslashes." => "Pack the files again with a tool that writes `/`.";
     ARCHIVE_PATH: Error "archive-path" ("security")

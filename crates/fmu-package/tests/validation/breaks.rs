@@ -42,6 +42,12 @@ const ARCHIVES: &[Break] = &[
         Archive(|files| with_file(files, "sources/TANK.C")),
     ),
     (
+        "an entry below a file",
+        "archive-file-and-folder",
+        Fmi2,
+        Archive(|files| with_file(files, "modelDescription.xml/x")),
+    ),
+    (
         "a backslash in a path",
         "archive-backslash",
         Fmi2,
