@@ -57,8 +57,6 @@ enum Template {
 struct Files {
     declaration: &'static str,
     source: &'static str,
-    /// Features of `fmu-export`.
-    features: &'static [&'static str],
     /// Further files by their names.
     others: &'static [(&'static str, &'static str)],
     /// The variables to plot.
@@ -67,11 +65,10 @@ struct Files {
 
 /// The files in a template's folder.
 macro_rules! files {
-    ($folder:literal, plot $plotted:literal, features $features:expr $(, $other:literal)*) => {
+    ($folder:literal, plot $plotted:literal $(, $other:literal)*) => {
         Files {
             declaration: include_str!(concat!("../templates/", $folder, "/model.json")),
             source: include_str!(concat!("../templates/", $folder, "/lib.rs")),
-            features: &$features,
             others: &[$(($other, include_str!(concat!("../templates/", $folder, "/", $other))))*],
             plotted: $plotted,
         }
@@ -81,16 +78,16 @@ macro_rules! files {
 impl Template {
     fn files(self) -> Files {
         match self {
-            Self::Dahlquist => files!("dahlquist", plot "x", features []),
-            Self::VanDerPol => files!("van_der_pol", plot "x0 x1", features []),
-            Self::BouncingBall => files!("bouncing_ball", plot "h", features ["derive"]),
-            Self::Stair => files!("stair", plot "counter", features []),
-            Self::Feedthrough => files!("feedthrough", plot "Float64_continuous_output", features []),
-            Self::Feedthrough3 => files!("feedthrough_3", plot "Float64_continuous_output", features []),
-            Self::StateSpace => files!("state_space", plot "y", features []),
-            Self::Clocks => files!("clocks", plot "totalInClockTicks", features []),
-            Self::Resource => files!("resource", plot "y", features [], "resources/y.txt"),
-            Self::Sampled => files!("sampled", plot "command", features ["derive"]),
+            Self::Dahlquist => files!("dahlquist", plot "x"),
+            Self::VanDerPol => files!("van_der_pol", plot "x0 x1"),
+            Self::BouncingBall => files!("bouncing_ball", plot "h"),
+            Self::Stair => files!("stair", plot "counter"),
+            Self::Feedthrough => files!("feedthrough", plot "Float64_continuous_output"),
+            Self::Feedthrough3 => files!("feedthrough_3", plot "Float64_continuous_output"),
+            Self::StateSpace => files!("state_space", plot "y"),
+            Self::Clocks => files!("clocks", plot "totalInClockTicks"),
+            Self::Resource => files!("resource", plot "y", "resources/y.txt"),
+            Self::Sampled => files!("sampled", plot "command"),
         }
     }
 }
@@ -139,7 +136,7 @@ impl New {
         let manifest_file = self.path.join("Cargo.toml");
         let manifest = fs::read_to_string(&manifest_file)
             .with_context(|| format!("cannot read {}", manifest_file.display()))?;
-        write("Cargo.toml", &manifest_of(&manifest, files.features))?;
+        write("Cargo.toml", &manifest_of(&manifest))?;
         write("build.rs", include_str!("../templates/build.rs"))?;
         write("model.json", files.declaration)?;
         write("model.schema.json", fmu_export_build::SCHEMA)?;
@@ -160,9 +157,8 @@ impl New {
 }
 
 /// The manifest that cargo wrote, with the library's type and the dependencies.
-fn manifest_of(manifest: &str, features: &[&str]) -> String {
+fn manifest_of(manifest: &str) -> String {
     let package = manifest.split("[dependencies]").next().unwrap_or_default().trim_end();
-    let features = if features.is_empty() { String::new() } else { format!(", features = {features:?}") };
     let source = |name| match checkout() {
         Some(crates) => format!("path = {:?}", crates.join(name).display().to_string()),
         None => format!("version = {:?}", env!("CARGO_PKG_VERSION")),
@@ -173,7 +169,7 @@ fn manifest_of(manifest: &str, features: &[&str]) -> String {
          [lib]\n\
          crate-type = [\"cdylib\"]\n\n\
          [dependencies]\n\
-         fmu-export = {{ {runtime}{features} }}\n\n\
+         fmu-export = {{ {runtime} }}\n\n\
          [build-dependencies]\n\
          fmu-export-build = {{ {build} }}\n"
     )
