@@ -116,6 +116,15 @@ pub fn generate(declaration: impl AsRef<Path>) {
         fmi.version = Version::Three;
     }
     match generate_into(declaration, Path::new(&out_dir), &Package::of_build_script(), fmi) {
+        // The compiler would say of each type alone that it is missing.
+        Ok(_) if Path::new("src/lib.rs").is_file() && !uses_generated(Path::new("src")) => {
+            println!(
+                "cargo::error=src/lib.rs: nothing uses the variables of {}: write `fmu_export::fmu!(equations NAME);` with the \
+                 name of the model's type, or `sampled` or `clocked` for `equations`, or neither for a `Model`",
+                declaration.display()
+            );
+            process::exit(1);
+        }
         Ok(generated) => {
             for source in generated.sources {
                 println!("cargo::rerun-if-changed={}", source.display());
@@ -130,6 +139,20 @@ pub fn generate(declaration: impl AsRef<Path>) {
             process::exit(1);
         }
     }
+}
+
+/// Whether a source in a folder includes what is generated; also where one cannot be read, of which the compiler tells.
+fn uses_generated(folder: &Path) -> bool {
+    let Ok(entries) = fs::read_dir(folder) else { return true };
+    entries.flatten().map(|entry| entry.path()).any(|path| {
+        if path.is_dir() {
+            return uses_generated(&path);
+        }
+        path.extension().is_some_and(|extension| extension == "rs")
+            && fs::read_to_string(&path).map_or(true, |source| {
+                ["fmu!", "include_variables!", "OUT_DIR"].iter().any(|word| source.contains(word))
+            })
+    })
 }
 
 /// Generates the interface of a model into the folder of its name in a folder.

@@ -143,6 +143,12 @@ macro_rules! fmu {
         #[allow(unused_imports)]
         use variables::*;
     };
+    ($($other:tt)*) => {
+        ::core::compile_error!(::core::concat!(
+            "`fmu!(", ::core::stringify!($($other)*), ")` is none of `fmu!(equations NAME)`, `fmu!(sampled NAME)`, \
+             `fmu!(clocked NAME)` and `fmu!(NAME)` for a `Model`; `struct NAME` instead of `NAME` declares the type, too"
+        ));
+    };
 }
 
 /// Includes the typed interface that `fmu_export_build::generate` generated, by the model identifier. For a model

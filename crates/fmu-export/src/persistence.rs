@@ -79,6 +79,12 @@ fn too_short() -> Error {
 
 /// A value whose bits can be written and read back. After reading, it equals the one that was written,
 /// bit for bit.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` cannot be saved with a model's state: write `#[derive(Clone, Debug, Default, Persistent)]` above it",
+    label = "not `Persistent`",
+    note = "numbers, strings, tuples, arrays, `Vec` and `Option` are `Persistent`; a field that follows from others can have \
+            `#[persistent(skip)]`"
+)]
 pub trait Persistent {
     /// Passes every part of the value to the archive, always in the same order.
     ///
