@@ -402,8 +402,9 @@ WRONG = [
     ),
     (
         "step = 0.0125",
-        "step = 0.0125\nmeasurement_noise = { boost = { standard_deviation = 1 } }",
-        r"line \d+, measurement_noise.boost: boost is not recorded; the nearest is boost_pressure",
+        "step = 0.0125\nmeasurement_noise = { boost_presure = { standard_deviation = 1 } }",
+        r"line \d+, measurement_noise.boost_presure: boost_presure is not recorded; "
+        r"the nearest is boost_pressure",
     ),
 ]
 """A text in the scenario of Fig. 13, its replacement, and the message."""

@@ -32,6 +32,10 @@ COMPILERS = {
     "gcc, Windows": ["x86_64-w64-mingw32-gcc", *STRICT, "-O1", "-D__USE_MINGW_ANSI_STDIO=1"],
     "clang, contracting": [*ZIG, "x86_64-linux-gnu.2.17", *STRICT, *CONTRACTED],
     "clang, aarch64": [*ZIG, "aarch64-linux-gnu.2.17", *STRICT, "-O1"],
+    # A compiler of C11 without extensions; its warnings are of what the extensions say.
+    "clang as any of C11": [*ZIG, "x86_64-linux-gnu.2.17", "-std=c11", "-U__GNUC__", "-O1", "-w"],
+    # A compiler of C99 without extensions.
+    "tcc": ["tcc", *STRICT, "-DACQUIRE=", "-DRELEASE="],
 }
 
 EMULATORS = {
@@ -102,15 +106,33 @@ def test_the_functions_of_fmi_3(tmp_path: Path, name: str) -> None:
     subprocess.run([*COMPILERS[name], "-c", source, "-o", tmp_path / "fmi3.o"], check=True)
 
 
-def test_the_x87_unit_is_refused(fmu: Path, tmp_path: Path) -> None:
-    command = [
-        "i686-linux-gnu-gcc",
-        "-std=c99",
-        "-c",
-        fmu / "sources" / "model.c",
-        "-o",
-        tmp_path / "model.o",
-    ]
+@pytest.mark.parametrize("compiler", [["i686-linux-gnu-gcc"], ["i386-tcc", "-I/usr/i686-linux-gnu/include"]])
+def test_the_x87_unit_is_refused(fmu: Path, tmp_path: Path, compiler: list[str]) -> None:
+    command = [*compiler, "-std=c99", "-c", fmu / "sources" / "model.c", "-o", tmp_path / "model.o"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode != 0
     assert "compile with -msse2 -mfpmath=sse" in done.stderr
+
+
+def test_processors_with_numbers_of_16_bits_are_not_refused(fmu: Path, tmp_path: Path) -> None:
+    """For them, gcc has another `FLT_EVAL_METHOD`."""
+    source = fmu / "sources" / "model.c"
+    command = ["gcc", "-std=gnu99", "-march=sapphirerapids", "-c", source, "-o", tmp_path / "model.o"]
+    subprocess.run(command, check=True)
+
+
+@pytest.mark.parametrize("compiler", ["gcc", "tcc"])
+def test_a_lock_of_the_importers_is_used(fmu: Path, tmp_path: Path, compiler: str) -> None:
+    (tmp_path / "lock.h").write_text("void begin(void);\nvoid end(void);\n")
+    lock = ["-DACQUIRE=begin()", "-DRELEASE=end()", "-include", tmp_path / "lock.h"]
+    library = tmp_path / "fmi2.o"
+    subprocess.run([compiler, *STRICT, *lock, "-c", fmu / "sources" / "fmi2.c", "-o", library], check=True)
+    done = subprocess.run(["nm", library], capture_output=True, text=True, check=True)
+    assert {"U begin", "U end"} <= {line.strip() for line in done.stdout.splitlines()}
+
+
+def test_a_compiler_without_atomic_operations_is_told_what_it_takes(fmu: Path, tmp_path: Path) -> None:
+    command = ["tcc", "-std=c99", "-c", fmu / "sources" / "fmi2.c", "-o", tmp_path / "fmi2.o"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert "README.txt says what -DACQUIRE= and -DRELEASE= do" in done.stderr

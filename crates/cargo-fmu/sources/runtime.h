@@ -797,17 +797,25 @@ typedef struct State {
 
 /* The states of all instances: with the lock that guards it, all that instances share. */
 static State *states;
-static volatile long lock;
 
-#if defined(__GNUC__)
-#define ACQUIRE() while (__sync_lock_test_and_set(&lock, 1)) continue
-#define RELEASE() __sync_lock_release(&lock)
+/* One thread at a time is between these two, unless the command line says otherwise. */
+#if defined(ACQUIRE) && defined(RELEASE)
+#elif defined(__GNUC__)
+static volatile int lock;
+#define ACQUIRE while (__sync_lock_test_and_set(&lock, 1)) continue
+#define RELEASE __sync_lock_release(&lock)
 #elif defined(_MSC_VER)
 #include <intrin.h>
-#define ACQUIRE() while (_InterlockedExchange(&lock, 1)) continue
-#define RELEASE() _InterlockedExchange(&lock, 0)
+static volatile long lock;
+#define ACQUIRE while (_InterlockedExchange(&lock, 1)) continue
+#define RELEASE _InterlockedExchange(&lock, 0)
+#elif defined(__STDC_VERSION__) && __STDC_VERSION__ >= 201112L && !defined(__STDC_NO_ATOMICS__)
+#include <stdatomic.h>
+static atomic_flag lock = ATOMIC_FLAG_INIT;
+#define ACQUIRE while (atomic_flag_test_and_set(&lock)) continue
+#define RELEASE atomic_flag_clear(&lock)
 #else
-#error "define ACQUIRE and RELEASE here, by which one thread at a time sets lock to 1 and back to 0"
+#error "this compiler has no atomic operations that are known here: README.txt says what -DACQUIRE= and -DRELEASE= do"
 #endif
 
 /* The link to a state, or null; the lock is held. */
@@ -822,7 +830,7 @@ static State **link_to(const void *handle) {
 /* Keeps bytes as a state: a new one where the handle is null; takes the bytes. Whether that succeeded. */
 static int keep(const Instance *owner, void **handle, u8 *bytes, size_t size) {
   State **link, *state;
-  ACQUIRE();
+  ACQUIRE;
   link = link_to(*handle);
   state = link ? *link : malloc(sizeof *state);
   if (state) {
@@ -837,7 +845,7 @@ static int keep(const Instance *owner, void **handle, u8 *bytes, size_t size) {
     state->bytes = bytes;
     state->size = size;
   }
-  RELEASE();
+  RELEASE;
   if (!state) free(bytes);
   return state != NULL;
 }
@@ -846,21 +854,21 @@ static int keep(const Instance *owner, void **handle, u8 *bytes, size_t size) {
 static u8 *copy_of_state(const void *handle, size_t *size) {
   State **link;
   u8 *copy = NULL;
-  ACQUIRE();
+  ACQUIRE;
   link = link_to(handle);
   if (link) {
     *size = (*link)->size;
     copy = malloc(*size);
     if (copy) memcpy(copy, (*link)->bytes, *size);
   }
-  RELEASE();
+  RELEASE;
   return copy;
 }
 
 /* Frees a state, or those of an instance. */
 static void free_states(const void *handle, const Instance *owner) {
   State **link, *state;
-  ACQUIRE();
+  ACQUIRE;
   for (link = &states; *link;) {
     state = *link;
     if (state == handle || state->owner == owner) {
@@ -871,7 +879,7 @@ static void free_states(const void *handle, const Instance *owner) {
       link = &state->next;
     }
   }
-  RELEASE();
+  RELEASE;
 }
 
 static void free_instance(void *handle) {

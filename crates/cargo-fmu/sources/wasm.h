@@ -23,8 +23,9 @@
 #elif defined(_MSC_VER)
 #pragma fp_contract(off)
 #endif
-#if defined(FLT_EVAL_METHOD) && FLT_EVAL_METHOD != 0
-#error "compile with -msse2 -mfpmath=sse: the x87 unit computes with more digits than a double has"
+/* 16 is what gcc says where numbers of 16 bits are computed as such, and others as theirs. */
+#if defined(FLT_EVAL_METHOD) && FLT_EVAL_METHOD != 0 && FLT_EVAL_METHOD != 16 || defined(__TINYC__) && defined(__i386__)
+#error "compile with -msse2 -mfpmath=sse, or another compiler: the x87 unit computes with more digits than a double has"
 #endif
 
 typedef uint8_t u8;

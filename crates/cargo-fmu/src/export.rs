@@ -87,13 +87,8 @@ impl Export {
     /// # Errors
     /// When there is no workspace, no such model, or no such target, or when the tools for a target are missing.
     pub fn plan(self) -> Result<Plan> {
-        if self.sources {
-            sources::check_tools()?;
-        }
-        if self.wasm || self.sources {
-            WebAssembly::check_tools()?;
-        }
         let builds = if self.wasm { vec![] } else { builds(&self.targets)? };
+        self.check_tools(&builds)?;
         let mut command = MetadataCommand::new();
         // Nothing is asked of the dependencies: else cargo would fetch those of members that are not exported.
         command.no_deps();
@@ -113,6 +108,26 @@ impl Export {
             if versions.is_empty() { vec![None] } else { versions.into_iter().map(Some).collect() };
         let Self { wasm, sources, .. } = self;
         Ok(Plan { metadata, builds, wasm, sources, versions, interfaces, binaries, models, out })
+    }
+
+    /// Refuses to begin with tools missing, and names all of them.
+    fn check_tools(&self, builds: &[Build]) -> Result<()> {
+        let mut checks: Vec<_> = builds.iter().map(Build::check_tools).collect();
+        if self.wasm || self.sources {
+            checks.push(WebAssembly::check_tools());
+        }
+        if self.sources {
+            checks.push(sources::check_tools());
+        }
+        let mut missing: Vec<_> = checks.into_iter().filter_map(Result::err).collect();
+        match missing.len() {
+            0 => Ok(()),
+            1 => Err(missing.remove(0)),
+            _ => {
+                let list: Vec<_> = missing.iter().map(|error| format!("{error:#}")).collect();
+                bail!("nothing was built, as more than one thing is missing:\n- {}", list.join("\n- "))
+            }
+        }
     }
 }
 
@@ -245,7 +260,14 @@ impl Plan {
             self.models().collect::<Vec<_>>().join(", "),
             build.name()
         ));
-        compile(&self.metadata, self.models.values(), build, version, self.interfaces)
+        compile(&self.metadata, self.models.values(), build, version, self.interfaces).with_context(|| {
+            match version {
+                Some(version) if self.versions.first() != Some(&Some(version)) => {
+                    format!("nothing was exported of FMI {version}.0")
+                }
+                _ => "nothing was exported".to_owned(),
+            }
+        })
     }
 
     /// Writes the FMUs of what was built, with libraries that were built elsewhere, says so, and returns their files.
@@ -350,7 +372,7 @@ fn choose(metadata: &Metadata, names: &[String], packages: &[String]) -> Result<
     Ok(models)
 }
 
-/// What is to be built, each with its tools at hand.
+/// What is to be built.
 fn builds(targets: &[Target]) -> Result<Vec<Build>> {
     let mut builds: Vec<Build> = vec![];
     for build in targets.iter().flat_map(Target::builds) {
@@ -367,7 +389,6 @@ fn builds(targets: &[Target]) -> Result<Vec<Build>> {
     if builds.is_empty() {
         builds.push(Build::host()?);
     }
-    builds.iter().try_for_each(Build::check_tools)?;
     Ok(builds)
 }
 

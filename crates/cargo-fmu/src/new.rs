@@ -177,7 +177,7 @@ fn manifest_of(manifest: &str) -> String {
 
 /// The folder of the exporter's crates, where this command was built from a checkout of its repository that is still
 /// there: packages then depend on these.
-fn checkout() -> Option<&'static Path> {
+pub fn checkout() -> Option<&'static Path> {
     let crates = Path::new(env!("CARGO_MANIFEST_DIR")).parent()?;
     crates.join("fmu-export/Cargo.toml").is_file().then_some(crates)
 }

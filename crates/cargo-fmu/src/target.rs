@@ -2,17 +2,17 @@
 //! them here.
 
 use std::env::{self, consts};
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::io::{self, ErrorKind};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::str::FromStr;
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use fmu_package::Platform;
 
-use super::cargo;
+use super::{cargo, new};
 
 /// The profile of the libraries. A workspace whose manifest does not define it gets it as its release profile.
 const PROFILE: &str = "fmu-library";
@@ -131,30 +131,61 @@ impl WebAssembly {
         env::var_os(Self::COMPILER)
     }
 
-    /// Refuses to build without the standard library or its source.
+    /// Refuses to build without the standard library, or its source where a compiler is named, or without a linker.
     pub fn check_tools() -> Result<()> {
-        if Self::builds_std()? { Ok(()) } else { refuse_missing_std(Self::TRIPLE) }
-    }
-
-    /// Whether cargo compiles the standard library, too: that of a named compiler, which has the source instead.
-    fn builds_std() -> Result<bool> {
-        let Some(compiler) = Self::compiler() else { return Ok(false) };
+        let named = Self::compiler();
+        let compiler = named.clone().unwrap_or_else(rustc);
+        if named.is_none() {
+            refuse_missing_std(Self::TRIPLE, &format!("without rustup, {}", Self::on_debian()))?;
+        }
         let output = Command::new(&compiler)
             .args(["--print", "sysroot"])
             .output()
-            .with_context(|| format!("cannot run {}, which {} names", compiler.display(), Self::COMPILER))?;
+            .with_context(|| format!("cannot run {}, the compiler for WebAssembly", compiler.display()))?;
         let sysroot = String::from_utf8(output.stdout).context("rustc's answer is not text")?;
-        let has_source =
-            Path::new(sysroot.trim()).join("lib/rustlib/src/rust/library/std/Cargo.toml").is_file();
-        if !has_source {
-            bail!(
-                "{}, which {} names, has no source of the standard library: on Debian, `apt-get install \
-                 rust-web-src` brings it",
-                compiler.display(),
-                Self::COMPILER
-            );
-        }
-        Ok(true)
+        let libraries = Path::new(sysroot.trim()).join("lib/rustlib");
+        ensure!(
+            named.is_none() || libraries.join("src/rust/library/std/Cargo.toml").is_file(),
+            "{}, which {} names, has no source of the standard library: {}",
+            compiler.display(),
+            Self::COMPILER,
+            Self::on_debian()
+        );
+        // What rustc calls by default: its own one, or one on the path.
+        let own = format!("bin/rust-lld{}", consts::EXE_SUFFIX);
+        let is_there =
+            |target: io::Result<fs::DirEntry>| target.is_ok_and(|it| it.path().join(&own).is_file());
+        let linker = linker(Self::TRIPLE);
+        let has_linker = match &linker {
+            Some(linker) => is_installed(linker)?,
+            None => {
+                fs::read_dir(libraries).is_ok_and(|mut targets| targets.any(is_there))
+                    || is_installed("rust-lld")?
+            }
+        };
+        ensure!(
+            has_linker,
+            "there is no linker {} for {}; {} names one: {}",
+            linker.unwrap_or_else(|| "rust-lld".into()).display(),
+            compiler.display(),
+            linker_variable(Self::TRIPLE),
+            Self::on_debian()
+        );
+        Ok(())
+    }
+
+    /// What brings compiler and linker without rustup: the script of a checkout, or else what that does.
+    fn on_debian() -> String {
+        let script = new::checkout().map(|crates| crates.with_file_name("release").join("wasm-tools"));
+        let line = match script {
+            Some(script) => format!("`eval \"$(bash '{}')\"`", script.display()),
+            None => format!(
+                "`apt-get install rustc-web rust-web-src lld` and `export {}=/usr/bin/rustc {}=wasm-ld`",
+                Self::COMPILER,
+                linker_variable(Self::TRIPLE)
+            ),
+        };
+        format!("on Debian, {line} installs and sets what it takes")
     }
 }
 
@@ -252,7 +283,7 @@ impl Build {
     /// Refuses to build where the target's standard library or linker is missing, with what brings them.
     pub fn check_tools(&self) -> Result<()> {
         let Some((triple, _)) = self.target.as_deref().map(split) else { return Ok(()) };
-        refuse_missing_std(triple)?;
+        refuse_missing_std(triple, "without rustup, cargo can build it, as docs/platforms.md says")?;
         if self.links_with_zig() {
             if !is_installed("cargo-zigbuild")? {
                 bail!(
@@ -306,12 +337,18 @@ fn linker(triple: &str) -> Option<OsString> {
     env::var_os(linker_variable(triple))
 }
 
-fn refuse_missing_std(triple: &str) -> Result<()> {
+/// The compiler that cargo takes.
+fn rustc() -> OsString {
+    env::var_os("RUSTC").unwrap_or_else(|| "rustc".into())
+}
+
+/// Refuses to build without a target's standard library; `otherwise` is what to do without rustup.
+fn refuse_missing_std(triple: &str, otherwise: &str) -> Result<()> {
     // Cargo builds it.
     if env::var_os("CARGO_UNSTABLE_BUILD_STD").is_some() {
         return Ok(());
     }
-    let rustc = env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
+    let rustc = rustc();
     let output = Command::new(&rustc)
         .args(["--print", "target-libdir", "--target", triple])
         .output()
@@ -326,8 +363,7 @@ fn refuse_missing_std(triple: &str) -> Result<()> {
     });
     if !has_std {
         bail!(
-            "{} has no standard library for {triple}: `rustup target add {triple}` brings it; \
-             without rustup, cargo can build it, as docs/platforms.md says",
+            "{} has no standard library for {triple}: `rustup target add {triple}` brings it; {otherwise}",
             rustc.display()
         );
     }
@@ -335,11 +371,12 @@ fn refuse_missing_std(triple: &str) -> Result<()> {
 }
 
 /// Whether a program can be run.
-fn is_installed(program: &str) -> Result<bool> {
+fn is_installed(program: impl AsRef<OsStr>) -> Result<bool> {
+    let program = program.as_ref();
     let status = Command::new(program).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
     match status {
         Ok(_) => Ok(true),
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
-        Err(error) => Err(error).with_context(|| format!("cannot run {program}")),
+        Err(error) => Err(error).with_context(|| format!("cannot run {}", program.display())),
     }
 }

@@ -147,20 +147,88 @@ fn scheduled_execution_is_refused_in_fmi_2() {
     assert!(message.contains("--interfaces se is of FMI 3.0; --fmi names 2"), "{message}");
 }
 
+/// What an export says that lacks tools, with further variables.
+fn refusal_without_tools(arguments: &[&str], folder: &Path, variables: &[(&str, &str)]) -> String {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"));
+    command.arg("export").args(arguments).current_dir(folder);
+    for variable in [
+        "CARGO_UNSTABLE_BUILD_STD",
+        "RUSTC",
+        "FMU_WASM_RUSTC",
+        "CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER",
+        "WASM2C",
+    ] {
+        command.env_remove(variable);
+    }
+    let output = command.envs(variables.iter().copied()).output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{arguments:?} succeeded");
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(!message.contains("Compiling"), "{message}");
+    message
+}
+
+/// Adds the source of a standard library, where `echo` says that a compiler has it.
+fn add_source(folder: &Path) {
+    let library = folder.join("--print sysroot/lib/rustlib/src/rust/library/std");
+    fs::create_dir_all(&library).unwrap();
+    fs::write(library.join("Cargo.toml"), "").unwrap();
+}
+
+#[test]
+fn webassembly_without_its_tools_is_refused_with_the_line_to_type() {
+    let folder = empty("no tools");
+    let refused =
+        |arguments: &[&str], variables: &[(&str, &str)]| refusal_without_tools(arguments, &folder, variables);
+    let script =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../release/wasm-tools").canonicalize().unwrap();
+    let script = format!("on Debian, `eval \"$(bash '{}')\"`", script.display());
+
+    // A compiler that answers with what it is asked; there is no such folder.
+    let message = refused(&["--wasm"], &[("RUSTC", "echo")]);
+    let rustup = "error: echo has no standard library for wasm32-unknown-unknown: `rustup target add \
+                  wasm32-unknown-unknown` brings it; without rustup, ";
+    assert!(message.starts_with(&format!("{rustup}{script}")), "{message}");
+    assert_eq!(message.lines().count(), 1, "{message}");
+
+    let message = refused(&["--wasm"], &[("FMU_WASM_RUSTC", "no such compiler")]);
+    assert!(message.contains("cannot run no such compiler, the compiler for WebAssembly"), "{message}");
+    let message = refused(&["--wasm"], &[("FMU_WASM_RUSTC", "echo")]);
+    assert!(message.contains("echo, which FMU_WASM_RUSTC names, has no source of the standard library: "));
+    assert!(message.contains(&script), "{message}");
+
+    add_source(&folder);
+    let linker = "CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER";
+    let message = refused(&["--wasm"], &[("FMU_WASM_RUSTC", "echo"), (linker, "no-such-linker")]);
+    let missing = format!("there is no linker no-such-linker for echo; {linker} names one: {script}");
+    assert!(message.contains(&missing), "{message}");
+}
+
 #[test]
 fn sources_take_one_version_of_wasm2c() {
-    let refusal = |program: &str| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"));
-        let output =
-            command.args(["export", "--sources"]).env("WASM2C", program).current_dir(workspace()).output();
-        let output = output.unwrap();
-        assert_eq!(output.status.code(), Some(2));
-        String::from_utf8(output.stderr).unwrap()
+    // There is a linker, any program, so that only wasm2c is missing.
+    let folder = empty("no wasm2c");
+    add_source(&folder);
+    let refused = |program: &str, linker: &str| {
+        let variables = [
+            ("WASM2C", program),
+            ("FMU_WASM_RUSTC", "echo"),
+            ("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER", linker),
+        ];
+        refusal_without_tools(&["--sources"], &folder, &variables)
     };
     let missing = "`--sources` takes wasm2c 1.0.32: on Debian 12, `apt-get install wabt` brings it";
-    assert!(refusal("no-such-program").contains(missing), "{}", refusal("no-such-program"));
+    let message = refused("no-such-program", "echo");
+    assert!(message.starts_with(&format!("error: {missing}")), "{message}");
     let another = "this one is cargo-fmu ";
-    assert!(refusal(env!("CARGO_BIN_EXE_cargo-fmu")).contains(another));
+    assert!(refused(env!("CARGO_BIN_EXE_cargo-fmu"), "echo").contains(another));
+
+    // What is missing is told at once.
+    let message = refused("no-such-program", "no-such-linker");
+    let lines: Vec<_> = message.lines().collect();
+    assert_eq!(lines[0], "error: nothing was built, as more than one thing is missing:");
+    assert!(lines[1].starts_with("- there is no linker no-such-linker for echo"), "{message}");
+    assert!(lines[2].starts_with(&format!("- {missing}")), "{message}");
+    assert_eq!(lines.len(), 3, "{message}");
 }
 
 #[test]

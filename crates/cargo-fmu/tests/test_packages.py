@@ -1,7 +1,8 @@
-"""`cargo fmu new` and `export`: what is written exports, and runs as its README says, in folders with spaces,
-alone and in a workspace."""
+"""The exporter's packages, which the registry accepts, and `cargo fmu new` and `export`: what is written
+exports, and runs as its README says, in folders with spaces, alone and in a workspace."""
 
 import contextlib
+import json
 import math
 import os
 import re
@@ -222,6 +223,62 @@ def test_resources_are_packed(decay, folder):
         assert archive.read("resources/curves/gain.csv") == b"0,1\n"
 
 
+def failure(package, target):
+    """What an export that fails says after cargo has begun to compile the package."""
+    done = subprocess.run(
+        [TARGET / "debug/cargo-fmu", "export"],
+        cwd=package,
+        env={**os.environ, "CARGO_TARGET_DIR": str(target)},
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    begin, lines = done.stderr.split(f"({package})\n", 1)
+    assert begin.startswith("Compiling decay for ")
+    return lines.splitlines()
+
+
+FAILED = (
+    f"error: nothing was exported: cargo could not build the models for {fmpy.platform}; "
+    "its messages stand above"
+)
+
+
+def test_a_wrong_declaration_is_told_once(decay, folder):
+    package = folder / "wrong declaration"
+    shutil.copytree(decay, package, ignore=shutil.ignore_patterns("target"))
+    model = package / "model.json"
+    model.write_text(model.read_text().replace('"unit": "1"', '"unit": "furlong"'))
+    for _ in range(2):
+        *findings, cargo, last = failure(package, decay / "target")
+        assert findings
+        assert len(set(findings)) == len(findings)
+        for finding in findings:
+            assert re.match(
+                r"error: decay@0\.1\.0: model\.json:\d+: \S+: .* 'furlong' is not known$", finding
+            )
+        # All that cargo adds.
+        assert (cargo, last) == ("error: build script logged errors", FAILED)
+
+
+def test_other_failures_are_told_as_cargo_tells_them(decay, folder):
+    package = folder / "wrong code"
+    shutil.copytree(decay, package, ignore=shutil.ignore_patterns("target"))
+    script = package / "build.rs"
+    of_model = script.read_text()
+    script.write_text('fn main() { panic!("no table") }')
+    lines = failure(package, decay / "target")
+    assert "error: failed to run custom build command for `decay" in lines[0]
+    assert any("no table" in line for line in lines)
+    assert lines[-1] == FAILED
+    script.write_text(of_model)
+    with (package / "src/lib.rs").open("a") as source:
+        source.write("const WRONG: f64 = true;\n")
+    lines = failure(package, decay / "target")
+    assert lines[0] == "error[E0308]: mismatched types"
+    assert lines[-1] == FAILED
+
+
 def make_workspace(folder, templates):
     """A workspace with packages of these names from templates."""
     folder.mkdir()
@@ -252,3 +309,101 @@ def test_a_workspace_exports_all_or_one(decay, folder):
     for fmu in fmus:
         assert validate_fmu(fmu) == []
         run(workspace, "cargo", "fmu", "validate", str(fmu))
+
+
+def metadata(folder):
+    """The packages of a workspace as cargo reads their manifests."""
+    return json.loads(run(folder, "cargo", "metadata", "--no-deps", "--format-version", "1"))["packages"]
+
+
+LICENSES = {"MIT", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause"}
+"""Those of these packages, by their SPDX identifiers."""
+
+WORD = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+-]{0,19}")
+"""A keyword."""
+
+
+def refused(package):
+    """What the registry refuses in a manifest, and `cargo package` does not (The Cargo Book, "Publishing on
+    crates.io", "The Manifest Format" and "Specifying Dependencies")."""
+    missing = [key for key in ("description", "license") if not package[key]]
+    terms = set(re.findall(r"[^\s()]+", package["license"] or "")) - {"AND", "OR"}
+    addresses = [package[key] or "https://" for key in ("documentation", "homepage", "repository")]
+    words = package["keywords"]
+    dependencies = [
+        dependency["name"]
+        for dependency in package["dependencies"]
+        # A dependency of the tests by its path alone is left out of what is published.
+        if not (dependency["kind"] == "dev" and dependency.get("path"))
+        and (dependency["req"] == "*" or not (dependency.get("path") or is_of_registry(dependency)))
+    ]
+    return [
+        *missing,
+        *sorted(terms - LICENSES),
+        *(address for address in addresses if not address.startswith(("https://", "http://"))),
+        *(word for word in words if not WORD.fullmatch(word)),
+        *(["keywords"] if len(words) > 5 else []),
+        *(["categories"] if len(package["categories"]) > 5 else []),
+        *dependencies,
+    ]
+
+
+def is_of_registry(dependency):
+    return dependency["source"] == "registry+https://github.com/rust-lang/crates.io-index"
+
+
+def test_the_registry_accepts_the_packages():
+    packages = [package for package in metadata(REPOSITORY) if package["publish"] is None]
+    (exporter,) = re.findall(r"^exporter=\((.*)\)$", (REPOSITORY / "tests/run").read_text(), re.MULTILINE)
+    assert sorted(package["name"] for package in packages) == sorted(exporter.split())
+    assert {package["name"]: refused(package) for package in packages if refused(package)} == {}
+
+
+def test_what_the_registry_refuses_is_found(folder):
+    """By the names of what is wrong."""
+    package = folder / "refused"
+    (package / "src").mkdir(parents=True)
+    (package / "src/lib.rs").write_text("")
+    (package / "Cargo.toml").write_text(
+        """
+        [package]
+        name = "refused"
+        license = "MIT OR Mine"
+        keywords = ["fmi", "two words", "a", "b", "c", "d"]
+        categories = ["a", "b", "c", "d", "e", "f"]
+        repository = "ssh://nowhere"
+        [dependencies]
+        any = "*"
+        here = { path = "here" }
+        git = { git = "https://nowhere", version = "1" }
+        ours = { path = "ours", version = "1" }
+        theirs = "1"
+        [dev-dependencies]
+        tested = { path = "tested" }
+        tests = "*"
+        """
+    )
+    (found,) = metadata(package)
+    assert refused(found) == [
+        "description",
+        "Mine",
+        "ssh://nowhere",
+        "two words",
+        "keywords",
+        "categories",
+        "any",
+        "git",
+        "here",
+        "tests",
+    ]
+
+
+def test_all_pages_install_the_command_alike():
+    pages = [*REPOSITORY.glob("*.md"), *REPOSITORY.glob("docs/*.md"), *REPOSITORY.glob("crates/*/README.md")]
+    lines = {
+        line.partition("#")[0].strip()
+        for page in pages
+        for line in page.read_text().splitlines()
+        if line.startswith("cargo install ")
+    }
+    assert lines == {"cargo install --path crates/cargo-fmu"}

@@ -332,7 +332,12 @@ fn data_type(declaration: &Declaration, variable: &VariableDeclaration) -> Resul
         }
         name => DataType::Enumeration(enumerations().position(|known| known == name).ok_or_else(|| {
             let known = built_in_types().map(str::to_owned).chain(enumerations().cloned());
-            let nearest = nearest(name, known);
+            let nearest = match name {
+                // FMI 3.0's names of the types that FMI 2.0 has, too.
+                "Float64" => "; it is called 'Real' here".to_owned(),
+                "Int32" => "; it is called 'Integer' here".to_owned(),
+                _ => nearest(name, known),
+            };
             let types = built_in_types().collect::<Vec<_>>().join(", ");
             format!("'{name}' is not one of {types} and the enumerations{nearest}")
         })?),

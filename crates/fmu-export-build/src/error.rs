@@ -227,15 +227,42 @@ fn plain(reason: &str) -> String {
     format!("expected {expected}, found {found}")
 }
 
-/// The known name that is most like one, as the end of a message; nothing where none is like it.
+/// The known name that is nearest to one, as the end of a message; nothing where none is near.
 pub(crate) fn nearest(name: &str, known: impl Iterator<Item = String>) -> String {
+    nearest_of(name, known).map_or_else(String::new, |known| format!("; the nearest is '{known}'"))
+}
+
+/// The known name that is nearest to one, if they differ in at most a third of their letters; capitals do not count.
+pub(crate) fn nearest_of(name: &str, known: impl Iterator<Item = String>) -> Option<String> {
     let distance = |other: &str| {
         let lower = strsim::osa_distance(&name.to_lowercase(), &other.to_lowercase());
         (lower, strsim::osa_distance(name, other), other.len())
     };
-    let is_like = |other: &str| 3 * distance(other).0 <= name.chars().count().max(other.chars().count()) + 1;
-    known
-        .filter(|known| is_like(known))
-        .min_by_key(|known| distance(known))
-        .map_or_else(String::new, |known| format!("; the nearest is '{known}'"))
+    let is_near = |other: &str| 3 * distance(other).0 <= name.chars().count().max(other.chars().count());
+    known.filter(|known| is_near(known)).min_by_key(|known| distance(known))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_is_nearest_only_if_it_is_near() {
+        let known = ["reads", "start", "unit", "nominal", "K", "mass_flow", "mass_fraction", "Float32"];
+        let nearest = |name| nearest_of(name, known.iter().map(|&name| name.to_owned()));
+        for (name, meant) in [
+            ("reeds", "reads"),
+            ("nominals", "nominal"),
+            ("massFlow", "mass_flow"),
+            ("MASS_FLOW", "mass_flow"),
+            ("uint", "unit"),
+            ("k", "K"),
+            ("Float23", "Float32"),
+        ] {
+            assert_eq!(nearest(name).as_deref(), Some(meant), "{name}");
+        }
+        for name in ["", "K1", "red", "end", "stop", "mass", "mass_factor_in", "numerical"] {
+            assert_eq!(nearest(name), None, "{name}");
+        }
+    }
 }

@@ -105,7 +105,7 @@ pub fn generate(declaration: impl AsRef<Path>) {
     let out_dir = env::var("OUT_DIR").expect("OUT_DIR is set for build scripts only");
     let mut fmi = Fmi::of_environment().unwrap_or_else(|reason| {
         println!("cargo::error={reason}");
-        process::exit(1);
+        end_build();
     });
     // A file that cannot be read is reported below.
     let needs_fmi3 = || {
@@ -123,7 +123,7 @@ pub fn generate(declaration: impl AsRef<Path>) {
                  name of the model's type, or `sampled` or `clocked` for `equations`, or neither for a `Model`",
                 declaration.display()
             );
-            process::exit(1);
+            end_build();
         }
         Ok(generated) => {
             for source in generated.sources {
@@ -135,8 +135,7 @@ pub fn generate(declaration: impl AsRef<Path>) {
                 // A name that is refused may have a line break in it.
                 println!("cargo::error={}", finding.to_string().replace('\n', " "));
             }
-            // Not a panic, whose trace would bury the findings.
-            process::exit(1);
+            end_build();
         }
     }
 }
@@ -153,6 +152,12 @@ fn uses_generated(folder: &Path) -> bool {
                 ["fmu!", "include_variables!", "OUT_DIR"].iter().any(|word| source.contains(word))
             })
     })
+}
+
+/// Ends the build script after errors, for which cargo ends the build. Of a script that fails, cargo would show all that it
+/// printed, with the errors among it once more.
+fn end_build() -> ! {
+    process::exit(0)
 }
 
 /// Generates the interface of a model into the folder of its name in a folder.

@@ -130,6 +130,46 @@ const SYMBOLS: [Symbol; 51] = [
     ("1",    NoPrefix, DIMENSIONLESS,                    1., 1., 0),
 ];
 
+/// Names of units and shorter forms, which are no symbols, and the symbols.
+const NAMES: [(&str, &str); 36] = [
+    ("gram", "g"),
+    ("kilogram", "kg"),
+    ("meter", "m"),
+    ("metre", "m"),
+    ("second", "s"),
+    ("sec", "s"),
+    ("ampere", "A"),
+    ("amp", "A"),
+    ("kelvin", "K"),
+    ("mole", "mol"),
+    ("candela", "cd"),
+    ("radian", "rad"),
+    ("hertz", "Hz"),
+    ("newton", "N"),
+    ("pascal", "Pa"),
+    ("joule", "J"),
+    ("watt", "W"),
+    ("coulomb", "C"),
+    ("volt", "V"),
+    ("farad", "F"),
+    ("siemens", "S"),
+    ("weber", "Wb"),
+    ("tesla", "T"),
+    ("henry", "H"),
+    ("lumen", "lm"),
+    ("lux", "lx"),
+    ("liter", "l"),
+    ("litre", "l"),
+    ("tonne", "t"),
+    ("minute", "min"),
+    ("hour", "h"),
+    ("day", "d"),
+    ("degree", "deg"),
+    ("celsius", "degC"),
+    ("revolution", "rev"),
+    ("percent", "%"),
+];
+
 /// The zero of the Celsius scale in K: the one unit here whose zero is not that of its base unit.
 const CELSIUS: (&str, f64) = ("degC", 273.15);
 
@@ -280,8 +320,8 @@ impl<'a> Units<'a> {
         Some(Measure { exponents, numerator: unit.factor, offset: unit.offset, ..Measure::ONE })
     }
 
-    /// What is likely meant by an unknown symbol, as the end of a message: a product without its point, or the known
-    /// symbol that is most like it.
+    /// What is likely meant by an unknown symbol, as the end of a message: a product without its point, the unit of a name,
+    /// or the nearest symbol.
     fn nearest(&self, symbol: &str) -> String {
         let known = |name: &str| self.declared(name).or_else(|| built_in(name)).is_some();
         let mut splits = symbol.char_indices().skip(1).map(|(at, _)| symbol.split_at(at));
@@ -293,14 +333,13 @@ impl<'a> Units<'a> {
                 ["", "k", "M", "m", "c"].into_iter().filter(|prefix| prefix.is_empty() || *prefixes == All);
             common.map(move |prefix| format!("{prefix}{known}"))
         });
-        let nearest =
-            error::nearest(symbol, self.declared.iter().map(|unit| unit.name.clone()).chain(symbols));
-        let initial = symbol.chars().next().map(|initial| initial.to_string().to_lowercase());
-        let abbreviation = SYMBOLS.iter().find(|(known, ..)| Some(known.to_lowercase()) == initial);
-        match abbreviation {
-            Some((known, ..)) if nearest.is_empty() => format!("; the nearest is '{known}'"),
-            _ => nearest,
-        }
+        let declared = self.declared.iter().map(|unit| unit.name.clone());
+        let names = NAMES.iter().map(|(name, _)| (*name).to_owned());
+        let nearest = error::nearest_of(symbol, declared.chain(symbols).chain(names));
+        nearest.map_or_else(String::new, |nearest| match NAMES.iter().find(|(name, _)| *name == nearest) {
+            Some((_, symbol)) => format!("; its symbol is '{symbol}'"),
+            None => format!("; the nearest is '{nearest}'"),
+        })
     }
 }
 
@@ -498,11 +537,16 @@ mod tests {
     fn unknown_units_are_refused_with_the_nearest() {
         for (name, reason) in [
             ("Nm", "the unit 'Nm' is not known; a product is written 'N.m'"),
-            ("ft", "the unit 'ft' is not known; the nearest is 't'"),
-            ("gram", "the unit 'gram' is not known; the nearest is 'g'"),
-            ("Volt", "the unit 'Volt' is not known; the nearest is 'V'"),
-            ("sec", "the unit 'sec' is not known; the nearest is 's'"),
-            ("kg/hh", "the unit 'kg/hh': 'hh' is not known; the nearest is 'h'"),
+            ("ft", "the unit 'ft' is not known"),
+            ("furlong", "the unit 'furlong' is not known"),
+            ("stone", "the unit 'stone' is not known"),
+            ("gram", "the unit 'gram' is not known; its symbol is 'g'"),
+            ("Volt", "the unit 'Volt' is not known; its symbol is 'V'"),
+            ("sec", "the unit 'sec' is not known; its symbol is 's'"),
+            ("degree", "the unit 'degree' is not known; its symbol is 'deg'"),
+            ("metres/s", "the unit 'metres/s': 'metres' is not known; its symbol is 'm'"),
+            ("kg/hh", "the unit 'kg/hh': 'hh' is not known"),
+            ("kg/hour", "the unit 'kg/hour': 'hour' is not known; its symbol is 'h'"),
             ("W/(m2.k)", "the unit 'W/(m2.k)': 'k' is not known; the nearest is 'K'"),
             ("pa", "the unit 'pa' is not known; the nearest is 'Pa'"),
             ("kkg", "the unit 'kkg' is not known; the nearest is 'kg'"),

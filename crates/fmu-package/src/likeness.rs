@@ -1,13 +1,30 @@
-//! The most similar known name, for messages about an unknown one.
+//! The nearest known name, for messages about an unknown one.
 
-/// The least similarity of a suggestion, from 0 to 1.
-const LIKENESS: f64 = 0.8;
-
-/// The most similar known name, as the end of a message: `; the nearest is …`. Empty if none is similar.
+/// The nearest known name, as the end of a message: `; the nearest is …`. Empty if none differs in at most a third of its
+/// letters; capitals do not count.
 pub fn like<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
+    let distance = |other: &str| strsim::osa_distance(&name.to_lowercase(), &other.to_lowercase());
     known
-        .map(|other| (strsim::jaro_winkler(name, other), other))
-        .filter(|(likeness, _)| *likeness > LIKENESS)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|other| (distance(other), other))
+        .filter(|(distance, other)| 3 * distance <= name.chars().count().max(other.chars().count()))
+        .min_by_key(|(distance, _)| *distance)
         .map_or_else(String::new, |(_, name)| format!("; the nearest is {name}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_is_nearest_only_if_it_is_near() {
+        let nearest = |name| like(name, ["level", "mass_fraction", "P_in"].into_iter());
+        for (name, meant) in
+            [("levle", "level"), ("Levels", "level"), ("p_in", "P_in"), ("massFraction", "mass_fraction")]
+        {
+            assert_eq!(nearest(name), format!("; the nearest is {meant}"));
+        }
+        for name in ["", "eve", "leverage", "mass_flow", "P_out"] {
+            assert_eq!(nearest(name), "", "{name}");
+        }
+    }
 }
