@@ -170,3 +170,20 @@ def test_the_build_says_that_nothing_makes_the_functions(tmp_path: Path) -> None
         "error: mistakes@0.0.0: src/lib.rs: nothing uses the variables of model.json: write"
     )
     assert len(said) <= 2
+
+
+def test_a_library_of_another_name_than_the_model_is_told_with_both(tmp_path: Path) -> None:
+    package(tmp_path, 'fmu_export_build::generate("model.json");')
+    with tmp_path.joinpath("Cargo.toml").open("a") as manifest:
+        manifest.write('\n[lib]\nname = "Motor"\n')
+    tmp_path.joinpath("model.json").write_text(json.dumps(DECLARATION))
+    tmp_path.joinpath("src").mkdir()
+    source = USE + "fmu_export::fmu!(equations struct Motor);" + EQUATIONS
+    tmp_path.joinpath("src", "lib.rs").write_text(source)
+    result = check(tmp_path)
+    print(result.stderr)
+    said = [line for line in result.stderr.splitlines() if line.startswith("error")]
+    assert said[0] == (
+        "error: the library is called `Motor`, and the model of the JSON `mistakes`: "
+        'write "model_identifier": "Motor" in the JSON'
+    )

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
+use fmu_package::is_identifier;
 use fmu_package::terminal::print;
 
 use super::cargo;
@@ -98,6 +99,28 @@ impl New {
     /// # Errors
     /// When cargo refuses, or a file cannot be written.
     pub fn run(&self) -> Result<()> {
+        let path = self.path.display();
+        if self.path.exists() {
+            bail!(
+                "{path} is there already; choose another folder (how an existing crate becomes an FMU is said in the README \
+                 of fmu-export, https://docs.rs/fmu-export)"
+            );
+        }
+        let name = match &self.name {
+            Some(name) => name.as_str(),
+            None => self
+                .path
+                .file_name()
+                .and_then(|name| name.to_str())
+                .context("the folder's name is not text")?,
+        };
+        let identifier = name.replace('-', "_");
+        if !is_identifier(&identifier) {
+            bail!(
+                "'{identifier}' cannot be the name of an FMU, which is made of the letters a to z and A to Z, digits and \
+                 underscores, with no digit first; choose another one with --name"
+            );
+        }
         let mut command = cargo();
         command.args(["new", "--lib", "--quiet"]);
         if let Some(name) = &self.name {
@@ -111,24 +134,14 @@ impl New {
         if !status.success() {
             bail!("cargo could not create the package; its message stands above");
         }
-        let name = match &self.name {
-            Some(name) => name.as_str(),
-            None => self
-                .path
-                .file_name()
-                .and_then(|name| name.to_str())
-                .context("the folder's name is not text")?,
-        };
-        self.fill_in(name)?;
-        let path = self.path.display();
+        self.fill_in(name, &identifier)?;
         Ok(print(&format!(
             "{path}  declare variables in model.json, compute them in src/lib.rs; `cargo fmu export` exports\n"
         ))?)
     }
 
-    fn fill_in(&self, name: &str) -> Result<()> {
+    fn fill_in(&self, name: &str, identifier: &str) -> Result<()> {
         let files = self.template.files();
-        let identifier = name.replace('-', "_");
         let write = |file: &str, content: &str| {
             let path = self.path.join(file);
             fs::write(&path, content).with_context(|| format!("cannot write {}", path.display()))
@@ -136,7 +149,7 @@ impl New {
         let manifest_file = self.path.join("Cargo.toml");
         let manifest = fs::read_to_string(&manifest_file)
             .with_context(|| format!("cannot read {}", manifest_file.display()))?;
-        write("Cargo.toml", &manifest_of(&manifest))?;
+        write("Cargo.toml", &manifest_of(&manifest, &self.path))?;
         write("build.rs", include_str!("../templates/build.rs"))?;
         write("model.json", files.declaration)?;
         write("model.schema.json", fmu_export_build::SCHEMA)?;
@@ -150,17 +163,17 @@ impl New {
         }
         let readme = include_str!("../templates/README.md")
             .replace("{name}", name)
-            .replace("{identifier}", &identifier)
+            .replace("{identifier}", identifier)
             .replace("{outputs}", files.plotted);
         write("README.md", &readme)
     }
 }
 
 /// The manifest that cargo wrote, with the library's type and the dependencies.
-fn manifest_of(manifest: &str) -> String {
+fn manifest_of(manifest: &str, folder: &Path) -> String {
     let package = manifest.split("[dependencies]").next().unwrap_or_default().trim_end();
-    let source = |name| match checkout() {
-        Some(crates) => format!("path = {:?}", crates.join(name).display().to_string()),
+    let source = |name: &str| match checkout() {
+        Some(crates) => format!("path = {:?}", relative(crates, folder).join(name).display().to_string()),
         None => format!("version = {:?}", env!("CARGO_PKG_VERSION")),
     };
     let (runtime, build) = (source("fmu-export"), source("fmu-export-build"));
@@ -180,6 +193,19 @@ fn manifest_of(manifest: &str) -> String {
 pub fn checkout() -> Option<&'static Path> {
     let crates = Path::new(env!("CARGO_MANIFEST_DIR")).parent()?;
     crates.join("fmu-export/Cargo.toml").is_file().then_some(crates)
+}
+
+/// The folder of the exporter's crates as seen from a package in the same checkout or beside it, which may then be moved with
+/// it; else as it is.
+fn relative(crates: &Path, package: &Path) -> PathBuf {
+    let beside = crates.ancestors().nth(2).filter(|beside| beside.parent().is_some());
+    let (Some(beside), Ok(package)) = (beside, package.canonicalize()) else { return crates.to_owned() };
+    let Ok(below) = package.strip_prefix(beside) else { return crates.to_owned() };
+    let common =
+        crates.components().zip(package.components()).take_while(|(one, other)| one == other).count();
+    let up = beside.components().count() + below.components().count() - common;
+    let up = std::iter::repeat_n(Path::new(".."), up);
+    up.chain(crates.components().skip(common).map(|part| Path::new(part.as_os_str()))).collect()
 }
 
 /// Types that the templates use, after which no model can be named.
@@ -217,6 +243,21 @@ fn type_name(package: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn crates_are_found_from_packages_in_the_checkout_and_beside_it() {
+        let crates = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+        let seen = |package: &Path| relative(crates, package);
+        assert_eq!(seen(crates), Path::new(""));
+        assert_eq!(seen(&crates.join("cargo-fmu")), Path::new(".."));
+        assert_eq!(seen(&crates.join("../docs")), Path::new("../crates"));
+        let beside = crates.ancestors().nth(2).unwrap();
+        let checkout = crates.parent().unwrap().file_name().unwrap();
+        if beside.parent().is_some() {
+            assert_eq!(seen(beside), Path::new(checkout).join("crates"));
+        }
+        assert_eq!(seen(Path::new("/")), crates);
+    }
 
     #[test]
     fn types_are_named_after_packages() {

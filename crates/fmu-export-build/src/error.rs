@@ -163,7 +163,7 @@ impl Source {
             let refusal = refusal(&error.path().to_string(), error.inner());
             let missing = refusal.reason.strip_prefix("missing key '").and_then(|key| key.strip_suffix('\''));
             let key = missing.map_or(refusal.key.clone(), |missing| format!("{}.{missing}", refusal.key));
-            refused = key.trim_start_matches('.').to_owned();
+            key.trim_start_matches('.').clone_into(&mut refused);
             // What was taken out is missing now.
             if refusals.iter().all(|known| known.key != refused) {
                 refusals.push(refusal);
@@ -197,7 +197,7 @@ fn mend(content: &mut Value, path: &str) -> bool {
     let path =
         path.trim_end_matches(|character: char| character.is_ascii_digit() || "[]".contains(character));
     let (around, key) = path.rsplit_once('.').unwrap_or(("", path));
-    let pointer = format!("/{}", around.replace('.', "/").replace('[', "/").replace(']', ""));
+    let pointer = format!("/{}", around.replace(['.', '['], "/").replace(']', ""));
     let around = content.pointer_mut(pointer.trim_end_matches('/')).and_then(Value::as_object_mut);
     let Some(around) = around else { return false };
     if around.remove(key).is_none() {

@@ -126,6 +126,11 @@ pub fn generate(declaration: impl AsRef<Path>) {
             end_build();
         }
         Ok(generated) => {
+            // `fmu!` finds the variables by the name of the library, which is to be the identifier.
+            let folder = generated.variables.parent().and_then(Path::file_name);
+            let identifier = folder.and_then(|folder| folder.to_str()).unwrap_or_default();
+            println!("cargo::rustc-env=FMU_VARIABLES_OF_{identifier}={}", generated.variables.display());
+            println!("cargo::rustc-env=FMU_DECLARED={identifier}");
             for source in generated.sources {
                 println!("cargo::rerun-if-changed={}", source.display());
             }

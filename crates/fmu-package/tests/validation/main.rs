@@ -178,6 +178,9 @@ fn a_missing_file_is_an_error() {
     let missing = validate(Path::new("there is no such file.fmu")).unwrap_err().to_string();
     assert!(missing.starts_with("cannot open there is no such file.fmu: "), "{missing}");
     assert!(
-        validate(Path::new(env!("CARGO_MANIFEST_DIR"))).unwrap_err().to_string().ends_with(" is a folder")
+        validate(Path::new(env!("CARGO_MANIFEST_DIR")))
+            .unwrap_err()
+            .to_string()
+            .ends_with(": it is a folder")
     );
 }
