@@ -37,6 +37,8 @@ enum Template {
     VanDerPol,
     /// Events where a quantity crosses a limit, at which states jump
     BouncingBall,
+    /// Modes, an enum that the model remembers, and events between them
+    StickSlip,
     /// Events at known times, and an end that the model asks for
     Stair,
     /// Outputs that follow from inputs of each type
@@ -82,6 +84,7 @@ impl Template {
             Self::Dahlquist => files!("dahlquist", plot "x"),
             Self::VanDerPol => files!("van_der_pol", plot "x0 x1"),
             Self::BouncingBall => files!("bouncing_ball", plot "h"),
+            Self::StickSlip => files!("stick_slip", plot "position speed"),
             Self::Stair => files!("stair", plot "counter"),
             Self::Feedthrough => files!("feedthrough", plot "Float64_continuous_output"),
             Self::Feedthrough3 => files!("feedthrough_3", plot "Float64_continuous_output"),
@@ -209,7 +212,7 @@ fn relative(crates: &Path, package: &Path) -> PathBuf {
 }
 
 /// Types that the templates use, after which no model can be named.
-const USED_TYPES: [&str; 19] = [
+const USED_TYPES: [&str; 20] = [
     "Clocked",
     "Context",
     "Equations",
@@ -218,6 +221,7 @@ const USED_TYPES: [&str; 19] = [
     "Inputs",
     "Integrated",
     "Locals",
+    "Mode",
     "Number",
     "Option",
     "Outputs",
