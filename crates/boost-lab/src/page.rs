@@ -4,12 +4,14 @@ use fmu_export_build::document::Document;
 
 use crate::plot;
 
-/// What the reports have in addition to the FMUs' pages: figures by plotly.
+/// What the reports have in addition to the FMUs' pages: figures by plotly. Where no pointer hovers, plots always show their
+/// toolbars, which otherwise may lie over the legend; paper needs none.
 const STYLE: &str = "
 .row { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 20rem), 1fr)); gap: 0 1rem; }
 .panel { min-width: 0; } .plot { width: 100%; } .panel .title { margin: .8rem 0 0 64px; font-weight: 600; font-size: .9rem; }
 .modebar:focus-within { opacity: 1 !important; }
 .panel .legend { display: flex; flex-wrap: wrap; gap: 0 1.2rem; margin: 0 0 -.6rem 64px; font-size: .85rem; } .legend label { display: flex; align-items: center; gap: .4rem; } .legend span { width: 1.6rem; }
+@media (hover: none) { .panel .legend { margin-bottom: 0; } } @media print { .modebar { display: none; } }
 td.number { white-space: nowrap; } .caption { color: var(--faint); font-size: .9rem; }
 ";
 

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use clap::Args;
+use clap::builder::PossibleValuesParser;
 use fmu_package::terminal::{complain, in_line, print};
+use fmu_package::validation::importers::{self, Importer};
 use fmu_package::validation::rules::{self, Severity};
 use fmu_package::validation::{self, Report};
 use serde::Serialize;
@@ -20,7 +22,7 @@ use super::info::Format;
 #[derive(Args, Debug)]
 #[command(
     after_help = "Examples:\n  cargo fmu validate Plant.fmu\n  cargo fmu validate Plant.fmu --format json\n  \
-    cargo fmu validate --rules"
+    cargo fmu validate Plant.fmu --importer CasADi --importer PyFMI\n  cargo fmu validate --rules"
 )]
 pub struct Validate {
     /// FMUs of any maker
@@ -29,7 +31,11 @@ pub struct Validate {
     /// How to print what is found
     #[arg(long, value_enum, default_value_t)]
     format: Format,
-    /// Print the table of all rules instead
+    /// Note what this importer is known to refuse of what the standard allows; can be repeated
+    #[arg(long = "importer", value_name = "NAME", ignore_case = true)]
+    #[arg(value_parser = PossibleValuesParser::new(importers::ALL.iter().map(|known| known.name)))]
+    importers: Vec<String>,
+    /// Print the tables of all rules and importers instead
     #[arg(long, conflicts_with = "files")]
     rules: bool,
 }
@@ -42,6 +48,7 @@ struct Json<'a> {
     fmi_version: Option<&'a str>,
     errors: usize,
     warnings: usize,
+    notes: usize,
     omitted: usize,
     findings: Vec<JsonFinding<'a>>,
 }
@@ -65,10 +72,14 @@ impl Validate {
     /// When a file cannot be read.
     pub fn run(&self) -> Result<bool> {
         if self.rules {
-            print(&table_of_rules())?;
+            print(&format!("{}\n{}", table_of_rules(), table_of_importers()))?;
             return Ok(true);
         }
-        let reports = self.files.iter().map(|file| Ok((file.as_path(), validation::validate(file)?)));
+        let is_named =
+            |known: &&Importer| self.importers.iter().any(|name| known.name.eq_ignore_ascii_case(name));
+        let importers: Vec<_> = importers::ALL.iter().filter(is_named).collect();
+        let reports =
+            self.files.iter().map(|file| Ok((file.as_path(), validation::validate(file, &importers)?)));
         let reports = reports.collect::<Result<Vec<_>>>()?;
         print(&match self.format {
             Format::Text => reports.iter().map(|(file, report)| text(file, report)).collect(),
@@ -80,7 +91,7 @@ impl Validate {
 
 /// Refuses an FMU that was just written when there are errors in it, and prints the warnings.
 pub fn check(file: &Path) -> Result<()> {
-    let report = validation::validate(file)?;
+    let report = validation::validate(file, &[])?;
     if report.count(Severity::Error) > 0 {
         bail!("the FMU breaks the standard's rules\n{}", text(file, &report));
     }
@@ -117,7 +128,11 @@ fn text(file: &Path, report: &Report) -> String {
     let version =
         report.fmi_version.as_ref().map_or(String::new(), |version| format!("FMI {}, ", in_line(version)));
     let (errors, warnings) = (count(Severity::Error), count(Severity::Warning));
-    text + &format!("{}: {version}{errors}, {warnings}\n", file.display())
+    let notes = match report.count(Severity::Note) {
+        0 => String::new(),
+        _ => format!(", {}", count(Severity::Note)),
+    };
+    text + &format!("{}: {version}{errors}, {warnings}{notes}\n", file.display())
 }
 
 /// The report on one FMU, or a list of them on several.
@@ -147,6 +162,7 @@ fn findings<'a>(file: &Path, report: &'a Report) -> Json<'a> {
         fmi_version: report.fmi_version.as_deref(),
         errors: report.count(Severity::Error),
         warnings: report.count(Severity::Warning),
+        notes: report.count(Severity::Note),
         omitted: report.omitted,
         findings: findings.collect(),
     }
@@ -158,4 +174,18 @@ fn table_of_rules() -> String {
         format!("| `{}` | {} | {} | {} |\n", rule.id, rule.severity.name(), rule.text, rule.source)
     });
     format!("| rule | severity | what it says | source |\n|---|---|---|---|\n{}", rows.collect::<String>())
+}
+
+/// What the importers refuse, likewise.
+fn table_of_importers() -> String {
+    let rows = importers::ALL.iter().flat_map(|importer| {
+        let Importer { name, versions, evidence, refuses } = importer;
+        refuses.iter().map(move |(rule, otherwise)| {
+            format!("| {name} | {versions} | `{}` | {otherwise} | {evidence} |\n", rule.id)
+        })
+    });
+    format!(
+        "| importer | version | rule | what it does otherwise | known by |\n|---|---|---|---|---|\n{}",
+        rows.collect::<String>()
+    )
 }

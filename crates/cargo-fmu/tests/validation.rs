@@ -92,7 +92,7 @@ fn findings_are_told_with_place_rule_and_remedy() {
 
     let report = json(&["validate", &path, "--format", "json"]);
     let expected = json!({
-        "file": path, "fmiVersion": "2.0", "errors": 1, "warnings": 0, "omitted": 0,
+        "file": path, "fmiVersion": "2.0", "errors": 1, "warnings": 0, "notes": 0, "omitted": 0,
         "findings": [{
             "rule": "start-missing", "severity": "error", "file": "modelDescription.xml", "line": 8,
             "variable": "level", "message": "it is input, and has no start value",
@@ -115,6 +115,34 @@ fn several_fmus_are_validated_at_once() {
     let reports = json(&["validate", &good, &bad, "--format", "json"]);
     assert_eq!((&reports[0]["file"], &reports[1]["file"]), (&json!(good), &json!(bad)));
     assert_eq!(cargo_fmu(&["validate", &good, "no such file.fmu"]).status.code(), Some(2));
+}
+
+#[test]
+fn importers_are_named_by_the_user() {
+    let array = r#"<Float64 name="x" valueReference="1" causality="parameter" start="0"><Dimension start="2"/></Float64>"#;
+    let description = format!(
+        r#"<fmiModelDescription fmiVersion="3.0" modelName="Tank" instantiationToken="1">
+        <CoSimulation modelIdentifier="tank"/>
+        <ModelVariables><Float64 name="time" valueReference="0" causality="independent"/>{array}</ModelVariables>
+        <ModelStructure/></fmiModelDescription>"#
+    );
+    let path = archive_of(
+        "array.fmu",
+        &[("modelDescription.xml", description.as_bytes()), ("sources/buildDescription.xml", b"<fmiBuildDescription fmiVersion=\"3.0\"><BuildConfiguration modelIdentifier=\"tank\"/></fmiBuildDescription>")],
+    );
+    let output = cargo_fmu(&["validate", &path, "--importer", "pyfmi", "--importer", "CasADi"]);
+    let expected = format!(
+        "modelDescription.xml:3: note: x: it is an array, refused by CasADi 3.8.2, PyFMI 2.21.0 [array]\n    \
+         Export the FMU for FMI 2.0, where each element is a variable.\n{path}: FMI 3.0, 0 errors, 0 warnings, 1 note\n"
+    );
+    assert_eq!(String::from_utf8(output.stdout).unwrap(), expected);
+    assert_eq!(output.status.code(), Some(0));
+    assert_eq!(json(&["validate", &path, "--format", "json"])["findings"], json!([]));
+
+    let unknown = cargo_fmu(&["validate", &path, "--importer", "Excel"]);
+    assert_eq!(unknown.status.code(), Some(2));
+    let message = String::from_utf8(unknown.stderr).unwrap();
+    assert!(message.contains("'Excel'") && message.contains("CasADi, FMI.jl, FMPy, PyFMI"), "{message}");
 }
 
 #[test]
@@ -144,6 +172,6 @@ fn the_published_rules_are_those_of_the_command() {
     let rules = String::from_utf8(cargo_fmu(&["validate", "--rules"]).stdout).unwrap();
     assert!(
         page().contains(&rules),
-        "run `cargo fmu validate --rules`, and put the table into docs/validation.md"
+        "run `cargo fmu validate --rules`, and put the tables into docs/validation.md"
     );
 }

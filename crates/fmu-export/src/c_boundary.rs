@@ -31,12 +31,12 @@ use crate::saved_states;
 use crate::serialized_state::checksum;
 use crate::status::Status;
 
-/// Silences the default panic hook, which writes to the host's stderr; a panic's message goes to the
+/// Replaces the default panic hook, which writes to the host's stderr; a panic's message and place go to the
 /// importer's logger instead. The hook belongs to this library, into which the standard library is linked.
 pub fn silence_panics() {
     static ONCE: std::sync::Once = std::sync::Once::new();
     #[cfg(not(target_family = "wasm"))]
-    ONCE.call_once(|| std::panic::set_hook(Box::new(|_| {})));
+    ONCE.call_once(|| std::panic::set_hook(Box::new(crate::panics::note)));
     #[cfg(target_family = "wasm")]
     ONCE.call_once(crate::wasm::report_panics);
 }

@@ -71,7 +71,11 @@ impl Events {
         names: &[&str],
         compute: impl FnOnce(&mut [f64]),
     ) -> Result<(), Error> {
-        self.find_changes(time, names, compute)?;
+        // An indicator that is never computed has no sign.
+        self.find_changes(time, names, |indicators| {
+            indicators.fill(f64::NAN);
+            compute(indicators);
+        })?;
         self.accept();
         Ok(())
     }

@@ -537,6 +537,7 @@ impl<M: Model> Instance<M> {
             && size <= M::LONGEST_STEP
             && self.goes_on(start, size)
             && end > start
+            && end.is_finite()
             && self.ends_in_time(end, size)
     }
 
@@ -572,6 +573,8 @@ impl<M: Model> Instance<M> {
                 "currentCommunicationPoint is {start_shown}, but the last step ended at {}",
                 Shown(self.memory.time)
             )
+        } else if !end.is_finite() {
+            format!("the step from {start_shown} ends at {}", Shown(end))
         } else if end <= start {
             format!(
                 "communicationStepSize is {size_shown}, which is lost in the rounding of the time {start_shown}"

@@ -3,6 +3,7 @@
 
 use core::mem;
 
+use crate::audit::check_evaluation;
 use crate::description::{Causality, DataType};
 use crate::equations::{Equations, VariablesOf};
 use crate::error::{Error, Shown};
@@ -21,7 +22,7 @@ pub const DEFAULT_TOLERANCE: f64 = 1e-6;
 const MOST_TRIALS: u32 = 100_000;
 /// In how many places, beside its end, a step is searched for events.
 const SEARCHED: u32 = 8;
-/// How far beyond its estimate a crossing is looked for, in roundings of the time.
+/// How far beyond its estimate a crossing is looked for, in roundings of the time since the step's start.
 const ROOT_MARGIN: f64 = 4.0;
 /// An event that is due so little after a communication step, relative to it and beyond the rounding of the time, belongs
 /// to the step: importers compute their times with rounding.
@@ -38,6 +39,9 @@ pub struct Integrated<E: Equations> {
     integrator: Integrator,
     /// The time in s that is reached.
     time: f64,
+    /// That since the step's start, by which states are integrated: late in an experiment the time is rounded more than
+    /// the step may be.
+    elapsed: f64,
     events: Events,
     /// The states, as an array.
     states: Vec<f64>,
@@ -50,6 +54,7 @@ impl<E: Equations> Default for Integrated<E> {
             equations: E::default(),
             integrator: Integrator::new(states),
             time: 0.0,
+            elapsed: 0.0,
             events: Events::new(E::Variables::EVENT_INDICATORS.len()),
             states: vec![0.0; states],
         }
@@ -84,6 +89,7 @@ impl<E: Equations> Model for Integrated<E> {
             self.equations.prepare(variables, context)?;
             variables.states_from_start();
             self.equations.initialize::<f64>(variables);
+            self.check_evaluation(variables)?;
             self.equations.evaluate::<f64>(self.time, variables);
             let Self { equations, events, time, .. } = self;
             events.begin(*time, E::Variables::EVENT_INDICATORS, |indicators| {
@@ -304,7 +310,7 @@ impl<E: Equations> Integrated<E> {
         stops: Stops,
         context: &mut Context<'_>,
     ) -> Result<Option<Stop>, Error> {
-        self.time = step.start;
+        (self.time, self.elapsed) = (step.start, 0.0);
         let end = step.end();
         let last_event = end + TIME_TOLERANCE * step.size + time_rounding(end);
         E::Variables::each_state(variables, |state, value| states[state] = value);
@@ -318,7 +324,8 @@ impl<E: Equations> Integrated<E> {
             } else {
                 self.events.next.filter(|&due| due <= last_event)
             };
-            let is_due = due.is_some_and(|due| due <= self.time || self.time >= end);
+            let is_at_end = self.elapsed >= step.size;
+            let is_due = due.is_some_and(|due| due - step.start <= self.elapsed || is_at_end);
             if crossed || is_due {
                 if STOPS && stops.events.has(self.time, end) {
                     return Ok(Some(Stop::Event(self.time)));
@@ -333,10 +340,10 @@ impl<E: Equations> Integrated<E> {
                 }
                 E::Variables::each_state(variables, |state, value| states[state] = value);
                 crossed = false;
-            } else if self.time >= end {
+            } else if is_at_end {
                 break;
             } else {
-                let target = due.map_or(end, |due| due.min(end));
+                let target = due.map_or(step.size, |due| (due - step.start).min(step.size));
                 let mut system = Equated {
                     equations: &self.equations,
                     variables: &mut *variables,
@@ -346,10 +353,10 @@ impl<E: Equations> Integrated<E> {
                 let limits = Tolerance { relative: tolerance, nominals: E::Variables::STATE_NOMINALS };
                 let reached = self
                     .integrator
-                    .step(&mut system, (self.time, target), states, &limits, &mut trials)
+                    .step(&mut system, (self.elapsed, target), states, &limits, &mut trials)
                     .map_err(|failure| self.not_integrable(failure, tolerance))?;
                 crossed = self.find_event(variables, step, reached, states)?;
-                if STOPS && stops.internal_steps && !crossed && self.time < end {
+                if STOPS && stops.internal_steps && !crossed && self.elapsed < step.size {
                     return Ok(Some(Stop::InternalStep(self.time)));
                 }
             }
@@ -366,8 +373,8 @@ impl<E: Equations> Integrated<E> {
         Ok(None)
     }
 
-    /// Goes to where the integrator's step ends, or to the first event in it, and computes the variables there. Whether
-    /// an event indicator has changed.
+    /// Goes to where the integrator's step ends, in s since the communication step's start, or to the first event in it,
+    /// and computes the variables there. Whether an event indicator has changed.
     fn find_event(
         &mut self,
         variables: &mut E::Variables,
@@ -375,17 +382,18 @@ impl<E: Equations> Integrated<E> {
         end: f64,
         states: &mut [f64],
     ) -> Result<bool, Error> {
-        let begin = self.time;
-        let mut go_to = |model: &mut Self, time: f64| {
-            model.time = time;
-            model.integrator.states_at(time, states);
+        let begin = self.elapsed;
+        let mut go_to = |model: &mut Self, elapsed: f64| {
+            model.elapsed = elapsed;
+            model.time = if elapsed < step.size { step.start + elapsed } else { step.end() };
+            model.integrator.states_at(elapsed, states);
             Equated {
                 equations: &model.equations,
                 variables: &mut *variables,
                 inputs: step.inputs,
                 start: step.start,
             }
-            .evaluate(time, states);
+            .evaluate(elapsed, states);
             model.find_changes(variables)
         };
         if E::Variables::EVENT_INDICATORS.is_empty() {
@@ -395,43 +403,52 @@ impl<E: Equations> Integrated<E> {
         self.events.note(Side::Before);
         for place in 1..=SEARCHED {
             let share = f64::from(place) / f64::from(SEARCHED);
-            let time = if place == SEARCHED { end } else { begin + share * (end - begin) };
-            if go_to(self, time)? {
+            let elapsed = if place == SEARCHED { end } else { begin + share * (end - begin) };
+            if go_to(self, elapsed)? {
                 self.events.note(Side::After);
-                after = time;
+                after = elapsed;
                 break;
             }
             self.events.note(Side::Before);
-            before = time;
+            before = elapsed;
         }
         if before >= end {
             return Ok(false);
         }
         // Straight lines from side to side lead close to the crossing; a little beyond them, on the side that has not
-        // moved, both sides close in. Halving ends the search, when no number is between.
+        // moved, both sides close in. Halving ends the search, when no time is between.
         let mut moved = Side::After;
         for trial in 1_u32.. {
             let width = after - before;
             let middle = before + 0.5 * width;
-            if middle <= before || middle >= after {
+            let time = |elapsed: f64| step.start + elapsed;
+            if time(middle) <= time(before) || time(middle) >= time(after) {
                 break;
             }
             let line = before + self.events.crossing() * width;
             let beyond = ROOT_MARGIN * f64::EPSILON * after.abs();
-            let time = match moved {
+            let elapsed = match moved {
                 _ if trial.is_multiple_of(3) => middle,
                 Side::Before => line + beyond,
                 Side::After => line - beyond,
             };
-            let time = if before < time && time < after { time } else { middle };
-            moved = if go_to(self, time)? { Side::After } else { Side::Before };
+            let elapsed = if before < elapsed && elapsed < after { elapsed } else { middle };
+            moved = if go_to(self, elapsed)? { Side::After } else { Side::Before };
             self.events.note(moved);
             match moved {
-                Side::Before => before = time,
-                Side::After => after = time,
+                Side::Before => before = elapsed,
+                Side::After => after = elapsed,
             }
         }
         go_to(self, after)
+    }
+
+    fn check_evaluation(&self, variables: &E::Variables) -> Result<(), Error> {
+        let has_events = !E::Variables::EVENT_INDICATORS.is_empty()
+            || self.equations.next_event(self.time, variables).is_some();
+        check_evaluation(variables, has_events, |variables| {
+            self.equations.evaluate::<f64>(self.time, variables);
+        })
     }
 
     /// Finds which indicators have changed since the last event. Whether any has.
@@ -454,6 +471,10 @@ impl<E: Equations> Integrated<E> {
         for _ in 0..MOST_ITERATIONS {
             event.indicators = self.events.changed();
             self.equations.event(&event, variables, context)?;
+            if cfg!(debug_assertions) {
+                // Tests of a model look at each of its branches.
+                self.check_evaluation(variables)?;
+            }
             self.equations.evaluate::<f64>(self.time, variables);
             self.events.accept();
             if !self.find_changes(variables)? {
@@ -494,32 +515,33 @@ struct Equated<'a, E: Equations> {
     equations: &'a E,
     variables: &'a mut E::Variables,
     inputs: &'a InputSignal<InputsOf<Integrated<E>>>,
-    /// The time in s at which the inputs begin.
+    /// The time in s at which the step and its inputs begin.
     start: f64,
 }
 
 impl<E: Equations> Equated<'_, E> {
-    fn set(&mut self, time: f64, states: &[f64]) {
+    fn set(&mut self, elapsed: f64, states: &[f64]) {
         if !self.inputs.is_constant() {
-            *self.variables.inputs_mut() = self.inputs.at(time - self.start);
+            *self.variables.inputs_mut() = self.inputs.at(elapsed);
         }
         E::Variables::set_states(self.variables, |state| states[state]);
     }
 
-    fn evaluate(&mut self, time: f64, states: &[f64]) {
-        self.set(time, states);
-        self.equations.evaluate::<f64>(time, self.variables);
+    fn evaluate(&mut self, elapsed: f64, states: &[f64]) {
+        self.set(elapsed, states);
+        self.equations.evaluate::<f64>(self.start + elapsed, self.variables);
     }
 }
 
 impl<E: Equations> System for Equated<'_, E> {
-    fn derivatives(&mut self, time: f64, states: &[f64], derivatives: &mut [f64]) {
-        self.evaluate(time, states);
+    fn derivatives(&mut self, elapsed: f64, states: &[f64], derivatives: &mut [f64]) {
+        self.evaluate(elapsed, states);
         E::Variables::each_derivative(self.variables, |state, rate| derivatives[state] = rate);
     }
 
-    fn linearize(&mut self, time: f64, states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]) {
-        self.set(time, states);
+    fn linearize(&mut self, elapsed: f64, states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]) {
+        self.set(elapsed, states);
+        let time = self.start + elapsed;
         let size = states.len();
         let constant = |value: f64, _| Dual::from(value);
         let mut duals = self.variables.combined(self.variables, constant);
@@ -534,7 +556,7 @@ impl<E: Equations> System for Equated<'_, E> {
         }
         if !self.inputs.is_constant() {
             let mut direction = E::Variables::zero();
-            *direction.inputs_mut() = self.inputs.slopes_at(time - self.start);
+            *direction.inputs_mut() = self.inputs.slopes_at(elapsed);
             duals = self.variables.combined(&direction, Dual::new);
         }
         E::Variables::set_states(&mut duals, |state| Dual::from(states[state]));

@@ -23,6 +23,7 @@
 #[cfg(all(test, feature = "derive"))]
 extern crate self as fmu_export;
 
+mod audit;
 mod c_boundary;
 mod calling_sequence;
 mod clock;

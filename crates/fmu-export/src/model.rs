@@ -147,6 +147,11 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
         let _ = position;
         None
     }
+    /// Gives what is calculated at each evaluation (derivatives, outputs and locals that are no states) one of two values,
+    /// of any type: where they still differ after an evaluation, it has not set them. Without such there is nothing to do.
+    fn mark_calculated(&mut self, mark: bool) {
+        let _ = mark;
+    }
     /// The states take their start values. Without states there is nothing to do.
     fn states_from_start(&mut self) {}
     /// Variables whose Real ones are all 0: a direction in which nothing changes.

@@ -61,7 +61,10 @@ pub(crate) fn log(environment: *mut c_void, status: Status, category: &CStr, tex
 /// Tells the host the message of a panic, which then traps.
 pub(crate) fn report_panics() {
     std::panic::set_hook(Box::new(|panic| {
-        let text = panics::message(panic.payload());
+        let place = panic
+            .location()
+            .map_or_else(String::new, |place| format!(" ({}:{})", place.file(), place.line()));
+        let text = panics::message(panic.payload()).to_owned() + &place;
         // SAFETY: the host reads the text, which outlives the call.
         unsafe { host::panic(text.as_ptr(), text.len()) }
     }));

@@ -304,6 +304,39 @@ def test_figures_follow_the_colour_scheme_and_keep_what_is_switched_off(opened: 
     assert page.evaluate("document.querySelector('.plot').data[0].visible") is False
 
 
+TOOLBARS = """() => {
+  const isShown = (bar) => bar.checkVisibility({ opacityProperty: true });
+  const bars = [...document.querySelectorAll(".modebar")].filter(isShown);
+  const covered = bars.flatMap((bar) => {
+    const tools = bar.getBoundingClientRect();
+    const texts = [...bar.closest(".panel").querySelectorAll(".title, .legend label")];
+    return texts.filter((text) => {
+      const box = text.getBoundingClientRect();
+      return box.bottom > tools.top && box.right > tools.left && box.left < tools.right;
+    }).map((text) => text.textContent);
+  });
+  return { panels: document.querySelectorAll(".panel").length, bars: bars.length, covered };
+}"""
+
+
+@pytest.mark.parametrize("width", [360, 820, 1280])
+@pytest.mark.parametrize("name", [*REPORTS, LIVE])
+def test_toolbars_cover_no_text_without_a_pointer_that_hovers(
+    browser: Browser, files: dict[str, Path], name: str, width: int
+) -> None:
+    """On touch screens each plot always shows its tools; on paper none does."""
+    context = browser.new_context(viewport={"width": width, "height": HEIGHT}, has_touch=True, is_mobile=True)
+    visit = Visit(context.new_page())
+    visit.open(files[name])
+    found = visit.page.evaluate(TOOLBARS)
+    assert found["bars"] == found["panels"] > 0
+    assert found["covered"] == []
+    visit.page.screenshot(path=PICTURES / f"{name}-touch-{width}.jpeg", type="jpeg", quality=70)
+    visit.page.emulate_media(media="print")
+    assert visit.page.evaluate(TOOLBARS)["bars"] == 0
+    context.close()
+
+
 DEJAVU = [
     Path(matplotlib.get_data_path(), "fonts", "ttf", f"DejaVu{name}.ttf")
     for name in ["Sans", "Sans-Bold", "SansMono", "SansMono-Bold", "Serif", "Serif-Bold"]

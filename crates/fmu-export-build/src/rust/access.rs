@@ -68,7 +68,7 @@ impl ::fmu_export::Variables for Variables {{
     fn inputs_mut(&mut self) -> &mut Inputs {{
         &mut self.inputs
     }}
-{numbers}{accessors}{clocks}
+{numbers}{accessors}{clocks}{marks}
     fn states_from_start(&mut self) {{
         self.states = self.start;
     }}
@@ -113,6 +113,7 @@ impl ::fmu_export::Variables for Variables {{
             dependencies = self.dependencies(),
             numbers = self.numbers(),
             accessors = self.all_accessors(),
+            marks = self.marks(),
             sums = sums.map(|sum| format!("            0.0{sum},\n")).concat(),
             zero_parameters = self.zero(Place::Parameters),
             zero_inputs = self.zero(Place::Inputs),
@@ -375,6 +376,33 @@ impl ::fmu_export::Variables for Variables {{
         accessors.concat()
     }
 
+    /// How what is calculated takes one of two values, where there is any.
+    fn marks(&self) -> String {
+        let mut marks = String::new();
+        for scalar in self.model.scalars.iter().filter(|scalar| is_evaluated(scalar)) {
+            let path = full_path(scalar);
+            let _ = match scalar.data_type {
+                DataType::Enumeration(enumeration) => {
+                    let last = self.model.declaration.enumerations[enumeration].items.len() - 1;
+                    let [first, last] = [0, last].map(|item| self.item(enumeration, item));
+                    writeln!(marks, "        self.{path} = if mark {{ {last} }} else {{ {first} }};")
+                }
+                DataType::String => writeln!(marks, "        self.{path} = u8::from(mark).to_string();"),
+                DataType::Binary => writeln!(marks, "        self.{path} = vec![mark.into()];"),
+                _ => writeln!(marks, "        self.{path} = mark.into();"),
+            };
+        }
+        if marks.is_empty() {
+            return marks;
+        }
+        format!(
+            "
+    fn mark_calculated(&mut self, mark: bool) {{
+{marks}    }}
+"
+        )
+    }
+
     /// The arms of the getter and the setter of a type.
     fn accessors(&self, accessor: &str) -> (String, String) {
         let (mut getters, mut setters) = (String::new(), String::new());
@@ -539,6 +567,13 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
 }
 
 /// Where a variable is in `Variables`.
+/// Whether a variable is calculated at each evaluation: not by events alone, nor once.
+fn is_evaluated(scalar: &Scalar) -> bool {
+    matches!(scalar.place, Place::Derivatives | Place::Locals | Place::Outputs)
+        && matches!(scalar.variability, Variability::Continuous | Variability::Discrete)
+        && scalar.initial == Some(Initial::Calculated)
+}
+
 fn full_path(scalar: &Scalar) -> String {
     let place = match scalar.place {
         Place::Parameters => "parameters",

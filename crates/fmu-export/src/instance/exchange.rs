@@ -243,6 +243,7 @@ impl<M: ModelExchange> Instance<M> {
 
     pub(crate) fn get_event_indicators(&mut self, indicators: &mut [f64]) -> Answer {
         let status = self.compute_values()?;
+        indicators.fill(f64::NAN);
         self.memory.compute_indicators(indicators);
         if let Some(wrong) = indicators.iter().position(|indicator| !indicator.is_finite()) {
             self.log_discarded(format_args!(

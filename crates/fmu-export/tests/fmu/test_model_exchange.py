@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from fmi2 import MODEL_EXCHANGE, STEP, EventInfo, Fmu, Instance, Status, buffer, reals
 from life import Life
-from test_panics import NOT_FINITE, TEXTS, expected
+from test_panics import NOT_FINITE, TEXTS, expected, without_place
 
 Make = Callable[..., Instance]
 Live = Callable[..., Life]
@@ -185,7 +185,7 @@ def test_a_panic(make: Make, fmu: Fmu, place: str, function: str, manner: str) -
     bystander = running(make)
     untouched = everything(bystander)
     instance = before_failure(make, place, manner, function)
-    assert instance.refuses(function, *arguments_of(function)) == expected(fmu, manner, place)
+    assert without_place(instance.refuses(function, *arguments_of(function))) == expected(fmu, manner, place)
     refused = "must not be called in the state error"
     for name in ("fmi2EnterEventMode", "fmi2EnterContinuousTimeMode", "fmi2Terminate"):
         assert instance.refuses(name) == refused
@@ -216,7 +216,7 @@ def test_an_error_of_the_model(make: Make, place: str) -> None:
     instance = before_failure(make, place, "error", "fmi2NewDiscreteStates")
     text = instance.refuses("fmi2NewDiscreteStates", byref(EventInfo()))
     panic = "the model panicked: the model's own error; reset the instance"
-    assert text == ("the model's own error" if place == "event" else panic)
+    assert text == "the model's own error" if place == "event" else without_place(text) == panic
     instance.refuses("fmi2NewDiscreteStates", byref(EventInfo()), names=["error"])
 
 
@@ -333,24 +333,26 @@ def test_a_solver_tries_states_beyond_their_bounds(make: Make, fmu: Fmu) -> None
 def test_a_solver_tries_inputs_beyond_their_bounds(make: Make) -> None:
     """CasADi's differences around an input that is at its bound: a warning would be a failed evaluation."""
     instance = running(make)
-    at_bound = [instance.set({"rate": 10.0}), instance.vector("Derivatives")]
+    assert instance.set({"rate": 10.0}) == Status.OK
+    at_bound = instance.vector("Derivatives")
     for value in [10.001, 9.999, 10.001]:
         assert instance.set({"rate": value}) == Status.OK
-        assert (instance.vector("Derivatives") == at_bound[1]) == (value > 10.0)
+        assert (instance.vector("Derivatives") == at_bound) == (value > 10.0)
     assert instance.set({"drive": -1e9}) == Status.OK
-    assert [(name in message.text, message.status) for name, message in zip(["rate", "drive"], instance.messages)] == [
-        (True, Status.WARNING)
-    ] * 2
+    rate, drive = instance.messages
+    assert ("rate" in rate.text, rate.status) == (True, Status.WARNING)
+    assert ("drive" in drive.text, drive.status) == (True, Status.WARNING)
 
 
 def test_an_importer_sets_what_it_cannot_change(make: Make) -> None:
-    """FMPy sets discrete inputs between events, CasADi tunable parameters: the values that they have are no change."""
+    """FMPy sets discrete inputs between events, CasADi tunable parameters: their own values are no change."""
     instance = running(make)
-    same = {name: instance.get(name) for name in ["pulse", "settings.low", "settings.doubled", "settings.label"]}
-    assert instance.set(same) == Status.OK
-    for name, value in {"pulse": 1.0, "settings.low": -2.0, "settings.doubled": 1, "settings.label": b"b"}.items():
+    others = {"pulse": 1.0, "settings.low": -2.0, "settings.doubled": 1, "settings.label": b"b"}
+    assert instance.set({name: instance.get(name) for name in others}) == Status.OK
+    for name, value in others.items():
         assert instance.set({name: value}) == Status.ERROR
-        assert name in instance.messages[-1].text and "Continuous-Time Mode" in instance.messages[-1].text
+        assert name in instance.messages[-1].text
+        assert "Continuous-Time Mode" in instance.messages[-1].text
 
 
 def test_the_initial_event_mode(make: Make) -> None:

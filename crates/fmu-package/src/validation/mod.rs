@@ -4,6 +4,7 @@
 
 mod archive;
 mod description;
+pub mod importers;
 mod libraries;
 mod model;
 mod other_files;
@@ -17,6 +18,7 @@ mod xml;
 use std::io;
 use std::path::Path;
 
+use importers::Importer;
 use rules::{ARCHIVE_NAME, DESCRIPTION_MISSING, Rule, Severity, VERSION};
 use xml::Xml;
 
@@ -96,23 +98,23 @@ enum Version {
     Three,
 }
 
-/// Finds what is wrong in an FMU.
+/// Finds what is wrong in an FMU, and what some importers refuse.
 ///
 /// # Errors
 /// When the file cannot be read.
-pub fn validate(fmu: &Path) -> io::Result<Report> {
+pub fn validate(fmu: &Path, importers: &[&Importer]) -> io::Result<Report> {
     let file = reading::open(fmu)?;
     let mut report = Report::default();
     if fmu.extension().is_none_or(|extension| extension != "fmu") {
         report.add(&ARCHIVE_NAME, Place::default(), "the file's name does not end in .fmu");
     }
     if let Some(mut files) = archive::Files::open(file, &mut report) {
-        check(&mut files, &mut report);
+        check(&mut files, importers, &mut report);
     }
     Ok(report)
 }
 
-fn check(files: &mut archive::Files, report: &mut Report) {
+fn check(files: &mut archive::Files, importers: &[&Importer], report: &mut Report) {
     if !files.contains(MODEL_DESCRIPTION) {
         let inside = files.paths().find(|path| path.ends_with("/modelDescription.xml"));
         let message = match inside {
@@ -145,4 +147,5 @@ fn check(files: &mut archive::Files, report: &mut Report) {
     structure::check(&model, report);
     libraries::check(&model, files, report);
     other_files::check(&model, files, report);
+    importers::check(&model, importers, report);
 }

@@ -9,15 +9,18 @@ pub enum Severity {
     Error,
     /// The FMU is allowed, but some importers fail on it.
     Warning,
+    /// Nothing is wrong, but one of the [`importers`](super::importers) that were named refuses it.
+    Note,
 }
 
 impl Severity {
-    /// `error` or `warning`.
+    /// `error`, `warning` or `note`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Error => "error",
             Self::Warning => "warning",
+            Self::Note => "note",
         }
     }
 }
@@ -229,4 +232,12 @@ rules! {
         "Source files that are named lie in `sources`; a build description is for the model's identifiers and version of FMI." => "Add the file, or correct its name.";
     TERMINALS: Error "terminals" ("3.0.2: 2.4.9")
         "Terminals have unique names, their members refer to variables, and icons that are named exist." => "Correct the name, or add the file.";
+
+    // What importers refuse.
+    TYPE_DESCRIPTION: Note "type-description" ("importers")
+        "Types have no `description` in FMI 3." => "Use a newer version of the importer, or remove the description.";
+    ARRAY: Note "array" ("importers")
+        "There are no arrays." => "Export the FMU for FMI 2.0, where each element is a variable.";
+    STRUCTURAL_PARAMETER: Note "structural-parameter" ("importers")
+        "There are no structural parameters." => "Give the dimensions as numbers.";
 }

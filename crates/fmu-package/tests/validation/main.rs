@@ -15,6 +15,7 @@ use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
+use fmu_package::validation::importers;
 use fmu_package::validation::rules::{self, Severity};
 use fmu_package::validation::{Report, validate};
 use zip::ZipWriter;
@@ -76,7 +77,7 @@ fn folder(name: &str) -> PathBuf {
 
 fn report(path: &Path, archive: &[u8]) -> Report {
     fs::write(path, archive).unwrap();
-    validate(path).unwrap()
+    validate(path, &[]).unwrap()
 }
 
 /// The broken rules of a severity.
@@ -137,9 +138,51 @@ fn each_break_is_found_by_its_rule_and_no_other() {
 #[test]
 fn each_rule_is_broken_once() {
     let broken: BTreeSet<_> = breaks::all().map(|(_, rule, ..)| *rule).collect();
-    // The file's name is checked in another test.
-    let all: BTreeSet<_> = rules::ALL.iter().map(|rule| rule.id).filter(|id| *id != "archive-name").collect();
+    // The file's name and what importers refuse are checked in other tests.
+    let all: BTreeSet<_> = rules::ALL
+        .iter()
+        .filter(|rule| rule.severity != Severity::Note && rule.id != "archive-name")
+        .map(|rule| rule.id)
+        .collect();
     assert_eq!(broken, all);
+}
+
+#[test]
+fn what_an_importer_refuses_is_noted_for_it_alone() {
+    let path = folder("good-fmus").join("refused.fmu");
+    let mut files = files(Good::Fmi3);
+    // Two arrays and a structural parameter are there already.
+    let text = include_str!("fmi3.xml")
+        .replace(r#"<EnumerationType name="Mode""#, r#"<EnumerationType name="Mode" description="On or off""#)
+        .replace(
+            "</TypeDefinitions>",
+            r#"<ClockType name="Tick" description="Read by all" intervalVariability="triggered"/></TypeDefinitions>"#,
+        );
+    files.insert(DESCRIPTION.to_owned(), text.into_bytes());
+    fs::write(&path, zipped(&files)).unwrap();
+    assert!(validate(&path, &[]).unwrap().findings.is_empty());
+    let arrays = ["array: profile", "array: matrix"];
+    let found: [(&str, &[&str]); 4] = [
+        ("CasADi", &["structural-parameter: size", arrays[0], arrays[1]]),
+        ("FMI.jl", &arrays),
+        ("FMPy", &["type-description: "]),
+        ("PyFMI", &arrays),
+    ];
+    let mut rules_found = BTreeSet::new();
+    for (importer, (name, expected)) in importers::ALL.iter().zip(found) {
+        assert_eq!(importer.name, name);
+        let report = validate(&path, &[importer]).unwrap();
+        let findings = report.findings.iter().map(|finding| {
+            let version = format!("{name} {}", importer.versions);
+            assert!(finding.message.ends_with(&format!(", refused by {version}")), "{}", finding.message);
+            rules_found.insert(finding.rule.id);
+            format!("{}: {}", finding.rule.id, finding.place.variable.as_deref().unwrap_or_default())
+        });
+        assert_eq!(findings.collect::<Vec<_>>(), expected);
+        assert_eq!(report.findings.len(), report.count(Severity::Note));
+    }
+    let notes = rules::ALL.iter().filter(|rule| rule.severity == Severity::Note).map(|rule| rule.id);
+    assert_eq!(rules_found, notes.collect());
 }
 
 #[test]
@@ -175,10 +218,10 @@ fn more_findings_than_anybody_reads_are_counted() {
 
 #[test]
 fn a_missing_file_is_an_error() {
-    let missing = validate(Path::new("there is no such file.fmu")).unwrap_err().to_string();
+    let missing = validate(Path::new("there is no such file.fmu"), &[]).unwrap_err().to_string();
     assert!(missing.starts_with("cannot open there is no such file.fmu: "), "{missing}");
     assert!(
-        validate(Path::new(env!("CARGO_MANIFEST_DIR")))
+        validate(Path::new(env!("CARGO_MANIFEST_DIR")), &[])
             .unwrap_err()
             .to_string()
             .ends_with(": it is a folder")

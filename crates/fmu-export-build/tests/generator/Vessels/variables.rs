@@ -602,6 +602,17 @@ impl ::fmu_export::Variables for Variables {
         }
     }
 
+    fn mark_calculated(&mut self, mark: bool) {
+        self.outputs.level = mark.into();
+        self.outputs.drain = mark.into();
+        self.outputs.fills = mark.into();
+        self.derivatives.first.mass = mark.into();
+        self.locals.first.outflow = mark.into();
+        self.derivatives.second.mass = mark.into();
+        self.locals.second.outflow = mark.into();
+        self.derivatives.settings.reserve = mark.into();
+    }
+
     fn states_from_start(&mut self) {
         self.states = self.start;
     }

@@ -299,6 +299,16 @@ impl ::fmu_export::Variables for Variables {
         }
     }
 
+    fn mark_calculated(&mut self, mark: bool) {
+        self.derivatives.position = mark.into();
+        self.derivatives.velocity = mark.into();
+        self.outputs.energy = mark.into();
+        self.outputs.power = mark.into();
+        self.outputs.loss = mark.into();
+        self.derivatives.wear[0] = mark.into();
+        self.derivatives.wear[1] = mark.into();
+    }
+
     fn states_from_start(&mut self) {
         self.states = self.start;
     }

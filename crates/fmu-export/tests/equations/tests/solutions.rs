@@ -1,12 +1,12 @@
 //! The built-in integrator against closed forms and independent solutions.
 
 use fmu_export::{
-    Dual, Equations, Error, InputSignal, Integrated, Model, Simulation, Tape, Variables as _,
-    check_dependencies,
+    Dual, Equations, Error, InputSignal, Integrated, Model, Number, Persistent, Simulation, Tape,
+    Variables as _, VariablesOf, check_dependencies,
 };
 use fmu_export_equations::{
     BouncingBall, Decay, Hires, Robertson, Stairs, Undeclared, VanDerPol, bouncing_ball, decay, stairs,
-    undeclared,
+    undeclared, van_der_pol,
 };
 
 /// The solutions that `reference.py` printed: name, time and states.
@@ -397,4 +397,38 @@ fn dependencies_that_are_not_declared_are_found() {
         .unwrap_err()
         .to_string();
     assert_eq!(error, "der(x) depends on target, which its 'reads' leave out");
+}
+
+/// An oscillator of 1000 rad/s.
+#[derive(Clone, Debug, Default, Persistent)]
+struct Oscillator {}
+
+impl Equations for Oscillator {
+    type Variables = van_der_pol::Variables;
+
+    fn evaluate<T: Number>(&self, _time: T, variables: &mut VariablesOf<Self, T>) {
+        variables.derivatives.x0 = variables.states.x1 * 1000.0;
+        variables.derivatives.x1 = -variables.states.x0 * 1000.0;
+    }
+}
+
+/// States go on by what the importer calls the length of a step, however its times are rounded: at Unix time by 2.4e-7 s,
+/// 2.4e-4 of the step.
+#[test]
+fn late_start_times_do_not_change_the_states() {
+    let states_from = |start_time: f64| {
+        let mut simulation = simulation::<Oscillator>(1e-9);
+        simulation.experiment.start_time = start_time;
+        simulation.initialize().unwrap();
+        for step in 0..1000 {
+            simulation.time = start_time + f64::from(step) * 1e-3;
+            simulation.step(1e-3).unwrap();
+        }
+        let van_der_pol::States { x0, x1 } = simulation.variables.states;
+        bits([x0, x1])
+    };
+    let states = states_from(0.0);
+    for start_time in [-3.0, 1e8, 1.7e9] {
+        assert_eq!(states_from(start_time), states, "{start_time} s");
+    }
 }

@@ -1,0 +1,82 @@
+//! What known importers refuse of what the standard allows: one table, which `docs/validation.md` shows.
+
+use super::model::{Model, named};
+use super::rules::{ARRAY, Rule, STRUCTURAL_PARAMETER, TYPE_DESCRIPTION};
+use super::{Place, Report, Version};
+
+/// A tool that imports FMUs.
+#[derive(Debug)]
+pub struct Importer {
+    /// Its name.
+    pub name: &'static str,
+    /// The versions of which this is known.
+    pub versions: &'static str,
+    /// How it is known.
+    pub evidence: &'static str,
+    /// The rules that it asks for beyond the standard, and what it does otherwise.
+    pub refuses: &'static [(&'static Rule, &'static str)],
+}
+
+/// All importers of which something is known.
+pub static ALL: &[Importer] = &[
+    Importer {
+        name: "CasADi",
+        versions: "3.8.2",
+        evidence: "tried",
+        refuses: &[
+            (&ARRAY, "`DaeBuilder.create` fails: it passes one value for each variable"),
+            (&STRUCTURAL_PARAMETER, "`DaeBuilder` fails: it does not know the causality"),
+        ],
+    },
+    Importer {
+        name: "FMI.jl",
+        versions: "0.15.0",
+        evidence: "source of FMIImport.jl 1.3.1",
+        refuses: &[(
+            &ARRAY,
+            "start values are ignored with a warning; reading fails where a structural parameter sets the size",
+        )],
+    },
+    Importer {
+        name: "FMPy",
+        versions: "below 0.3.24",
+        evidence: "0.3.23 and 0.3.24 tried",
+        refuses: &[(&TYPE_DESCRIPTION, "reading fails with a `TypeError`")],
+    },
+    Importer {
+        name: "PyFMI",
+        versions: "2.21.0",
+        evidence: "source",
+        refuses: &[(&ARRAY, "getting and setting fails: it passes one value for each variable")],
+    },
+];
+
+pub(super) fn check(model: &Model<'_>, importers: &[&Importer], report: &mut Report) {
+    if model.version != Version::Three {
+        return;
+    }
+    let mut note = |rule: &'static Rule, place: Place, what: &str| {
+        let asks = |importer: &Importer| importer.refuses.iter().any(|(asked, _)| asked.id == rule.id);
+        let refusing = importers.iter().filter(|importer| asks(importer));
+        let refusing: Vec<_> =
+            refusing.map(|importer| format!("{} {}", importer.name, importer.versions)).collect();
+        if !refusing.is_empty() {
+            report.add(rule, place, format!("{what}, refused by {}", refusing.join(", ")));
+        }
+    };
+    for (declared, _) in &model.types {
+        // FMPy passes over types of Clocks.
+        if declared.has_attribute("description") && declared.tag_name().name() != "ClockType" {
+            let name = declared.attribute("name").unwrap_or_default();
+            note(&TYPE_DESCRIPTION, model.xml.at(*declared), &format!("the type {name} has a description"));
+        }
+    }
+    for variable in &model.variables {
+        if named(variable.element, "Dimension").next().is_some() {
+            note(&ARRAY, model.at(variable), "it is an array");
+        }
+        if variable.causality == "structuralParameter" {
+            note(&STRUCTURAL_PARAMETER, model.at(variable), "it is a structural parameter");
+        }
+    }
+}
