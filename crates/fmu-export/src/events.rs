@@ -1,6 +1,7 @@
 //! Event indicators and time events: when a model has an event, and why.
 
 use crate::error::{Error, Shown};
+use crate::model::time_rounding;
 use crate::persistence::{Archive, Persistent};
 
 /// How often a model may have an event at one time, each brought about by the one before.
@@ -11,6 +12,9 @@ pub(crate) const MOST_ITERATIONS: u32 = 1000;
 /// "a small hysteresis"). Indicators are of order one; this is a thousand times their rounding.
 const HYSTERESIS: f64 = 1e-12;
 
+/// An event comes soon after another within so many roundings of the time.
+const SOON: f64 = 1e4;
+
 /// What a model knows of its events.
 #[derive(Clone, Debug, Default)]
 pub struct Events {
@@ -18,6 +22,8 @@ pub struct Events {
     pub(crate) next: Option<f64>,
     /// The time of the last event, in s.
     reached: f64,
+    /// How many events in a row came within the rounding of the time of the one before.
+    crowded: u32,
     /// Which indicators were positive at the last event.
     positive: Box<[bool]>,
     /// Which have changed since.
@@ -39,6 +45,7 @@ impl Persistent for Events {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         self.next.persist(archive)?;
         self.reached.persist(archive)?;
+        self.crowded.persist(archive)?;
         self.positive.persist(archive)
     }
 }
@@ -49,6 +56,7 @@ impl Events {
         Self {
             next: None,
             reached: f64::NEG_INFINITY,
+            crowded: 0,
             positive: vec![false; indicators].into(),
             changed: vec![false; indicators].into(),
             indicators: vec![0.0; indicators].into(),
@@ -59,6 +67,23 @@ impl Events {
     /// Which indicators have changed since the last event.
     pub(crate) fn changed(&self) -> &[bool] {
         &self.changed
+    }
+
+    /// The position of the first of them.
+    pub(crate) fn first_changed(&self) -> Option<usize> {
+        self.changed.iter().position(|changed| *changed)
+    }
+
+    /// Counts an event at a time in s that comes so soon after the last one. Whether there are now so many that the model
+    /// may not leave this time.
+    pub(crate) fn crowd(&mut self, time: f64) -> bool {
+        if time == self.reached {
+            // Another iteration of it.
+            return false;
+        }
+        let is_soon = (time - self.reached).abs() <= SOON * time_rounding(time);
+        self.crowded = if is_soon { self.crowded.saturating_add(1) } else { 0 };
+        self.crowded == MOST_ITERATIONS
     }
 
     /// Takes the present signs of the indicators as those of the last event.

@@ -20,6 +20,8 @@ use crate::tape::{Recorded, Tape};
 pub const DEFAULT_TOLERANCE: f64 = 1e-6;
 /// Trials and events in a communication step, after which it is given up: it must end.
 const MOST_TRIALS: u32 = 100_000;
+/// The steps after an event are short at first: where there is one event to so many trials, events are the cause.
+const MOST_TRIALS_AN_EVENT: u32 = 8;
 /// In how many places, beside its end, a step is searched for events.
 const SEARCHED: u32 = 8;
 /// How far beyond its estimate a crossing is looked for, in roundings of the time since the step's start.
@@ -314,7 +316,8 @@ impl<E: Equations> Integrated<E> {
         let end = step.end();
         let last_event = end + TIME_TOLERANCE * step.size + time_rounding(end);
         E::Variables::each_state(variables, |state, value| states[state] = value);
-        let mut trials = 0;
+        let (mut trials, mut events) = (0, 0);
+        let mut last_cause = None;
         // Inputs and tunable parameters may have jumped since the last step.
         self.equations.evaluate::<f64>(self.time, variables);
         let mut crossed = self.find_changes(variables)?;
@@ -331,6 +334,8 @@ impl<E: Equations> Integrated<E> {
                     return Ok(Some(Stop::Event(self.time)));
                 }
                 trials += 1;
+                events += 1;
+                last_cause = self.events.first_changed();
                 if let Some(due) = due.filter(|_| is_due) {
                     self.time = due;
                 }
@@ -361,9 +366,16 @@ impl<E: Equations> Integrated<E> {
                 }
             }
             if trials > MOST_TRIALS {
+                let cause = if events > MOST_TRIALS / MOST_TRIALS_AN_EVENT {
+                    let what = last_cause
+                        .map_or("time events", |indicator| E::Variables::EVENT_INDICATORS[indicator]);
+                    format!("{events} of them are events, which come ever faster, the last one of {what}")
+                } else {
+                    let state = E::Variables::STATE_NAMES[self.integrator.decisive_state()];
+                    format!("{state} changes too fast for a step so long, or for the tolerance {tolerance:?}")
+                };
                 return Err(Error::new(format!(
-                    "the step from {} s was given up at the time {} s after {MOST_TRIALS} trials and events; either the \
-                     tolerance {tolerance:?} is too small, or the events come ever faster",
+                    "the step from {} s was given up at the time {} s after {MOST_TRIALS} trials and events: {cause}",
                     Shown(step.start),
                     Shown(self.time)
                 )));

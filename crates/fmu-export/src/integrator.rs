@@ -178,6 +178,8 @@ pub(crate) struct Integrator {
     pivots: Vec<usize>,
     stages: [Vec<f64>; STAGES],
     moved: Vec<f64>,
+    /// The position of the state with the largest error in the last trial.
+    decisive: usize,
 }
 
 /// What is not of the last step: a saved instance stands between two steps.
@@ -204,6 +206,7 @@ impl Integrator {
             pivots: vec![0; size],
             stages: core::array::from_fn(|_| vector()),
             moved: vector(),
+            decisive: 0,
         }
     }
 
@@ -236,6 +239,7 @@ impl Integrator {
             // The longest that leads to the end in equal steps.
             let length = left / (left / (self.next * (1.0 + ROUNDING))).ceil().max(1.0);
             let error = self.trial(system, length, tolerance);
+            self.decisive = error.state;
             let by_error = if error.largest > 0.0 {
                 SAFETY * error.largest.powf(-ESTIMATE_ORDER.recip())
             } else {
@@ -255,6 +259,11 @@ impl Integrator {
                 return Err(StepFailure { state: error.state });
             }
         }
+    }
+
+    /// The position of the state whose error decided the length of the last trial.
+    pub(crate) fn decisive_state(&self) -> usize {
+        self.decisive
     }
 
     /// The states at a time in the last step.

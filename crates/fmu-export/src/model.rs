@@ -419,13 +419,21 @@ impl<'a> Context<'a> {
         Self { resources: Some(resources), ..self }
     }
 
-    /// The content of a file of the FMU's folder `resources`, by its path there.
+    /// The content of a file of the FMU's folder `resources`, by its path there: of at most 256 MiB.
     ///
     /// # Errors
-    /// When it cannot be read, or there is no FMU.
+    /// When it cannot be read, is larger or no file, or there is no FMU.
     pub fn resource(&self, name: &str) -> Result<Vec<u8>, Error> {
+        self.resource_up_to(name, 256 << 20)
+    }
+
+    /// The same of a file of at most so many bytes.
+    ///
+    /// # Errors
+    /// As [`Context::resource`].
+    pub fn resource_up_to(&self, name: &str, most: u64) -> Result<Vec<u8>, Error> {
         match self.resources {
-            Some(resources) => resources.read(name),
+            Some(resources) => resources.read(name, most),
             None => Err(Error::new(format!(
                 "the resource {name} is in the FMU, but the model is called without one"
             ))),

@@ -40,18 +40,38 @@ impl Resources {
         })
     }
 
-    /// The content of a file, by its path in the folder.
-    pub(crate) fn read(&self, name: &str) -> Result<Vec<u8>, Error> {
+    /// The content of a file of at most so many bytes, by its path in the folder.
+    pub(crate) fn read(&self, name: &str, most: u64) -> Result<Vec<u8>, Error> {
         let unreadable = |why: &str| Error::new(format!("the resource {name} cannot be read: {why}"));
         let file = self.0.as_ref().map_err(|why| unreadable(why))?.join(name);
-        #[cfg(not(target_family = "wasm"))]
-        let bytes = fs::read(&file).map_err(|error| unreadable(&format!("{}: {error}", file.display())));
-        #[cfg(target_family = "wasm")]
-        let bytes = file
-            .to_str()
-            .and_then(crate::wasm::read_file)
-            .ok_or_else(|| unreadable(&file.display().to_string()));
-        bytes
+        read(&file, most).map_err(|why| unreadable(&format!("{}: {why}", file.display())))
+    }
+}
+
+/// Reads a file of at most so many bytes: not a pipe or a device, which may never end.
+#[cfg(not(target_family = "wasm"))]
+fn read(file: &Path, most: u64) -> Result<Vec<u8>, String> {
+    let found = fs::metadata(file).map_err(|error| error.to_string())?;
+    if !found.is_file() {
+        return Err("it is no file".to_owned());
+    }
+    check_size(found.len(), most)?;
+    fs::read(file).map_err(|error| error.to_string())
+}
+
+#[cfg(target_family = "wasm")]
+fn read(file: &Path, most: u64) -> Result<Vec<u8>, String> {
+    let path = file.to_str().ok_or("its path is not valid UTF-8")?;
+    let size = crate::wasm::file_size(path).ok_or("the host does not find it")?;
+    check_size(size as u64, most)?;
+    crate::wasm::read_file(path, size).ok_or_else(|| "the host cannot read it".to_owned())
+}
+
+fn check_size(size: u64, most: u64) -> Result<(), String> {
+    if size <= most {
+        Ok(())
+    } else {
+        Err(format!("it has {size} bytes; the model takes {most} at most (`Context::resource_up_to`)"))
     }
 }
 
@@ -121,9 +141,23 @@ mod tests {
 
     #[test]
     fn what_cannot_be_read_is_named_with_the_reason() {
-        let reason = |location: Option<&[u8]>| Resources::at(location).read("y.txt").unwrap_err().to_string();
+        let reason =
+            |location: Option<&[u8]>| Resources::at(location).read("y.txt", 9).unwrap_err().to_string();
         assert_eq!(reason(None), "the resource y.txt cannot be read: fmuResourceLocation was NULL");
         assert!(reason(Some(b"https://example.org")).contains("\"https://example.org\""));
         assert!(reason(Some(b"file:///nowhere")).starts_with("the resource y.txt cannot be read: /nowhere"));
+    }
+
+    /// A pipe or device would be read without an end, a file of any size into memory.
+    #[test]
+    fn only_files_of_some_size_are_read() {
+        let resources = Resources::at_path(Some(env!("CARGO_MANIFEST_DIR").as_bytes()));
+        let size = fs::metadata(concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml")).unwrap().len();
+        assert_eq!(resources.read("Cargo.toml", size).unwrap().len() as u64, size);
+        let reason = |name, most| resources.read(name, most).unwrap_err().to_string();
+        assert!(reason("Cargo.toml", size - 1).contains(&format!("it has {size} bytes; the model takes")));
+        assert!(reason("src", size).ends_with("src: it is no file"));
+        #[cfg(unix)]
+        assert!(reason("/dev/zero", size).ends_with("/dev/zero: it is no file"));
     }
 }

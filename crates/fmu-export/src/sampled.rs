@@ -19,6 +19,8 @@ use crate::scheduled_execution::ScheduledExecution;
 const COINCIDENCE: f64 = 1e-6;
 /// Times that differ by more than this part of the period are never treated as equal.
 const MOST_COINCIDENCE: f64 = 0.05;
+/// More samples are not computed in one step, which must end: a day at 100 Hz has 8.64 million.
+const MOST_SAMPLES: f64 = 1e7;
 
 /// A model that computes at its samples; between them nothing changes.
 ///
@@ -111,6 +113,19 @@ impl<S: Sampled> SampledModel<S> {
         Sample { number: self.executed, time: self.start_time + self.executed as f64 * period }
     }
 
+    /// Refuses a step, until a time in s, with too many samples.
+    fn check_number(&self, sample: Sample, until: f64, period: f64) -> Result<(), Error> {
+        let number = (until - sample.time) / period;
+        if number <= MOST_SAMPLES {
+            return Ok(());
+        }
+        Err(Error::new(format!(
+            "the step has {number:.3e} samples, from {} s on, one each {} s; at most {MOST_SAMPLES:e} are computed in a step",
+            Shown(sample.time),
+            Shown(period)
+        )))
+    }
+
     /// The time in s before which the samples of a communication step lie.
     fn end_of_samples<I>(&mut self, step: &Step<'_, I>, period: f64) -> f64 {
         let (start, end) = (step.start, step.end());
@@ -168,6 +183,7 @@ impl<S: Sampled> Model for SampledModel<S> {
             if sample.time >= until {
                 return Ok(());
             }
+            self.check_number(sample, until, period)?;
             self.executed += 1;
             if step.inputs.is_constant() {
                 self.sampled.sample(sample, variables, step.inputs.initial(), context)?;
@@ -230,7 +246,8 @@ impl<S: Sampled> EventMode for SampledModel<S> {
     ) -> Result<Option<Stop>, Error> {
         let end = step.end();
         loop {
-            let sample = self.next_sample(S::period(variables));
+            let period = S::period(variables);
+            let sample = self.next_sample(period);
             // A sample at the end of a step belongs to the next one, unless it is an event of this one.
             let Some(due) = due_until(end, Some(sample.time)) else { return Ok(None) };
             let due = if due > step.start { due } else { step.start };
@@ -241,6 +258,7 @@ impl<S: Sampled> EventMode for SampledModel<S> {
             } else if stops.internal_steps && due > step.start {
                 return Ok(Some(Stop::InternalStep(due)));
             }
+            self.check_number(sample, end, period)?;
             self.executed += 1;
             self.sampled.sample(sample, variables, step.inputs.initial(), context)?;
             if context.end.is_some() {

@@ -19,7 +19,7 @@ use crate::persistence::{Archive, Persistent};
 
 const SIGNATURE: [u8; 8] = *b"fmi2stat";
 /// Increased with every change of the runtime's content. (The GUID identifies the model's content.)
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 /// The length of the checksum.
 const CHECKSUM: usize = 8;
 

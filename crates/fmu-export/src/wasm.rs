@@ -70,12 +70,16 @@ pub(crate) fn report_panics() {
     }));
 }
 
-/// Reads a file of the host.
-pub(crate) fn read_file(path: &str) -> Option<Vec<u8>> {
+/// The size of a file of the host.
+pub(crate) fn file_size(path: &str) -> Option<usize> {
     // SAFETY: the host reads the path, which outlives the call.
-    let size = unsafe { host::file_size(path.as_ptr(), path.len()) };
-    let mut bytes = vec![0; usize::try_from(size).ok()?];
-    // SAFETY: likewise, and it writes as many bytes as there are.
+    usize::try_from(unsafe { host::file_size(path.as_ptr(), path.len()) }).ok()
+}
+
+/// Reads a file of the host, of a size.
+pub(crate) fn read_file(path: &str, size: usize) -> Option<Vec<u8>> {
+    let mut bytes = vec![0; size];
+    // SAFETY: the host reads the path, which outlives the call, and writes as many bytes as there are.
     let is_read = unsafe { host::read_file(path.as_ptr(), path.len(), bytes.as_mut_ptr(), bytes.len()) };
     (is_read != 0).then_some(bytes)
 }

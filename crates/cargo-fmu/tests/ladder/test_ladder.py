@@ -483,6 +483,13 @@ def test_without_inputs_the_results_are_those_of_the_reference_fmu(fmu, interfac
         assert (result[name] == theirs[name]).all(), name
 
 
+def test_a_step_to_no_time(instance):
+    """The sum of two finite times may be infinite."""
+    late = instance("VanDerPol", CO_SIMULATION, start_time=1.7e308)
+    with pytest.raises(Failed, match=r"the step from 1.7e308 ends at inf"):
+        late.do_step(1.7e308, 1e308)
+
+
 # Resource
 
 

@@ -115,6 +115,18 @@ impl<M: ModelExchange> Instance<M> {
             }
             let before = memory.states();
             let logger = &self.logger;
+            if memory.events.crowd(time) {
+                let cause = memory
+                    .events
+                    .first_changed()
+                    .map_or("time events", |at| M::Variables::EVENT_INDICATORS[at]);
+                logger.warning(format_args!(
+                    "{MOST_ITERATIONS} events in a row hardly leave the time {} s, the last one of {cause}: they come \
+                     ever faster",
+                    Shown(time)
+                ));
+                status = Status::Warning;
+            }
             let mut log = |category, message: core::fmt::Arguments<'_>| {
                 status = status.max(logger.message(category, message));
             };

@@ -198,13 +198,6 @@ def test_a_start_time_that_no_step_changes(make: Make, start_time: float) -> Non
     assert instance.get("time") == start_time
 
 
-def test_a_step_to_no_time(make: Make) -> None:
-    """The sum of two finite times may be infinite."""
-    instance = make().initialize(1.7e308)
-    instance.refuses(DO_STEP, 1.7e308, 1e308, 1, names=["step"], numbers=[1.7e308, math.inf])
-    assert instance.get("time") == 1.7e308
-
-
 def test_steps_to_the_stop_time(make: Make) -> None:
     """Section 2.1.6: a step past stopTime is an Error, except for rounding."""
     stop_time = 0.3

@@ -345,10 +345,10 @@ def test_which_variables_can_be_set(
         if not settable(variable, state, fmu_type):
             if (
                 state == "Continuous-Time Mode"
-                and is_input(variable)
+                and (is_input(variable) or variable.variability == "tunable")
                 and refusing.get(variable.name) == value
             ):
-                # FMPy sets discrete inputs there, too, to the values that they have.
+                # FMPy sets discrete inputs there, CasADi tunable parameters, to the values that they have.
                 refusing.ok(*setting)
                 continue
             refusing.refuses(*setting, names=[variable.name, state])

@@ -472,6 +472,25 @@ def test_a_tick_comes_late(make: Make) -> None:
     assert (instance.get("events.ticks"), instance.get("events.last")) == (5, 1.0)
 
 
+def test_events_that_hardly_leave_their_time(make: Make) -> None:
+    """An importer would go on with them for hours: it is told once, with the name of what has them."""
+    period = 1e-13
+    instance = initialized(make, 1.0, events__period=period)
+    info, warned = EventInfo(), []
+    for count in range(3000):
+        status = instance.call("fmi2NewDiscreteStates", byref(info))
+        assert status in (Status.OK, Status.WARNING)
+        warned += [count] * (status == Status.WARNING)
+        instance.ok("fmi2EnterContinuousTimeMode")
+        instance.ok("fmi2SetTime", info.next_event_time)
+        instance.ok("fmi2EnterEventMode")
+    # The first one is at the start; each after it is the next in the row.
+    assert warned == [1000]
+    (message,) = instance.messages
+    assert "1000 events in a row" in message.text
+    assert "time events" in message.text
+
+
 def test_ticks_that_are_changed(make: Make) -> None:
     """A tunable parameter that is set at an event changes the announcement."""
     instance = running(make, events__period=0.25)

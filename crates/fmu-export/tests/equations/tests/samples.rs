@@ -27,6 +27,21 @@ impl Sampled for Counter {
     }
 }
 
+/// A step must end; one of some seconds' work is computed.
+#[test]
+fn a_step_with_too_many_samples_is_refused() {
+    let mut simulation = Simulation::<SampledModel<Counter>>::default();
+    simulation.variables.parameters.interval = 0.5;
+    simulation.initialize().unwrap();
+    simulation.step(1e5).unwrap();
+    assert_eq!(simulation.variables.outputs.steps, 200_000);
+    for size in [1e8, 1e308] {
+        let error = simulation.step(size).unwrap_err().to_string();
+        assert!(error.contains(" samples, from 100000 s on, one each 0.5 s; at most 1e7"), "{error}");
+    }
+    assert_eq!(simulation.variables.outputs.steps, 200_000);
+}
+
 /// Otherwise a step would have samples without end, or none.
 #[test]
 fn a_period_that_is_not_finite_and_above_zero_is_refused() {

@@ -205,6 +205,15 @@ fn events_that_come_ever_faster_are_an_error_that_says_when() {
     let error = simulation.step(100.0).unwrap_err().to_string();
     assert!(error.starts_with("the step from 0 s was given up at the time "), "{error}");
     assert!(error.contains("after 100000 trials and events"), "{error}");
+    assert!(error.ends_with("are events, which come ever faster, the last one of height"), "{error}");
+}
+
+#[test]
+fn a_solution_too_fast_for_its_step_is_an_error_that_names_the_state() {
+    let mut simulation = simulation::<Oscillator>(1e-9);
+    simulation.initialize().unwrap();
+    let error = simulation.step(1e4).unwrap_err().to_string();
+    assert!(error.contains(": x0 changes too fast") || error.contains(": x1 changes too fast"), "{error}");
 }
 
 #[test]
