@@ -1,14 +1,13 @@
 //! `info`: what an FMU says of itself, FMI 1.0 to 3.0, as a table or as JSON.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
 use fmu_package::terminal::{in_line, print};
-use fmu_package::{FmuDescription, FmuVariable, Library, Unit, archive};
+use fmu_package::{FmuDescription, FmuVariable, Library, Unit, archive, reading};
 use serde::Serialize;
 
 /// How results are printed.
@@ -148,9 +147,8 @@ fn json(file: &Path, description: &FmuDescription) -> Result<String> {
 /// The libraries directly in the folders of platforms; those in folders below are for linking.
 fn libraries(file: &Path) -> Result<Vec<JsonLibrary>> {
     let shown = file.display();
-    let opened = File::open(file).with_context(|| format!("cannot open {shown}"))?;
-    let mut archive = archive::open(BufReader::new(opened))?;
-    let mut left = fmu_package::reading::LARGEST_CONTENT;
+    let mut archive = archive::open(BufReader::new(reading::open(file)?))?;
+    let mut left = reading::LARGEST_CONTENT;
     let files =
         archive::read_files(&mut archive, &mut left).with_context(|| format!("cannot read {shown}"))?;
     let libraries = files.into_iter().filter_map(|(path, content)| {

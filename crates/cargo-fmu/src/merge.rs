@@ -1,13 +1,12 @@
 //! `merge`: joins FMUs of one model, built on several machines, into one for all platforms.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use fmu_package::reading::LARGEST_CONTENT;
+use fmu_package::reading::{self, LARGEST_CONTENT};
 use fmu_package::terminal::print;
 use fmu_package::{Merged, Part, Platform, archive, writing};
 
@@ -55,7 +54,7 @@ fn merge(fmus: &[PathBuf], runs: &[(Platform, String)], out: &Path) -> Result<()
 
 fn read(path: &Path, left: &mut u64) -> Result<Part> {
     let shown = path.display();
-    let file = File::open(path).with_context(|| format!("cannot open {shown}"))?;
+    let file = reading::open(path)?;
     let files =
         archive::open(BufReader::new(file)).and_then(|mut archive| archive::read_files(&mut archive, left));
     Ok(Part { name: shown.to_string(), files: files.with_context(|| format!("{shown} is not an FMU"))? })

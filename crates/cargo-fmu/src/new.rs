@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
+use fmu_package::is_identifier;
 use fmu_package::terminal::print;
 
 use super::cargo;
@@ -36,6 +37,8 @@ enum Template {
     VanDerPol,
     /// Events where a quantity crosses a limit, at which states jump
     BouncingBall,
+    /// Modes, an enum that the model remembers, and events between them
+    StickSlip,
     /// Events at known times, and an end that the model asks for
     Stair,
     /// Outputs that follow from inputs of each type
@@ -57,8 +60,6 @@ enum Template {
 struct Files {
     declaration: &'static str,
     source: &'static str,
-    /// Features of `fmu-export`.
-    features: &'static [&'static str],
     /// Further files by their names.
     others: &'static [(&'static str, &'static str)],
     /// The variables to plot.
@@ -67,11 +68,10 @@ struct Files {
 
 /// The files in a template's folder.
 macro_rules! files {
-    ($folder:literal, plot $plotted:literal, features $features:expr $(, $other:literal)*) => {
+    ($folder:literal, plot $plotted:literal $(, $other:literal)*) => {
         Files {
             declaration: include_str!(concat!("../templates/", $folder, "/model.json")),
             source: include_str!(concat!("../templates/", $folder, "/lib.rs")),
-            features: &$features,
             others: &[$(($other, include_str!(concat!("../templates/", $folder, "/", $other))))*],
             plotted: $plotted,
         }
@@ -81,16 +81,17 @@ macro_rules! files {
 impl Template {
     fn files(self) -> Files {
         match self {
-            Self::Dahlquist => files!("dahlquist", plot "x", features []),
-            Self::VanDerPol => files!("van_der_pol", plot "x0 x1", features []),
-            Self::BouncingBall => files!("bouncing_ball", plot "h", features ["derive"]),
-            Self::Stair => files!("stair", plot "counter", features []),
-            Self::Feedthrough => files!("feedthrough", plot "Float64_continuous_output", features []),
-            Self::Feedthrough3 => files!("feedthrough_3", plot "Float64_continuous_output", features []),
-            Self::StateSpace => files!("state_space", plot "y", features []),
-            Self::Clocks => files!("clocks", plot "totalInClockTicks", features []),
-            Self::Resource => files!("resource", plot "y", features [], "resources/y.txt"),
-            Self::Sampled => files!("sampled", plot "command", features ["derive"]),
+            Self::Dahlquist => files!("dahlquist", plot "x"),
+            Self::VanDerPol => files!("van_der_pol", plot "x0 x1"),
+            Self::BouncingBall => files!("bouncing_ball", plot "h"),
+            Self::StickSlip => files!("stick_slip", plot "position speed"),
+            Self::Stair => files!("stair", plot "counter"),
+            Self::Feedthrough => files!("feedthrough", plot "Float64_continuous_output"),
+            Self::Feedthrough3 => files!("feedthrough_3", plot "Float64_continuous_output"),
+            Self::StateSpace => files!("state_space", plot "y"),
+            Self::Clocks => files!("clocks", plot "totalInClockTicks"),
+            Self::Resource => files!("resource", plot "y", "resources/y.txt"),
+            Self::Sampled => files!("sampled", plot "command"),
         }
     }
 }
@@ -101,6 +102,28 @@ impl New {
     /// # Errors
     /// When cargo refuses, or a file cannot be written.
     pub fn run(&self) -> Result<()> {
+        let path = self.path.display();
+        if self.path.exists() {
+            bail!(
+                "{path} is there already; choose another folder (how an existing crate becomes an FMU is said in the README \
+                 of fmu-export, https://docs.rs/fmu-export)"
+            );
+        }
+        let name = match &self.name {
+            Some(name) => name.as_str(),
+            None => self
+                .path
+                .file_name()
+                .and_then(|name| name.to_str())
+                .context("the folder's name is not text")?,
+        };
+        let identifier = name.replace('-', "_");
+        if !is_identifier(&identifier) {
+            bail!(
+                "'{identifier}' cannot be the name of an FMU, which is made of the letters a to z and A to Z, digits and \
+                 underscores, with no digit first; choose another one with --name"
+            );
+        }
         let mut command = cargo();
         command.args(["new", "--lib", "--quiet"]);
         if let Some(name) = &self.name {
@@ -114,24 +137,14 @@ impl New {
         if !status.success() {
             bail!("cargo could not create the package; its message stands above");
         }
-        let name = match &self.name {
-            Some(name) => name.as_str(),
-            None => self
-                .path
-                .file_name()
-                .and_then(|name| name.to_str())
-                .context("the folder's name is not text")?,
-        };
-        self.fill_in(name)?;
-        let path = self.path.display();
+        self.fill_in(name, &identifier)?;
         Ok(print(&format!(
             "{path}  declare variables in model.json, compute them in src/lib.rs; `cargo fmu export` exports\n"
         ))?)
     }
 
-    fn fill_in(&self, name: &str) -> Result<()> {
+    fn fill_in(&self, name: &str, identifier: &str) -> Result<()> {
         let files = self.template.files();
-        let identifier = name.replace('-', "_");
         let write = |file: &str, content: &str| {
             let path = self.path.join(file);
             fs::write(&path, content).with_context(|| format!("cannot write {}", path.display()))
@@ -139,7 +152,7 @@ impl New {
         let manifest_file = self.path.join("Cargo.toml");
         let manifest = fs::read_to_string(&manifest_file)
             .with_context(|| format!("cannot read {}", manifest_file.display()))?;
-        write("Cargo.toml", &manifest_of(&manifest, files.features))?;
+        write("Cargo.toml", &manifest_of(&manifest, &self.path))?;
         write("build.rs", include_str!("../templates/build.rs"))?;
         write("model.json", files.declaration)?;
         write("model.schema.json", fmu_export_build::SCHEMA)?;
@@ -153,18 +166,17 @@ impl New {
         }
         let readme = include_str!("../templates/README.md")
             .replace("{name}", name)
-            .replace("{identifier}", &identifier)
+            .replace("{identifier}", identifier)
             .replace("{outputs}", files.plotted);
         write("README.md", &readme)
     }
 }
 
 /// The manifest that cargo wrote, with the library's type and the dependencies.
-fn manifest_of(manifest: &str, features: &[&str]) -> String {
+fn manifest_of(manifest: &str, folder: &Path) -> String {
     let package = manifest.split("[dependencies]").next().unwrap_or_default().trim_end();
-    let features = if features.is_empty() { String::new() } else { format!(", features = {features:?}") };
-    let source = |name| match checkout() {
-        Some(crates) => format!("path = {:?}", crates.join(name).display().to_string()),
+    let source = |name: &str| match checkout() {
+        Some(crates) => format!("path = {:?}", relative(crates, folder).join(name).display().to_string()),
         None => format!("version = {:?}", env!("CARGO_PKG_VERSION")),
     };
     let (runtime, build) = (source("fmu-export"), source("fmu-export-build"));
@@ -173,7 +185,7 @@ fn manifest_of(manifest: &str, features: &[&str]) -> String {
          [lib]\n\
          crate-type = [\"cdylib\"]\n\n\
          [dependencies]\n\
-         fmu-export = {{ {runtime}{features} }}\n\n\
+         fmu-export = {{ {runtime} }}\n\n\
          [build-dependencies]\n\
          fmu-export-build = {{ {build} }}\n"
     )
@@ -186,8 +198,21 @@ pub fn checkout() -> Option<&'static Path> {
     crates.join("fmu-export/Cargo.toml").is_file().then_some(crates)
 }
 
+/// The folder of the exporter's crates as seen from a package in the same checkout or beside it, which may then be moved with
+/// it; else as it is.
+fn relative(crates: &Path, package: &Path) -> PathBuf {
+    let beside = crates.ancestors().nth(2).filter(|beside| beside.parent().is_some());
+    let (Some(beside), Ok(package)) = (beside, package.canonicalize()) else { return crates.to_owned() };
+    let Ok(below) = package.strip_prefix(beside) else { return crates.to_owned() };
+    let common =
+        crates.components().zip(package.components()).take_while(|(one, other)| one == other).count();
+    let up = beside.components().count() + below.components().count() - common;
+    let up = std::iter::repeat_n(Path::new(".."), up);
+    up.chain(crates.components().skip(common).map(|part| Path::new(part.as_os_str()))).collect()
+}
+
 /// Types that the templates use, after which no model can be named.
-const USED_TYPES: [&str; 19] = [
+const USED_TYPES: [&str; 20] = [
     "Clocked",
     "Context",
     "Equations",
@@ -196,6 +221,7 @@ const USED_TYPES: [&str; 19] = [
     "Inputs",
     "Integrated",
     "Locals",
+    "Mode",
     "Number",
     "Option",
     "Outputs",
@@ -221,6 +247,21 @@ fn type_name(package: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn crates_are_found_from_packages_in_the_checkout_and_beside_it() {
+        let crates = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+        let seen = |package: &Path| relative(crates, package);
+        assert_eq!(seen(crates), Path::new(""));
+        assert_eq!(seen(&crates.join("cargo-fmu")), Path::new(".."));
+        assert_eq!(seen(&crates.join("../docs")), Path::new("../crates"));
+        let beside = crates.ancestors().nth(2).unwrap();
+        let checkout = crates.parent().unwrap().file_name().unwrap();
+        if beside.parent().is_some() {
+            assert_eq!(seen(beside), Path::new(checkout).join("crates"));
+        }
+        assert_eq!(seen(Path::new("/")), crates);
+    }
 
     #[test]
     fn types_are_named_after_packages() {

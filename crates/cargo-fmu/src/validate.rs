@@ -14,20 +14,20 @@ use serde::Serialize;
 
 use super::info::Format;
 
-/// Find what is wrong in an FMU
+/// Find what is wrong in FMUs
 ///
-/// Checks an FMU of FMI 1.0, 2.0 or 3.0, of any maker, by the rules of the standard and its schemas, and by what
+/// Checks FMUs of FMI 1.0, 2.0 or 3.0, of any maker, by the rules of the standard and its schemas, and by what
 /// some importers fail on. The exit status is 0 when nothing is wrong or there are only warnings, 1 when
-/// there are errors, and 2 when the file cannot be read. The library is read, but never loaded.
+/// there are errors, and 2 when a file cannot be read. The libraries are read, but never loaded.
 #[derive(Args, Debug)]
 #[command(
     after_help = "Examples:\n  cargo fmu validate Plant.fmu\n  cargo fmu validate Plant.fmu --format json\n  \
     cargo fmu validate Plant.fmu --importer CasADi --importer PyFMI\n  cargo fmu validate --rules"
 )]
 pub struct Validate {
-    /// An FMU of any maker
+    /// FMUs of any maker
     #[arg(value_name = "FILE.fmu", required_unless_present = "rules")]
-    file: Option<PathBuf>,
+    files: Vec<PathBuf>,
     /// How to print what is found
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -36,7 +36,7 @@ pub struct Validate {
     #[arg(value_parser = PossibleValuesParser::new(importers::ALL.iter().map(|known| known.name)))]
     importers: Vec<String>,
     /// Print the tables of all rules and importers instead
-    #[arg(long, conflicts_with = "file")]
+    #[arg(long, conflicts_with = "files")]
     rules: bool,
 }
 
@@ -66,23 +66,26 @@ struct JsonFinding<'a> {
 }
 
 impl Validate {
-    /// Prints what is wrong in an FMU. Whether it has no errors.
+    /// Prints what is wrong in FMUs. Whether they have no errors.
     ///
     /// # Errors
-    /// When the file cannot be read.
+    /// When a file cannot be read.
     pub fn run(&self) -> Result<bool> {
-        let Some(file) = &self.file else {
+        if self.rules {
             print(&format!("{}\n{}", table_of_rules(), table_of_importers()))?;
             return Ok(true);
-        };
+        }
         let is_named =
             |known: &&Importer| self.importers.iter().any(|name| known.name.eq_ignore_ascii_case(name));
-        let report = validation::validate(file, &importers::ALL.iter().filter(is_named).collect::<Vec<_>>())?;
+        let importers: Vec<_> = importers::ALL.iter().filter(is_named).collect();
+        let reports =
+            self.files.iter().map(|file| Ok((file.as_path(), validation::validate(file, &importers)?)));
+        let reports = reports.collect::<Result<Vec<_>>>()?;
         print(&match self.format {
-            Format::Text => text(file, &report),
-            Format::Json => json(file, &report)?,
+            Format::Text => reports.iter().map(|(file, report)| text(file, report)).collect(),
+            Format::Json => json(&reports)?,
         })?;
-        Ok(report.count(Severity::Error) == 0)
+        Ok(reports.iter().all(|(_, report)| report.count(Severity::Error) == 0))
     }
 }
 
@@ -132,7 +135,18 @@ fn text(file: &Path, report: &Report) -> String {
     text + &format!("{}: {version}{errors}, {warnings}{notes}\n", file.display())
 }
 
-fn json(file: &Path, report: &Report) -> Result<String> {
+/// The report on one FMU, or a list of them on several.
+fn json(reports: &[(&Path, Report)]) -> Result<String> {
+    let all: Vec<_> = reports.iter().map(|(file, report)| findings(file, report)).collect();
+    let text = if let [one] = &all[..] {
+        serde_json::to_string_pretty(one)
+    } else {
+        serde_json::to_string_pretty(&all)
+    };
+    Ok(text? + "\n")
+}
+
+fn findings<'a>(file: &Path, report: &'a Report) -> Json<'a> {
     let findings = report.findings.iter().map(|finding| JsonFinding {
         rule: finding.rule.id,
         severity: finding.rule.severity.name(),
@@ -143,7 +157,7 @@ fn json(file: &Path, report: &Report) -> Result<String> {
         remedy: finding.rule.remedy,
         source: finding.rule.source,
     });
-    let json = Json {
+    Json {
         file: file.display().to_string(),
         fmi_version: report.fmi_version.as_deref(),
         errors: report.count(Severity::Error),
@@ -151,8 +165,7 @@ fn json(file: &Path, report: &Report) -> Result<String> {
         notes: report.count(Severity::Note),
         omitted: report.omitted,
         findings: findings.collect(),
-    };
-    Ok(serde_json::to_string_pretty(&json)? + "\n")
+    }
 }
 
 /// The rules as a table in Markdown, which `docs/validation.md` contains.

@@ -134,6 +134,28 @@ fn an_unknown_model_is_refused_with_the_known_ones() {
 }
 
 #[test]
+fn new_says_what_cannot_be_a_package_before_there_is_one() {
+    let folder = empty("new packages");
+    // Otherwise cargo enters the package among the members of this workspace.
+    fs::write(folder.join("Cargo.toml"), "[workspace]\n").unwrap();
+    for name in ["ünï", "2stage", "a b"] {
+        let path = folder.join(name);
+        let message = refusal(&["new", path.to_str().unwrap()]);
+        assert!(message.contains(&format!("'{name}' cannot be the name of an FMU")), "{message}");
+        assert!(!path.exists());
+    }
+    let message = refusal(&["new", folder.to_str().unwrap()]);
+    assert!(
+        message.contains("new packages is there already") && !message.contains("cargo init"),
+        "{message}"
+    );
+
+    let path = folder.join("ünï");
+    let output = cargo_fmu(&["new", path.to_str().unwrap(), "--name", "uni", "--vcs", "none"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
 fn unknown_interfaces_are_refused_with_the_known_ones() {
     for interfaces in ["", "cs,se", "cs,cs", "ModelExchange"] {
         let message = refusal(&["export", "--interfaces", interfaces]);
@@ -514,6 +536,13 @@ fn fmus_that_do_not_belong_together_are_not_merged() {
 fn info_says_why_a_file_is_no_fmu() {
     let missing = refusal(&["info", "there is no such.fmu"]);
     assert!(missing.contains("cannot open there is no such.fmu"), "{missing}");
+
+    let folder = empty("a folder.fmu");
+    for arguments in [["info"].as_slice(), &["merge", "--out", "merged.fmu"], &["validate"], &["parameters"]]
+    {
+        let message = refusal(&[arguments, &[folder.to_str().unwrap()]].concat());
+        assert!(message.contains("a folder.fmu: it is a folder"), "{message}");
+    }
 
     let text = scratch("text.fmu");
     fs::write(&text, "no archive").unwrap();

@@ -105,6 +105,19 @@ fn findings_are_told_with_place_rule_and_remedy() {
 }
 
 #[test]
+fn several_fmus_are_validated_at_once() {
+    let (good, bad) = (fmu("one.fmu", DESCRIPTION), fmu("two.fmu", &DESCRIPTION.replace("{1}", "")));
+    let output = cargo_fmu(&["validate", &good, &bad]);
+    assert_eq!(output.status.code(), Some(1));
+    let output = String::from_utf8(output.stdout).unwrap();
+    let of = |path: &str| output.find(&format!("{path}: FMI 2.0, ")).unwrap();
+    assert!(of(&good) < of(&bad), "{output}");
+    let reports = json(&["validate", &good, &bad, "--format", "json"]);
+    assert_eq!((&reports[0]["file"], &reports[1]["file"]), (&json!(good), &json!(bad)));
+    assert_eq!(cargo_fmu(&["validate", &good, "no such file.fmu"]).status.code(), Some(2));
+}
+
+#[test]
 fn importers_are_named_by_the_user() {
     let array = r#"<Float64 name="x" valueReference="1" causality="parameter" start="0"><Dimension start="2"/></Float64>"#;
     let description = format!(

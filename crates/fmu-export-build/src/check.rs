@@ -260,7 +260,12 @@ pub(crate) fn variable(
     variable: &VariableDeclaration,
     start: Option<&Value>,
 ) -> Result<Checked, Blame> {
-    mixed_name(&variable.name, "letters, digits and underscores").map_err(|reason| ("name", reason))?;
+    mixed_name(&variable.name, "letters, digits and underscores").map_err(|reason| {
+        let component = variable.name.split_once('.').map(|(component, own)| {
+            format!("; '{own}' is declared under the component '{component}' of 'components'")
+        });
+        ("name", reason + &component.unwrap_or_default())
+    })?;
     if let Some(description) = &variable.description {
         one_line(description).map_err(|reason| ("description", reason))?;
     }
@@ -333,9 +338,11 @@ fn data_type(declaration: &Declaration, variable: &VariableDeclaration) -> Resul
         name => DataType::Enumeration(enumerations().position(|known| known == name).ok_or_else(|| {
             let known = built_in_types().map(str::to_owned).chain(enumerations().cloned());
             let nearest = match name {
-                // FMI 3.0's names of the types that FMI 2.0 has, too.
-                "Float64" => "; it is called 'Real' here".to_owned(),
-                "Int32" => "; it is called 'Integer' here".to_owned(),
+                // The names in FMI 3.0 and in languages of the types that FMI 2.0 has, too.
+                "Float64" | "f64" | "float" | "double" => "; it is called 'Real' here".to_owned(),
+                "Int32" | "i32" | "int" => "; it is called 'Integer' here".to_owned(),
+                "bool" => "; it is called 'Boolean' here".to_owned(),
+                "str" => "; it is called 'String' here".to_owned(),
                 _ => nearest(name, known),
             };
             let types = built_in_types().collect::<Vec<_>>().join(", ");
@@ -625,8 +632,10 @@ fn start_value(
             let items = &declaration.enumerations[position].items;
             let item = items.iter().position(|item| item.name == name);
             item.map(Start::Item).ok_or_else(|| {
-                let nearest = nearest(name, items.iter().map(|item| item.name.clone()));
-                format!("'{name}' is not an item of {}{nearest}", variable.data_type)
+                let known = || items.iter().map(|item| item.name.clone());
+                let nearest = nearest(name, known());
+                let known = known().collect::<Vec<_>>().join(", ");
+                format!("'{name}' is not an item of {}, whose are {known}{nearest}", variable.data_type)
             })
         }
     }

@@ -7,6 +7,10 @@ use std::path::{Path, PathBuf};
 use jsonc_parser::ast;
 use jsonc_parser::common::Ranged as _;
 use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+/// How often a file is read to find all that the parser refuses.
+const MOST_READINGS: usize = 50;
 
 /// Why nothing was generated: one or more findings, each with file, line and key.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -126,6 +130,8 @@ impl Source {
     /// Reads a file of the schema `T`.
     pub(crate) fn read<T: DeserializeOwned>(file: &Path) -> Result<(T, Self), Error> {
         let text = fs::read_to_string(file).map_err(|error| Error::of_file(file, error))?;
+        // Some editors begin a file with a mark of its encoding.
+        let text = text.strip_prefix('\u{feff}').map_or(text.clone(), str::to_owned);
         let deserializer = &mut serde_json::Deserializer::from_str(&text);
         let value = serde_path_to_error::deserialize(&mut *deserializer).map_err(|error| {
             let key = error.path().to_string();
@@ -138,20 +144,32 @@ impl Source {
         let source = Self { file: file.to_owned(), text };
         match value {
             Ok(value) => Ok((value, source)),
-            Err((key, error)) => {
-                // The position has a place of its own in a finding.
-                let position = format!(" at line {} column {}", error.line(), error.column());
-                let reason = error.to_string();
-                let reason = reason.strip_suffix(&position).unwrap_or(&reason);
-                let reason = plain(reason);
-                if error.is_data() {
-                    let key = key.trim_end_matches(".?").trim_start_matches(['.', '?']);
-                    return Err(source.error([Refusal::new(key, reason)]));
-                }
-                // Not JSON: there are no keys yet.
-                Err(Error::of_line(file, error.line(), reason))
+            Err((key, error)) if error.is_data() => Err(source.error(source.all::<T>(refusal(&key, &error)))),
+            // Not JSON: there are no keys yet.
+            Err((key, error)) => Err(Error::of_line(file, error.line(), refusal(&key, &error).reason)),
+        }
+    }
+
+    /// The parser's refusals, of which it tells the first: it reads the file once more without what was refused.
+    fn all<T: DeserializeOwned>(&self, first: Refusal) -> Vec<Refusal> {
+        let mut refusals = vec![first];
+        let Ok(mut content) = serde_json::from_str::<Value>(&self.text) else { return refusals };
+        let mut refused = refusals[0].key.clone();
+        for _ in 0..MOST_READINGS {
+            if !mend(&mut content, &refused) {
+                break;
+            }
+            let Err(error) = serde_path_to_error::deserialize::<_, T>(&content) else { break };
+            let refusal = refusal(&error.path().to_string(), error.inner());
+            let missing = refusal.reason.strip_prefix("missing key '").and_then(|key| key.strip_suffix('\''));
+            let key = missing.map_or(refusal.key.clone(), |missing| format!("{}.{missing}", refusal.key));
+            key.trim_start_matches('.').clone_into(&mut refused);
+            // What was taken out is missing now.
+            if refusals.iter().all(|known| known.key != refused) {
+                refusals.push(refusal);
             }
         }
+        refusals
     }
 
     /// Refusals of this file's content.
@@ -171,6 +189,31 @@ impl Source {
         findings.sort_by_key(|finding| finding.line);
         Error(findings)
     }
+}
+
+/// Takes out the value of a path, the innermost one that has a key, or puts something there, if nothing is. Whether there is
+/// such a place.
+fn mend(content: &mut Value, path: &str) -> bool {
+    let path =
+        path.trim_end_matches(|character: char| character.is_ascii_digit() || "[]".contains(character));
+    let (around, key) = path.rsplit_once('.').unwrap_or(("", path));
+    let pointer = format!("/{}", around.replace(['.', '['], "/").replace(']', ""));
+    let around = content.pointer_mut(pointer.trim_end_matches('/')).and_then(Value::as_object_mut);
+    let Some(around) = around else { return false };
+    if around.remove(key).is_none() {
+        let is_list = matches!(key, "items" | "variables");
+        around.insert(key.to_owned(), if is_list { Value::Array(vec![]) } else { key.into() });
+    }
+    true
+}
+
+/// What the parser refuses.
+fn refusal(key: &str, error: &serde_json::Error) -> Refusal {
+    // The position has a place of its own in a finding.
+    let position = format!(" at line {} column {}", error.line(), error.column());
+    let reason = error.to_string();
+    let reason = reason.strip_suffix(&position).unwrap_or(&reason);
+    Refusal::new(key.trim_end_matches(".?").trim_start_matches(['.', '?']), plain(reason))
 }
 
 /// Where in a text the value of a path stands, or else the innermost one around it that is there.
@@ -202,6 +245,9 @@ fn plain(reason: &str) -> String {
     if found.starts_with("unknown ") {
         let words: Vec<_> = reason.split('\'').skip(1).step_by(2).map(str::to_owned).collect();
         let nearest = words.split_first().map(|(word, known)| nearest(word, known.iter().cloned()));
+        if words.len() > 1 && words[0] == "state" && words.iter().any(|word| word == "calculatedParameter") {
+            return format!("{found}; a state is a variable with the key 'derivative'");
+        }
         return nearest
             .filter(|nearest| !nearest.is_empty())
             .map_or(reason.clone(), |nearest| format!("{found}{nearest}"));

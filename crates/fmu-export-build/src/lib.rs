@@ -116,7 +116,21 @@ pub fn generate(declaration: impl AsRef<Path>) {
         fmi.version = Version::Three;
     }
     match generate_into(declaration, Path::new(&out_dir), &Package::of_build_script(), fmi) {
+        // The compiler would say of each type alone that it is missing.
+        Ok(_) if Path::new("src/lib.rs").is_file() && !uses_generated(Path::new("src")) => {
+            println!(
+                "cargo::error=src/lib.rs: nothing uses the variables of {}: write `fmu_export::fmu!(equations NAME);` with the \
+                 name of the model's type, or `sampled` or `clocked` for `equations`, or neither for a `Model`",
+                declaration.display()
+            );
+            end_build();
+        }
         Ok(generated) => {
+            // `fmu!` finds the variables by the name of the library, which is to be the identifier.
+            let folder = generated.variables.parent().and_then(Path::file_name);
+            let identifier = folder.and_then(|folder| folder.to_str()).unwrap_or_default();
+            println!("cargo::rustc-env=FMU_VARIABLES_OF_{identifier}={}", generated.variables.display());
+            println!("cargo::rustc-env=FMU_DECLARED={identifier}");
             for source in generated.sources {
                 println!("cargo::rerun-if-changed={}", source.display());
             }
@@ -129,6 +143,20 @@ pub fn generate(declaration: impl AsRef<Path>) {
             end_build();
         }
     }
+}
+
+/// Whether a source in a folder includes what is generated; also where one cannot be read, of which the compiler tells.
+fn uses_generated(folder: &Path) -> bool {
+    let Ok(entries) = fs::read_dir(folder) else { return true };
+    entries.flatten().map(|entry| entry.path()).any(|path| {
+        if path.is_dir() {
+            return uses_generated(&path);
+        }
+        path.extension().is_some_and(|extension| extension == "rs")
+            && fs::read_to_string(&path).map_or(true, |source| {
+                ["fmu!", "include_variables!", "OUT_DIR"].iter().any(|word| source.contains(word))
+            })
+    })
 }
 
 /// Ends the build script after errors, for which cargo ends the build. Of a script that fails, cargo would show all that it

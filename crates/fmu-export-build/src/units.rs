@@ -170,6 +170,22 @@ const NAMES: [(&str, &str); 36] = [
     ("percent", "%"),
 ];
 
+/// How the letters and signs of other notations are written here.
+const WRITTEN: [(&str, &str); 12] = [
+    ("°C", "degC"),
+    ("℃", "degC"),
+    ("°", "deg"),
+    ("Ω", "Ohm"),
+    ("\u{2126}", "Ohm"),
+    ("µ", "u"),
+    ("μ", "u"),
+    ("·", "."),
+    ("*", "."),
+    ("²", "2"),
+    ("³", "3"),
+    ("^", ""),
+];
+
 /// The zero of the Celsius scale in K: the one unit here whose zero is not that of its base unit.
 const CELSIUS: (&str, f64) = ("degC", 273.15);
 
@@ -261,7 +277,15 @@ impl<'a> Units<'a> {
                 offset: 0.0,
                 display_units: Vec::new(),
             },
-            (Err(reason), None) => return Err(reason),
+            (Err(reason), None) => {
+                let written = WRITTEN.iter().fold(name.to_owned(), |text, (from, to)| text.replace(from, to));
+                let is_known = written != name && self.measure(&written).is_ok();
+                return Err(if is_known {
+                    format!("the unit '{name}' is written '{written}'")
+                } else {
+                    reason
+                });
+            }
         };
         for display in declared.map_or(&[][..], |declared| &declared.display_units) {
             let display = match display {
@@ -550,13 +574,20 @@ mod tests {
             ("W/(m2.k)", "the unit 'W/(m2.k)': 'k' is not known; the nearest is 'K'"),
             ("pa", "the unit 'pa' is not known; the nearest is 'Pa'"),
             ("kkg", "the unit 'kkg' is not known; the nearest is 'kg'"),
+            ("Ω", "the unit 'Ω' is written 'Ohm'"),
+            ("kΩ", "the unit 'kΩ' is written 'kOhm'"),
+            ("°C", "the unit '°C' is written 'degC'"),
+            ("µm", "the unit 'µm' is written 'um'"),
+            ("N·m", "the unit 'N·m' is written 'N.m'"),
+            ("N*m", "the unit 'N*m' is written 'N.m'"),
+            ("m/s²", "the unit 'm/s²' is written 'm/s2'"),
+            ("m^2", "the unit 'm^2' is written 'm2'"),
+            ("Ωx", "the unit 'Ωx' is not known"),
             ("J/degC", "the unit 'J/degC': 'degC' has an offset and stands alone; use K"),
         ] {
             assert_eq!(meaning(name), Err(reason.to_owned()));
         }
-        for name in
-            ["", "m/s/s", "W/m2.K", "/s", "m/", "m..s", "m^2", "m2 s", "N*m", "m-", "12", "(m)", "1-1"]
-        {
+        for name in ["", "m/s/s", "W/m2.K", "/s", "m/", "m..s", "m2 s", "N*x m", "m-", "12", "(m)", "1-1"] {
             let reason =
                 format!("'{name}' is not written like a unit, such as kg/s, N.m, m/s2, 1/min or W/(m2.K)");
             assert_eq!(meaning(name), Err(reason));

@@ -1,10 +1,12 @@
-//! `#[derive(Persistent)]`: every field of a struct goes into a serialized state, in the order of declaration.
+//! `#[derive(Persistent)]`: every field of a struct, or the variant of an enum and its fields, goes into a serialized state,
+//! in the order of declaration.
 
-use proc_macro2::{Span, TokenStream};
-use quote::{ToTokens, quote};
-use syn::{Data, DeriveInput, Error, Field, Index, Member, parse_macro_input, parse_quote};
+use proc_macro2::TokenStream;
+use quote::{ToTokens, format_ident, quote};
+use syn::{Data, DataEnum, DeriveInput, Error, Field, Fields, Index, Member, parse_macro_input, parse_quote};
 
-/// Implements `fmu_export::Persistent` for a struct whose fields implement it.
+/// Implements `fmu_export::Persistent` for a struct or an enum whose fields implement it; those of an enum also have a
+/// `Default`, from which a variant is read.
 ///
 /// A field with `#[persistent(skip)]` is left out: it follows from the others, and `Model::restored` computes it anew.
 #[proc_macro_derive(Persistent, attributes(persistent))]
@@ -14,24 +16,30 @@ pub fn derive_persistent(input: proc_macro::TokenStream) -> proc_macro::TokenStr
 }
 
 fn implementation(mut input: DeriveInput) -> Result<TokenStream, Error> {
-    let Data::Struct(structure) = &input.data else {
-        return Err(Error::new(
-            Span::call_site(),
-            "only a struct can derive Persistent; implement it by hand",
-        ));
-    };
-    let mut persisted = vec![];
-    for (index, field) in structure.fields.iter().enumerate() {
-        if !is_skipped(field)? {
-            persisted.push(field.ident.clone().map_or(Member::Unnamed(Index::from(index)), Member::Named));
+    let name = &input.ident;
+    let body = match &input.data {
+        Data::Struct(structure) => {
+            let members = persisted(&structure.fields)?;
+            quote!(#(::fmu_export::Persistent::persist(&mut self.#members, archive)?;)*)
         }
-    }
+        Data::Enum(enumeration) if !enumeration.variants.is_empty() => {
+            variants(&name.to_string(), enumeration)?
+        }
+        _ => {
+            let reason =
+                "only a struct, or an enum with variants, can derive Persistent; implement it by hand";
+            return Err(Error::new_spanned(name, reason));
+        }
+    };
+    let is_enum = matches!(input.data, Data::Enum(_));
     for parameter in input.generics.type_params_mut() {
         parameter.bounds.push(parse_quote!(::fmu_export::Persistent));
+        if is_enum {
+            parameter.bounds.push(parse_quote!(::core::default::Default));
+        }
     }
-    let name = &input.ident;
     let (generics, arguments, bounds) = input.generics.split_for_impl();
-    let archive = if persisted.is_empty() { quote!(_) } else { quote!(archive) };
+    let archive = if body.is_empty() { quote!(_) } else { quote!(archive) };
     Ok(quote! {
         #[automatically_derived]
         impl #generics ::fmu_export::Persistent for #name #arguments #bounds {
@@ -39,11 +47,54 @@ fn implementation(mut input: DeriveInput) -> Result<TokenStream, Error> {
                 &mut self,
                 #archive: &mut ::fmu_export::persistence::Archive<'_>,
             ) -> ::core::result::Result<(), ::fmu_export::Error> {
-                #(::fmu_export::Persistent::persist(&mut self.#persisted, archive)?;)*
+                #body
                 ::core::result::Result::Ok(())
             }
         }
     })
+}
+
+/// Persists the number of an enum's variant, then the variant's fields.
+fn variants(name: &str, enumeration: &DataEnum) -> Result<TokenStream, Error> {
+    let (mut numbers, mut beginnings, mut fields) = (vec![], vec![], vec![]);
+    for (number, variant) in (0_u32..).zip(&enumeration.variants) {
+        let ident = &variant.ident;
+        numbers.push(quote!(Self::#ident { .. } => #number));
+        let all = variant.fields.members();
+        beginnings.push(quote!(#number => Self::#ident { #(#all: ::core::default::Default::default()),* }));
+        let members = persisted(&variant.fields)?;
+        let bindings = (0..members.len()).map(|position| format_ident!("field_{position}"));
+        let bindings: Vec<_> = bindings.collect();
+        fields.push(quote! {
+            Self::#ident { #(#members: #bindings,)* .. } => {
+                #(::fmu_export::Persistent::persist(#bindings, archive)?;)*
+            }
+        });
+    }
+    let refusal = format!("{{variant}} in the serialized state is no variant of {name}");
+    Ok(quote! {
+        let before: u32 = match self { #(#numbers),* };
+        let mut variant = before;
+        ::fmu_export::Persistent::persist(&mut variant, archive)?;
+        if variant != before {
+            *self = match variant {
+                #(#beginnings,)*
+                _ => return ::core::result::Result::Err(::fmu_export::Error::new(::std::format!(#refusal))),
+            };
+        }
+        match self { #(#fields)* }
+    })
+}
+
+/// The fields that are not skipped.
+fn persisted(fields: &Fields) -> Result<Vec<Member>, Error> {
+    let mut persisted = vec![];
+    for (index, field) in fields.iter().enumerate() {
+        if !is_skipped(field)? {
+            persisted.push(field.ident.clone().map_or(Member::Unnamed(Index::from(index)), Member::Named));
+        }
+    }
+    Ok(persisted)
 }
 
 /// Whether a field has the attribute `#[persistent(skip)]`.

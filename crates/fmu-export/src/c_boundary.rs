@@ -41,6 +41,42 @@ pub fn silence_panics() {
     ONCE.call_once(crate::wasm::report_panics);
 }
 
+/// Makes a C function from an expression that is generic over the FMU, which [`exported_model!`] defines: so the compiler
+/// tells what a model lacks once, and not for each function.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! exported_function {
+    ($symbol:ident($($argument:ident: $type:ty),* $(,)?) $(-> $result:ty)?, |$fmu:ident| $body:expr) => {
+        #[unsafe(no_mangle)]
+        unsafe extern "C" fn $symbol($($argument: $type),*) $(-> $result)? {
+            #[inline]
+            unsafe fn of<$fmu: Exported>($($argument: $type),*) $(-> $result)? {
+                // SAFETY: the arguments are the importer's, unchanged.
+                unsafe { $body }
+            }
+            // SAFETY: the arguments are the importer's, unchanged.
+            unsafe { of::<Fmu>($($argument),*) }
+        }
+    };
+}
+
+/// Defines the FMU of [`exported_function!`]: its model, and the trait that this must implement.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! exported_model {
+    ($model:ty: $kind:ident) => {
+        struct Fmu;
+
+        trait Exported {
+            type Model: $crate::$kind;
+        }
+
+        impl Exported for Fmu {
+            type Model = $model;
+        }
+    };
+}
+
 /// What an importer's handle points to. The FMUs of a coupled system are in one process; the first word distinguishes
 /// their instances.
 #[repr(C)]

@@ -12,6 +12,11 @@ use crate::scheduled_execution::ScheduledExecution;
 /// Its clocks are variables of the type `Clock`, in the field `clocks`.
 ///
 /// `Clone` and [`Persistent`] must copy and hand out its whole memory, as in [`Model`].
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` does not implement `Clocked`: write `fmu!({Self})`, `fmu!(equations {Self})` or `fmu!(sampled {Self})` if it implements \
+               `Model`, `Equations` or `Sampled`",
+    label = "exported as a `Clocked`"
+)]
 pub trait Clocked: Clone + Default + Persistent + Send + Sync + 'static {
     /// The model's variables, generated from its JSON.
     type Variables: Variables<Of<f64> = Self::Variables>;

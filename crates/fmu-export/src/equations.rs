@@ -26,6 +26,11 @@ use crate::persistence::Persistent;
 ///
 /// The fields of the struct are what the model remembers from event to event, such as the branch that it is on; `Clone`
 /// and [`Persistent`] must copy and hand out the whole of it, as in [`Model`](crate::Model).
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` does not implement `Equations`: write `fmu!({Self})`, `fmu!(sampled {Self})` or `fmu!(clocked {Self})` if it implements \
+               `Model`, `Sampled` or `Clocked`",
+    label = "exported as an `Equations`"
+)]
 pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
     /// The model's variables, generated from its JSON.
     type Variables: Variables<Of<f64> = Self::Variables>;

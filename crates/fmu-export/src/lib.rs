@@ -139,10 +139,23 @@ macro_rules! fmu {
     (@variables) => {
         /// The model's variables.
         pub mod variables {
-            include!(concat!(env!("OUT_DIR"), "/", env!("CARGO_CRATE_NAME"), "/variables.rs"));
+            include!(env!(
+                concat!("FMU_VARIABLES_OF_", env!("CARGO_CRATE_NAME")),
+                concat!(
+                    "the library is called `", env!("CARGO_CRATE_NAME"), "`, and the model of the JSON `",
+                    env!("FMU_DECLARED", "(no build script calls `fmu_export_build::generate`)"), "`: write \"model_identifier\": \"",
+                    env!("CARGO_CRATE_NAME"), "\" in the JSON"
+                )
+            ));
         }
         #[allow(unused_imports)]
         use variables::*;
+    };
+    ($($other:tt)*) => {
+        ::core::compile_error!(::core::concat!(
+            "`fmu!(", ::core::stringify!($($other)*), ")` is none of `fmu!(equations NAME)`, `fmu!(sampled NAME)`, \
+             `fmu!(clocked NAME)` and `fmu!(NAME)` for a `Model`; `struct NAME` instead of `NAME` declares the type, too"
+        ));
     };
 }
 

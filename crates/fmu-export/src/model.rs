@@ -190,6 +190,11 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
 /// `Clone` must copy the whole memory of the model: that is how an importer saves and restores it.
 /// [`Persistent`] must hand out the whole of it: that is how an importer carries it into another process. A struct
 /// derives both.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` does not implement `Model`: write `fmu!(equations {Self})`, `fmu!(sampled {Self})` or `fmu!(clocked {Self})` if it \
+               implements `Equations`, `Sampled` or `Clocked`",
+    label = "exported as a `Model`"
+)]
 pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     /// The model's variables, generated from its JSON.
     type Variables: Variables<Of<f64> = Self::Variables>;

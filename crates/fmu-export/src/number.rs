@@ -2,10 +2,14 @@
 //! derivatives, too.
 
 use core::cmp::Ordering;
+use core::f64::consts::{LN_2, LN_10};
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// A real number of a model's equations.
+/// The summand that changes no value, not even the sign of 0: for what an operand adds to the derivative alone.
+const NOTHING: f64 = -0.0;
+
+/// A real number of a model's equations, with the functions of `f64` that have derivatives.
 ///
 /// Numbers are compared by value. Where a function has a kink, such as [`Number::abs`] at 0, its derivative is that of
 /// the branch which gives the value.
@@ -60,11 +64,58 @@ pub trait Number:
         self.mapped(self.value().ln(), self.value().recip())
     }
 
+    /// The exponential function minus 1, exact near 0.
+    #[must_use]
+    fn exp_m1(self) -> Self {
+        self.mapped(self.value().exp_m1(), self.value().exp())
+    }
+
+    /// 2 to the power of the number.
+    #[must_use]
+    fn exp2(self) -> Self {
+        let value = self.value().exp2();
+        self.mapped(value, value * LN_2)
+    }
+
+    /// The natural logarithm of 1 plus the number, exact near 0.
+    #[must_use]
+    fn ln_1p(self) -> Self {
+        self.mapped(self.value().ln_1p(), (1.0 + self.value()).recip())
+    }
+
+    /// The logarithm to the base 2.
+    #[must_use]
+    fn log2(self) -> Self {
+        self.mapped(self.value().log2(), (self.value() * LN_2).recip())
+    }
+
+    /// The logarithm to the base 10.
+    #[must_use]
+    fn log10(self) -> Self {
+        self.mapped(self.value().log10(), (self.value() * LN_10).recip())
+    }
+
     /// The square root.
     #[must_use]
     fn sqrt(self) -> Self {
         let value = self.value().sqrt();
         self.mapped(value, 0.5 / value)
+    }
+
+    /// The cubic root.
+    #[must_use]
+    fn cbrt(self) -> Self {
+        let value = self.value().cbrt();
+        self.mapped(value, (3.0 * value * value).recip())
+    }
+
+    /// The hypotenuse of a right triangle with these legs; where both are 0, it has no slope.
+    #[must_use]
+    fn hypot(self, other: impl Into<Self>) -> Self {
+        let other = other.into();
+        let value = self.value().hypot(other.value());
+        let slope = |leg: f64| if value == 0.0 { 0.0 } else { leg / value };
+        self.mapped(value, slope(self.value())) + other.mapped(NOTHING, slope(other.value()))
     }
 
     /// The number to a constant integer power.
@@ -75,11 +126,15 @@ pub trait Number:
         self.mapped(self.value().powi(exponent), derivative)
     }
 
-    /// The number to a constant power.
+    /// The number to a power.
     #[must_use]
-    fn powf(self, exponent: f64) -> Self {
-        let derivative = if exponent == 0.0 { 0.0 } else { exponent * self.value().powf(exponent - 1.0) };
-        self.mapped(self.value().powf(exponent), derivative)
+    fn powf(self, exponent: impl Into<Self>) -> Self {
+        let exponent = exponent.into();
+        let (base, power) = (self.value(), exponent.value());
+        let value = base.powf(power);
+        let by_base = if power == 0.0 { 0.0 } else { power * base.powf(power - 1.0) };
+        let by_exponent = if base == 0.0 { 0.0 } else { value * base.ln() };
+        self.mapped(value, by_base) + exponent.mapped(NOTHING, by_exponent)
     }
 
     /// The sine of an angle in radians.
@@ -94,6 +149,12 @@ pub trait Number:
     fn cos(self) -> Self {
         let (sine, cosine) = self.value().sin_cos();
         self.mapped(cosine, -sine)
+    }
+
+    /// Sine and cosine of an angle in radians.
+    #[must_use]
+    fn sin_cos(self) -> (Self, Self) {
+        (self.sin(), self.cos())
     }
 
     /// The tangent of an angle in radians.
@@ -126,10 +187,23 @@ pub trait Number:
 
     /// The angle in radians of the point whose ordinate is this number, and whose abscissa is another.
     #[must_use]
-    fn atan2(self, x: Self) -> Self {
+    fn atan2(self, x: impl Into<Self>) -> Self {
+        let x = x.into();
         let square = self.value() * self.value() + x.value() * x.value();
         let value = self.value().atan2(x.value());
-        self.mapped(value, x.value() / square) + x.mapped(0.0, -self.value() / square)
+        self.mapped(value, x.value() / square) + x.mapped(NOTHING, -self.value() / square)
+    }
+
+    /// An angle in radians as degrees.
+    #[must_use]
+    fn to_degrees(self) -> Self {
+        self.mapped(self.value().to_degrees(), 1.0_f64.to_degrees())
+    }
+
+    /// An angle in degrees as radians.
+    #[must_use]
+    fn to_radians(self) -> Self {
+        self.mapped(self.value().to_radians(), 1.0_f64.to_radians())
     }
 
     /// The hyperbolic sine.
@@ -151,10 +225,63 @@ pub trait Number:
         self.mapped(value, 1.0 - value * value)
     }
 
+    /// The inverse hyperbolic sine.
+    #[must_use]
+    fn asinh(self) -> Self {
+        let value = self.value();
+        self.mapped(value.asinh(), value.hypot(1.0).recip())
+    }
+
+    /// The inverse hyperbolic cosine.
+    #[must_use]
+    fn acosh(self) -> Self {
+        let value = self.value();
+        self.mapped(value.acosh(), (value * value - 1.0).sqrt().recip())
+    }
+
+    /// The inverse hyperbolic tangent.
+    #[must_use]
+    fn atanh(self) -> Self {
+        let value = self.value();
+        self.mapped(value.atanh(), (1.0 - value * value).recip())
+    }
+
+    /// The number times a factor plus a summand, rounded once.
+    #[must_use]
+    fn mul_add(self, factor: impl Into<Self>, summand: impl Into<Self>) -> Self {
+        let (factor, summand) = (factor.into(), summand.into());
+        let value = self.value().mul_add(factor.value(), summand.value());
+        self.mapped(value, factor.value())
+            + factor.mapped(NOTHING, self.value())
+            + summand.mapped(NOTHING, 1.0)
+    }
+
+    /// The remainder of the division by another number, from 0 up to its absolute value, as for an angle within a turn.
+    /// It jumps: where that matters, there must be an event.
+    #[must_use]
+    fn rem_euclid(self, divisor: impl Into<Self>) -> Self {
+        let divisor = divisor.into();
+        let quotient = self.value().div_euclid(divisor.value());
+        self.mapped(self.value().rem_euclid(divisor.value()), 1.0) + divisor.mapped(NOTHING, -quotient)
+    }
+
+    /// The sign: 1 or -1, of 0 and -0, too. It jumps: where that matters, there must be an event.
+    #[must_use]
+    fn signum(self) -> Self {
+        self.mapped(self.value().signum(), 0.0)
+    }
+
+    /// The number with the sign of another.
+    #[must_use]
+    fn copysign(self, sign: impl Into<Self>) -> Self {
+        let sign = sign.into().value();
+        if self.value().is_sign_negative() == sign.is_sign_negative() { self } else { -self }
+    }
+
     /// The absolute value.
     #[must_use]
     fn abs(self) -> Self {
-        if self < 0.0 { -self } else { self }
+        self.copysign(1.0)
     }
 
     /// The larger of two numbers; this one where they are equal.
@@ -169,6 +296,13 @@ pub trait Number:
     fn min(self, other: impl Into<Self>) -> Self {
         let other = other.into();
         if other < self { other } else { self }
+    }
+
+    /// The number, or the bound that it is beyond. Unlike that of `f64` it does not panic where trial values cross the
+    /// bounds: the result is then the upper one.
+    #[must_use]
+    fn clamp(self, min: impl Into<Self>, max: impl Into<Self>) -> Self {
+        self.max(min).min(max)
     }
 }
 
@@ -298,6 +432,7 @@ operation!(Div div DivAssign div_assign: |a, b| (a.derivative - a.value / b.valu
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tape::Tape;
 
     /// A function with its derivative by central differences, at a point, and by dual numbers.
     fn check(name: &str, function: impl Fn(f64) -> f64, dual: impl Fn(Dual) -> Dual, at: f64) {
@@ -330,8 +465,84 @@ mod tests {
             x => Number::tanh(x), x => Number::abs(x), x => Number::max(x, 0.5), x => Number::max(x, 0.9),
             x => Number::min(x, 0.5), x => Number::min(x, 0.9), x => Number::atan2(x, x * x + 1.0),
             x => x * x - x / (x + 2.0), x => -(x - 1.5) / x * 2.0 / 3.0,
+            x => Number::powf(x, x + 1.0), x => Number::exp_m1(x), x => Number::exp2(x), x => Number::ln_1p(x),
+            x => Number::log2(x), x => Number::log10(x), x => Number::cbrt(x), x => Number::hypot(x, x * x),
+            x => Number::to_radians(x), x => Number::asinh(x), x => Number::acosh(x + 1.0), x => Number::atanh(x),
+            x => Number::sin_cos(x).0, x => Number::sin_cos(x).1, x => Number::mul_add(x, x + 2.0, x * x),
+            x => Number::rem_euclid(x * 4.0, x + 0.3), x => Number::signum(x), x => Number::copysign(x, -1.0),
+            x => Number::clamp(x, 0.1, 0.9), x => Number::clamp(x, x * 2.0, 5.0), x => Number::clamp(x, 0.1, 0.5),
+            x => Number::to_degrees(x * 0.1),
         );
-        check!(-1.3: x => Number::abs(x), x => Number::powi(x, 3), x => Number::tanh(x));
+        check!(-1.3:
+            x => Number::abs(x), x => Number::powi(x, 3), x => Number::tanh(x), x => Number::cbrt(x),
+            x => Number::hypot(x, 0.5), x => Number::rem_euclid(x, 0.5), x => Number::rem_euclid(x, -0.5),
+            x => Number::signum(x), x => Number::copysign(x, 2.0), x => Number::clamp(x, -1.0, 1.0), x => Number::asinh(x),
+        );
+    }
+
+    /// Of each function the value is that of `f64`'s own, to the last bit, also where that is special.
+    #[test]
+    fn values_are_those_of_f64() {
+        macro_rules! same {
+            ($($function:ident($($argument:expr),*)),* $(,)?) => {$(
+                for x in [0.7, -1.3, 0.0, -0.0, 2.5, 1e300, f64::INFINITY, f64::NAN] {
+                    let (own, number) = (f64::$function(x, $($argument),*), Number::$function(x, $($argument),*));
+                    let dual = Number::$function(Dual::new(x, 1.0), $($argument),*).value;
+                    let tape = Tape::new();
+                    let recorded = Number::$function(tape.variable(x), $($argument),*).value();
+                    for found in [number, dual, recorded] {
+                        let is_same = found.to_bits() == own.to_bits() || found.is_nan() && own.is_nan();
+                        assert!(is_same, "{} of {x}: {found} instead of {own}", stringify!($function));
+                    }
+                }
+            )*};
+        }
+        same!(
+            recip(),
+            exp(),
+            exp_m1(),
+            exp2(),
+            ln(),
+            ln_1p(),
+            log2(),
+            log10(),
+            sqrt(),
+            cbrt(),
+            powi(3),
+            powf(1.7),
+            hypot(0.5),
+            sin(),
+            cos(),
+            tan(),
+            asin(),
+            acos(),
+            atan(),
+            atan2(0.5),
+            to_degrees(),
+            to_radians(),
+            sinh(),
+            cosh(),
+            tanh(),
+            asinh(),
+            acosh(),
+            atanh(),
+            mul_add(3.0, -1.0),
+            rem_euclid(0.5),
+            signum(),
+            copysign(-1.0),
+            abs(),
+            clamp(-1.0, 1.0),
+        );
+    }
+
+    #[test]
+    fn bounds_that_cross_and_legs_of_length_zero_are_no_failure() {
+        assert_eq!(Number::clamp(Dual::new(0.5, 1.0), 1.0, -1.0), -1.0);
+        assert_eq!(Number::hypot(Dual::new(0.0, 1.0), 0.0).derivative.to_bits(), 0.0_f64.to_bits());
+        assert_eq!(
+            Number::powf(Dual::from(0.0), Dual::new(2.0, 1.0)).derivative.to_bits(),
+            0.0_f64.to_bits()
+        );
     }
 
     #[test]

@@ -2,8 +2,8 @@
 //! state outlives its process (FMI 2.0.5, section 2.1.8).
 //!
 //! One function serves both directions: [`Persistent::persist`] names each part of a value once, and the
-//! [`Archive`] either takes the part's bits or replaces them. `#[derive(Persistent)]`, of the feature `derive`,
-//! writes that function for a struct.
+//! [`Archive`] either takes the part's bits or replaces them. `#[derive(Persistent)]` writes that function for a struct or
+//! an enum.
 
 use crate::error::Error;
 
@@ -79,6 +79,12 @@ fn too_short() -> Error {
 
 /// A value whose bits can be written and read back. After reading, it equals the one that was written,
 /// bit for bit.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` cannot be saved with a model's state: write `#[derive(Clone, Debug, Default, Persistent)]` above it",
+    label = "not `Persistent`",
+    note = "numbers, strings, tuples, arrays, `Vec` and `Option` are `Persistent`; a field that follows from others can have \
+            `#[persistent(skip)]`"
+)]
 pub trait Persistent {
     /// Passes every part of the value to the archive, always in the same order.
     ///
@@ -121,6 +127,33 @@ macro_rules! numbers {
 }
 
 numbers!(u8, u16, u32, u64, i8, i16, i32, i64, f32, f64);
+
+/// As a `u64`, so that the bytes are the same on every platform.
+impl Persistent for usize {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        let mut number = *self as u64;
+        number.persist(archive)?;
+        *self = Self::try_from(number).map_err(|_| {
+            Error::new(format!("{number} in the serialized state is too large for this platform"))
+        })?;
+        Ok(())
+    }
+}
+
+macro_rules! tuples {
+    ($(($($part:ident),*))*) => {$(
+        impl<$($part: Persistent),*> Persistent for ($($part,)*) {
+            #[allow(non_snake_case)]
+            fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+                let ($($part,)*) = self;
+                $($part.persist(archive)?;)*
+                Ok(())
+            }
+        }
+    )*};
+}
+
+tuples! { (A) (A, B) (A, B, C) (A, B, C, D) }
 
 impl Persistent for bool {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
@@ -212,5 +245,69 @@ mod tests {
         assert!(archive.is_exhausted());
         assert_eq!(read, Memory { sum: 0, ..written });
         assert_eq!((pair.0.to_bits(), pair.1.to_bits()), (2.0_f64.to_bits(), 0.0_f64.to_bits()));
+    }
+
+    #[derive(Clone, Debug, Default, PartialEq, crate::Persistent)]
+    enum Mode<T> {
+        #[default]
+        Sticks,
+        Slides(T, #[persistent(skip)] u32),
+        Stopped {
+            at: Option<f64>,
+            since: (u8, usize),
+        },
+    }
+
+    fn bytes_of(value: &mut impl Persistent) -> Vec<u8> {
+        let mut archive = Archive::writing();
+        value.persist(&mut archive).unwrap();
+        archive.into_bytes()
+    }
+
+    #[test]
+    fn derived_enums_persist_their_variant_and_its_fields() {
+        let mut modes: [Mode<i8>; 4] = [
+            Mode::Sticks,
+            Mode::Slides(-1, 7),
+            Mode::Stopped { at: Some(0.25), since: (3, 5) },
+            Mode::Stopped { at: None, since: (0, usize::MAX) },
+        ];
+        // The variant, then the fields that are not skipped; of an option whether there is a value.
+        let lengths = [4, 4 + 1, 4 + 1 + 8 + 1 + 8, 4 + 1 + 1 + 8];
+        for (written, length) in modes.iter_mut().zip(lengths) {
+            let bytes = bytes_of(written);
+            assert_eq!(bytes.len(), length, "{written:?}");
+            let expected = match written {
+                Mode::Slides(direction, _) => Mode::Slides(*direction, 0),
+                other => other.clone(),
+            };
+            // Whatever the variant was before.
+            for mut read in [Mode::Sticks, Mode::Slides(4, 0), Mode::Stopped { at: Some(1.0), since: (1, 1) }]
+            {
+                let mut archive = Archive::reading(&bytes);
+                read.persist(&mut archive).unwrap();
+                assert!(archive.is_exhausted());
+                assert_eq!(read, expected);
+            }
+        }
+        let error = Mode::<i8>::Sticks.persist(&mut Archive::reading(&[3, 0, 0, 0])).unwrap_err();
+        assert_eq!(error.to_string(), "3 in the serialized state is no variant of Mode");
+    }
+
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    #[repr(i32)]
+    enum Gear {
+        Low = 1,
+        High = 2,
+    }
+
+    crate::enumeration!(Gear { Low = 1, High = 2 });
+
+    #[test]
+    fn enumerations_of_the_declaration_begin_with_their_first_item() {
+        assert_eq!(Gear::default(), Gear::Low);
+        let mut read = Some(Gear::Low);
+        read.persist(&mut Archive::reading(&bytes_of(&mut Some(Gear::High)))).unwrap();
+        assert_eq!(read, Some(Gear::High));
     }
 }

@@ -25,6 +25,11 @@ const MOST_SAMPLES: f64 = 1e7;
 /// A model that computes at its samples; between them nothing changes.
 ///
 /// `Clone` and [`Persistent`] must copy and hand out its whole memory, as in [`Model`].
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` does not implement `Sampled`: write `fmu!({Self})`, `fmu!(equations {Self})` or `fmu!(clocked {Self})` if it implements \
+               `Model`, `Equations` or `Clocked`",
+    label = "exported as a `Sampled`"
+)]
 pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
     /// The model's variables, generated from its JSON.
     type Variables: Variables<Of<f64> = Self::Variables>;

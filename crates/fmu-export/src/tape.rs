@@ -228,7 +228,9 @@ mod tests {
         sum *= z.atan2(x);
         sum /= x + 2.0;
         let other = (x.max(y) - z.min(1.5)).tanh() + T::from(2.0).ln() * -z.recip();
-        [sum, other.abs() + x * x]
+        let more =
+            x.powf(y) + y.hypot(z) + x.mul_add(y, z) + x.rem_euclid(y) + z.clamp(y, 1.5) + x.copysign(z);
+        [sum, other.abs() + x * x + more]
     }
 
     #[test]

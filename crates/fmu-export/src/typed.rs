@@ -36,7 +36,7 @@ macro_rules! numbers {
     (@other $one:expr, $other:expr, $function:ident) => { $one.clone() };
 }
 
-/// Converts a generated enumeration from and to its FMI values and bytes.
+/// Converts a generated enumeration from and to its FMI values and bytes, so that a model can remember one.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! enumeration {
@@ -55,6 +55,13 @@ macro_rules! enumeration {
             #[must_use]
             pub fn value(self) -> i32 {
                 self as i32
+            }
+        }
+
+        /// The first item.
+        impl ::core::default::Default for $name {
+            fn default() -> Self {
+                [$(Self::$item),*][0]
             }
         }
 

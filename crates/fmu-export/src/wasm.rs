@@ -149,32 +149,26 @@ pub unsafe fn load_state<M: Model>(instance: *mut c_void, bytes: *const u8, size
 #[doc(hidden)]
 #[macro_export]
 macro_rules! wasm_functions {
-    ($model:ty) => {
-        #[unsafe(no_mangle)]
-        unsafe extern "C" fn fmu_fail(instance: *mut ::core::ffi::c_void) {
-            // SAFETY: the argument is the host's, unchanged.
-            unsafe { $crate::wasm::fail::<$model>(instance) }
+    () => {
+        $crate::exported_function! {
+            fmu_fail(instance: *mut ::core::ffi::c_void),
+            |F| $crate::wasm::fail::<F::Model>(instance)
         }
 
-        #[unsafe(no_mangle)]
-        extern "C" fn fmu_state_size(state: *mut ::core::ffi::c_void) -> usize {
-            $crate::wasm::state_size::<$model>(state)
+        $crate::exported_function! {
+            fmu_state_size(state: *mut ::core::ffi::c_void) -> usize,
+            |F| $crate::wasm::state_size::<F::Model>(state)
         }
 
-        #[unsafe(no_mangle)]
-        unsafe extern "C" fn fmu_save_state(state: *mut ::core::ffi::c_void, bytes: *mut u8) {
-            // SAFETY: the arguments are the host's, unchanged.
-            unsafe { $crate::wasm::save_state::<$model>(state, bytes) }
+        $crate::exported_function! {
+            fmu_save_state(state: *mut ::core::ffi::c_void, bytes: *mut u8),
+            |F| $crate::wasm::save_state::<F::Model>(state, bytes)
         }
 
-        #[unsafe(no_mangle)]
-        unsafe extern "C" fn fmu_load_state(
-            instance: *mut ::core::ffi::c_void,
-            bytes: *const u8,
-            size: usize,
-        ) -> *mut ::core::ffi::c_void {
-            // SAFETY: the arguments are the host's, unchanged.
-            unsafe { $crate::wasm::load_state::<$model>(instance, bytes, size) }
+        $crate::exported_function! {
+            fmu_load_state(instance: *mut ::core::ffi::c_void, bytes: *const u8, size: usize)
+                -> *mut ::core::ffi::c_void,
+            |F| $crate::wasm::load_state::<F::Model>(instance, bytes, size)
         }
 
         #[unsafe(no_mangle)]

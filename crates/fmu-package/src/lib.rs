@@ -29,7 +29,9 @@ pub use fmu::Fmu;
 pub use library::Library;
 pub use likeness::like;
 pub use merge::{Merged, Part};
-pub use model_description::{Dimension, Element, Enumeration, FmuDescription, FmuVariable, ValueType};
+pub use model_description::{
+    Dimension, Element, Enumeration, FmuDescription, FmuVariable, ValueType, is_identifier,
+};
 pub use parameter_set::{Parameter, ParameterSet, Value};
 pub use platform::Platform;
 pub use platform_list::PlatformList;

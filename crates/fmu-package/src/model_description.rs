@@ -4,7 +4,6 @@
 //! text, and errors in the XML are refused with their location. [`FmuDescription::scalars`] turns arrays and aliases of
 //! FMI 3.0 into variables as FMI 2.0 has them.
 
-use std::fs::File;
 use std::io::{self, BufReader};
 use std::path::Path;
 
@@ -13,6 +12,7 @@ use quick_xml::{Reader, XmlVersion};
 
 use super::archive::{self, broken};
 use super::fmu::MODEL_DESCRIPTION;
+use super::reading;
 use super::terminal::in_line;
 use super::units::{BaseUnit, DisplayUnit, Unit};
 
@@ -29,12 +29,17 @@ const MOST_SCALARS: usize = 2_000_000;
 /// The attribute with the name of the FMU's library.
 const IDENTIFIER: &str = "modelIdentifier";
 
+/// Whether a text may be a model identifier: an identifier of C.
+#[must_use]
+pub fn is_identifier(text: &str) -> bool {
+    let is_letter = |byte: u8| byte.is_ascii_alphabetic() || byte == b'_';
+    text.bytes().next().is_some_and(is_letter)
+        && text.bytes().all(|byte| is_letter(byte) || byte.is_ascii_digit())
+}
+
 /// Refuses a model identifier that is not one of C (FMI 2.0.5, section 2.2.1): it becomes the name of files.
 pub(crate) fn refuse_no_identifier(text: &str) -> io::Result<()> {
-    let is_letter = |byte: u8| byte.is_ascii_alphabetic() || byte == b'_';
-    if text.bytes().next().is_some_and(is_letter)
-        && text.bytes().all(|byte| is_letter(byte) || byte.is_ascii_digit())
-    {
+    if is_identifier(text) {
         return Ok(());
     }
     Err(broken(format!("the modelIdentifier '{}' is not an identifier of C", in_line(text))))
@@ -152,9 +157,7 @@ impl FmuDescription {
     /// When there is no such file, it is not an FMU, or its description is broken; the message names the file.
     pub fn read(fmu: &Path) -> io::Result<Self> {
         let shown = fmu.display();
-        let file = File::open(fmu)
-            .map_err(|error| io::Error::new(error.kind(), format!("cannot open {shown}: {error}")))?;
-        let xml = archive::open(BufReader::new(file))
+        let xml = archive::open(BufReader::new(reading::open(fmu)?))
             .and_then(|mut archive| archive::read_text(&mut archive, MODEL_DESCRIPTION))
             .map_err(|error| broken(format!("{shown} is not an FMU: {error}")))?;
         Self::parse(&xml)

@@ -11,6 +11,18 @@ pub const LARGEST_TEXT: u64 = 64 << 20;
 /// The largest archive, packed or unpacked, or other binary file in bytes.
 pub const LARGEST_CONTENT: u64 = 1 << 30;
 
+/// Opens a file.
+///
+/// # Errors
+/// When it cannot be opened, or is a folder; the message names it.
+pub fn open(path: &Path) -> io::Result<File> {
+    let opened = File::open(path).and_then(|file| {
+        let is_folder = file.metadata()?.is_dir();
+        if is_folder { Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder")) } else { Ok(file) }
+    });
+    opened.map_err(|error| io::Error::new(error.kind(), format!("cannot open {}: {error}", path.display())))
+}
+
 /// A text file.
 ///
 /// # Errors

@@ -53,7 +53,7 @@ def reference(model):
 # All models
 
 
-@pytest.mark.parametrize("model", [*LADDER, "PiController"])
+@pytest.mark.parametrize("model", [*LADDER, "StickSlip", "PiController"])
 def test_validators_find_nothing(fmu, model):
     assert validate_fmu(fmu(model)) == []
     command = [FMUS.parents[1] / "debug" / "cargo-fmu", "validate", fmu(model)]
@@ -62,13 +62,13 @@ def test_validators_find_nothing(fmu, model):
     assert "0 errors, 0 warnings" in done.stdout
 
 
-@pytest.mark.parametrize("model", [*LADDER, "PiController"])
+@pytest.mark.parametrize("model", [*LADDER, "StickSlip", "PiController"])
 def test_packages_are_short(model):
     """Lines that are not blank, with the tests."""
     files = ["Cargo.toml", "build.rs", "model.json", "src/lib.rs"]
     texts = [(FMUS.parent / model / file).read_text() for file in files]
     lines = sum(bool(line.strip()) for text in texts for line in text.splitlines())
-    assert lines <= (40 if model == "VanDerPol" else 90)
+    assert lines <= {"VanDerPol": 40, "StickSlip": 105}.get(model, 90)
 
 
 def interface_of(root):
@@ -306,6 +306,43 @@ def test_euler_gives_the_reference_results_of_the_ball(fmu):
     for name in ("h", "v"):
         # A rounding of numbers up to 4.4 in each of 3000 steps.
         assert np.abs(result[name] - theirs[name]).max() < 3000 * 4.4 * EPSILON
+
+
+# Stick-slip
+
+
+def stick_slip(times, static, sliding):
+    """Position and speed in closed form: a block of 1 kg, a spring of 100 N/m whose end moves at 0.1 m/s.
+    While it slips the spring's extension swings about sliding/k, from static/k with the speed v; it sticks
+    again where the extension's speed is v once more, at the mirrored extension, and until that has grown by
+    twice the amplitude."""
+    k, omega, v = 100.0, 10.0, 0.1
+    amplitude = (static - sliding) / k
+    slip = 2 * (math.pi - math.atan(amplitude * omega / v)) / omega
+    period = slip + 2 * amplitude / v
+    since = times - static / k / v
+    phase = np.where(since < 0, 0, np.minimum(since % period, slip))
+    extension = sliding / k + amplitude * np.cos(omega * phase) + v / omega * np.sin(omega * phase)
+    rate = -amplitude * omega * np.sin(omega * phase) + v * np.cos(omega * phase)
+    slips = (since >= 0) & (since % period < slip)
+    # While it sticks, it stays where it was when it stopped.
+    end = np.where(since < 0, 0, np.where(slips, times, times - since % period + slip))
+    position = np.where(since < 0, 0, v * end - extension)
+    return position, np.where(slips, v - rate, 0)
+
+
+@pytest.mark.parametrize("interface", ["co-simulation", "CVode"])
+@pytest.mark.parametrize(("static", "sliding"), [(2, 1), (1.5, 0.25)])
+def test_the_block_sticks_and_slips_in_closed_form(fmu, interface, static, sliding):
+    start = {"static_friction": static, "sliding_friction": sliding}
+    result = simulate(fmu("StickSlip"), interface, start_values=start, stop_time=3, output_interval=0.01)
+    position, speed = stick_slip(result["time"], static, sliding)
+    assert np.count_nonzero(np.diff(speed == 0)) >= 7
+    # An error of the tolerance in each of 300 intervals. The speed swings with 10 1/s: it has ten times the
+    # position's error.
+    bound = 300 * TOLERANCE
+    assert np.abs(result["position"] - position).max() < bound
+    assert np.abs(result["speed"] - speed).max() < 10 * bound
 
 
 # Stair

@@ -586,7 +586,7 @@ arrays! {
 #[macro_export]
 macro_rules! fmi2_co_simulation {
     ($model:ty) => {
-        $crate::fmi2_functions! { $model; exit_initialization_mode; co_simulation }
+        $crate::fmi2_functions! { $model: Model; exit_initialization_mode; co_simulation }
     };
 }
 
@@ -596,7 +596,7 @@ macro_rules! fmi2_co_simulation {
 #[macro_export]
 macro_rules! fmi2_model_exchange {
     ($model:ty) => {
-        $crate::fmi2_functions! { $model; exit_initialization_mode_with_events; model_exchange }
+        $crate::fmi2_functions! { $model: ModelExchange; exit_initialization_mode_with_events; model_exchange }
     };
 }
 
@@ -606,7 +606,7 @@ macro_rules! fmi2_model_exchange {
 #[macro_export]
 macro_rules! fmi2_both {
     ($model:ty) => {
-        $crate::fmi2_functions! { $model; exit_initialization_mode_with_events; co_simulation, model_exchange }
+        $crate::fmi2_functions! { $model: ModelExchange; exit_initialization_mode_with_events; co_simulation, model_exchange }
     };
 }
 
@@ -614,12 +614,14 @@ macro_rules! fmi2_both {
 #[doc(hidden)]
 #[macro_export]
 macro_rules! fmi2_functions {
-    ($model:ty; $exit_initialization_mode:ident; $($interface:ident),*) => {
+    ($model:ty: $kind:ident; $exit_initialization_mode:ident; $($interface:ident),*) => {
         const _: () = {
             use ::core::ffi::{c_char, c_int};
             use $crate::fmi2::c_types::{
                 Boolean, Byte, CallbackFunctions, Component, EventInfo, FmuState, Integer, Status, ValueReference,
             };
+
+            $crate::exported_model! { $model: $kind }
 
             #[unsafe(no_mangle)]
             extern "C" fn fmi2GetTypesPlatform() -> *const c_char {
@@ -631,32 +633,30 @@ macro_rules! fmi2_functions {
                 $crate::fmi2::c_api::VERSION.as_ptr()
             }
 
-            #[unsafe(no_mangle)]
-            unsafe extern "C" fn fmi2Instantiate(
-                instance_name: *const c_char,
-                fmu_type: c_int,
-                guid: *const c_char,
-                resource_location: *const c_char,
-                functions: *const CallbackFunctions,
-                visible: Boolean,
-                logging_on: Boolean,
-            ) -> Component {
-                $crate::fmi2::c_api::silence_panics();
-                // SAFETY: the arguments are the importer's, unchanged.
-                unsafe {
-                    $crate::fmi2::c_api::instantiate::<$model>(
+            $crate::exported_function! {
+                fmi2Instantiate(
+                    instance_name: *const c_char,
+                    fmu_type: c_int,
+                    guid: *const c_char,
+                    resource_location: *const c_char,
+                    functions: *const CallbackFunctions,
+                    visible: Boolean,
+                    logging_on: Boolean,
+                ) -> Component,
+                |F| {
+                    $crate::fmi2::c_api::silence_panics();
+                    $crate::fmi2::c_api::instantiate::<F::Model>(
                         instance_name, fmu_type, guid, resource_location, functions, visible, logging_on,
                     )
                 }
             }
 
-            #[unsafe(no_mangle)]
-            unsafe extern "C" fn fmi2FreeInstance(component: Component) {
-                // SAFETY: the argument is the importer's, unchanged.
-                unsafe { $crate::fmi2::c_api::free_instance::<$model>(component) }
+            $crate::exported_function! {
+                fmi2FreeInstance(component: Component),
+                |F| $crate::fmi2::c_api::free_instance::<F::Model>(component)
             }
 
-            $crate::fmi2_functions! { @functions $model;
+            $crate::fmi2_functions! { @functions
                 fmi2SetDebugLogging = set_debug_logging(
                     on: Boolean, count: usize, categories: *const *const c_char);
                 fmi2SetupExperiment = setup_experiment(
@@ -690,13 +690,13 @@ macro_rules! fmi2_functions {
                     knowns: *const ValueReference, known_count: usize,
                     seed: *const f64, sensitivity: *mut f64);
             }
-            $($crate::fmi2_functions! { @$interface $model })*
+            $($crate::fmi2_functions! { @$interface })*
             #[cfg(target_family = "wasm")]
-            $crate::wasm_functions! { $model }
+            $crate::wasm_functions! {}
         };
     };
-    (@co_simulation $model:ty) => {
-        $crate::fmi2_functions! { @functions $model;
+    (@co_simulation) => {
+        $crate::fmi2_functions! { @functions
             fmi2SetRealInputDerivatives = set_real_input_derivatives(
                 vr: *const ValueReference, count: usize, orders: *const Integer, values: *const f64);
             fmi2GetRealOutputDerivatives = get_real_output_derivatives(
@@ -710,8 +710,8 @@ macro_rules! fmi2_functions {
             fmi2GetStringStatus = get_string_status(kind: c_int, value: *mut *const c_char);
         }
     };
-    (@model_exchange $model:ty) => {
-        $crate::fmi2_functions! { @functions $model;
+    (@model_exchange) => {
+        $crate::fmi2_functions! { @functions
             fmi2EnterEventMode = enter_event_mode();
             fmi2NewDiscreteStates = new_discrete_states(info: *mut EventInfo);
             fmi2EnterContinuousTimeMode = enter_continuous_time_mode();
@@ -726,11 +726,10 @@ macro_rules! fmi2_functions {
                 nominals: *mut f64, count: usize);
         }
     };
-    (@functions $model:ty; $($symbol:ident = $function:ident($($argument:ident: $type:ty),* $(,)?);)*) => {$(
-        #[unsafe(no_mangle)]
-        unsafe extern "C" fn $symbol(component: Component, $($argument: $type),*) -> Status {
-            // SAFETY: the arguments are the importer's, unchanged.
-            unsafe { $crate::fmi2::c_api::$function::<$model>(component, $($argument),*) }
+    (@functions $($symbol:ident = $function:ident($($argument:ident: $type:ty),* $(,)?);)*) => {$(
+        $crate::exported_function! {
+            $symbol(component: Component, $($argument: $type),*) -> Status,
+            |F| $crate::fmi2::c_api::$function::<F::Model>(component, $($argument),*)
         }
     )*};
 }

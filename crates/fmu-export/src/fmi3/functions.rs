@@ -7,7 +7,7 @@
 macro_rules! fmi3_co_simulation {
     ($model:ty) => {
         $crate::fmi3_functions! {
-            $model; exit_initialization_mode; get_float64; set_float64; enter_event_mode_of_co_simulation; refuse_step_mode; do_step;
+            $model: Model; exit_initialization_mode; get_float64; set_float64; enter_event_mode_of_co_simulation; refuse_step_mode; do_step;
             without_scheduled_execution; without_model_exchange::
         }
     };
@@ -20,7 +20,7 @@ macro_rules! fmi3_co_simulation {
 macro_rules! fmi3_model_exchange {
     ($model:ty) => {
         $crate::fmi3_functions! {
-            $model; exit_initialization_mode_with_events; get_float64_with_indicators; set_float64; enter_event_mode;
+            $model: ModelExchange; exit_initialization_mode_with_events; get_float64_with_indicators; set_float64; enter_event_mode;
             refuse_step_mode; do_step; without_scheduled_execution;
         }
     };
@@ -34,7 +34,7 @@ macro_rules! fmi3_model_exchange {
 macro_rules! fmi3_event_mode {
     ($model:ty) => {
         $crate::fmi3_functions! {
-            $model; exit_initialization_mode_with_events; get_float64_with_updates; set_float64_with_updates; enter_event_mode;
+            $model: EventMode; exit_initialization_mode_with_events; get_float64_with_updates; set_float64_with_updates; enter_event_mode;
             enter_step_mode; do_step_to_event; without_scheduled_execution;
         }
     };
@@ -47,7 +47,7 @@ macro_rules! fmi3_event_mode {
 macro_rules! fmi3_scheduled_execution {
     ($model:ty) => {
         $crate::fmi3_functions! {
-            $model; exit_initialization_mode; get_float64; set_float64; enter_event_mode_of_co_simulation; refuse_step_mode; do_step;
+            $model: ScheduledExecution; exit_initialization_mode; get_float64; set_float64; enter_event_mode_of_co_simulation; refuse_step_mode; do_step;
             scheduled_execution; without_model_exchange::
         }
     };
@@ -69,7 +69,7 @@ macro_rules! fmi3_without_clock {
 #[doc(hidden)]
 #[macro_export]
 macro_rules! fmi3_functions {
-    ($model:ty; $exit_initialization_mode:ident; $get_float64:ident; $set_float64:ident; $enter_event_mode:ident; $enter_step_mode:ident;
+    ($model:ty: $kind:ident; $exit_initialization_mode:ident; $get_float64:ident; $set_float64:ident; $enter_event_mode:ident; $enter_step_mode:ident;
         $do_step:ident; $scheduled:ident; $($model_exchange:ident::)?) => {
         const _: () = {
             use $crate::fmi3::c_types::{
@@ -78,18 +78,19 @@ macro_rules! fmi3_functions {
                 String, ValueReference,
             };
 
+            $crate::exported_model! { $model: $kind }
+
             #[unsafe(no_mangle)]
             extern "C" fn fmi3GetVersion() -> String {
                 $crate::fmi3::c_api::VERSION.as_ptr()
             }
 
-            #[unsafe(no_mangle)]
-            unsafe extern "C" fn fmi3FreeInstance(instance: Instance) {
-                // SAFETY: the argument is the importer's, unchanged.
-                unsafe { $crate::fmi3::c_api::free_instance::<$model>(instance) }
+            $crate::exported_function! {
+                fmi3FreeInstance(instance: Instance),
+                |F| $crate::fmi3::c_api::free_instance::<F::Model>(instance)
             }
 
-            $crate::fmi3_functions! { @instantiate $model;
+            $crate::fmi3_functions! { @instantiate
                 fmi3InstantiateCoSimulation = instantiate_co_simulation(
                     name: String, token: String, resource_path: String, visible: Boolean, logging_on: Boolean,
                     event_mode_used: Boolean, early_return_allowed: Boolean,
@@ -107,7 +108,7 @@ macro_rules! fmi3_functions {
                     unlock_preemption: ::core::option::Option<PreemptionCallback>);
             }
 
-            $crate::fmi3_functions! { @functions $model; $scheduled;
+            $crate::fmi3_functions! { @functions $scheduled;
                 fmi3SetDebugLogging = set_debug_logging(on: Boolean, count: usize, categories: *const String);
                 fmi3EnterInitializationMode = enter_initialization_mode(
                     tolerance_defined: Boolean, tolerance: f64, start_time: f64,
@@ -188,14 +189,13 @@ macro_rules! fmi3_functions {
                     time: f64, size: f64, no_set_fmu_state_prior: Boolean, event_handling_needed: *mut Boolean,
                     terminate: *mut Boolean, early_return: *mut Boolean, last_successful_time: *mut f64);
             }
-            #[unsafe(no_mangle)]
-            unsafe extern "C" fn fmi3ActivateModelPartition(instance: Instance, clock: ValueReference, time: f64) -> Status {
-                // It locks by itself, but for the time in which the importer is told of clocks.
-                // SAFETY: the arguments are the importer's, unchanged.
-                unsafe { $crate::fmi3::c_api::$scheduled::activate_model_partition::<$model>(instance, clock, time) }
+            // It locks by itself, but for the time in which the importer is told of clocks.
+            $crate::exported_function! {
+                fmi3ActivateModelPartition(instance: Instance, clock: ValueReference, time: f64) -> Status,
+                |F| $crate::fmi3::c_api::$scheduled::activate_model_partition::<F::Model>(instance, clock, time)
             }
 
-            $crate::fmi3_functions! { @accessors $model; $scheduled;
+            $crate::fmi3_functions! { @accessors $scheduled;
                 fmi3GetFloat32 = get_float32, fmi3SetFloat32 = set_float32, f32;
                 fmi3GetFloat64 = $get_float64, fmi3SetFloat64 = $set_float64, f64;
                 fmi3GetInt8 = get_int8, fmi3SetInt8 = set_int8, i8;
@@ -210,33 +210,31 @@ macro_rules! fmi3_functions {
                 fmi3GetString = get_string, fmi3SetString = set_string, String;
             }
             #[cfg(target_family = "wasm")]
-            $crate::wasm_functions! { $model }
+            $crate::wasm_functions! {}
         };
     };
-    (@functions $model:ty; $scheduled:ident; $($symbol:ident =
+    (@functions $scheduled:ident; $($symbol:ident =
         $($function:ident)::+($($argument:ident: $type:ty),* $(,)?);)*) => {$(
-        #[unsafe(no_mangle)]
-        unsafe extern "C" fn $symbol(instance: Instance, $($argument: $type),*) -> Status {
-            // SAFETY: the arguments are the importer's, unchanged.
-            unsafe {
-                $crate::fmi3::c_api::$scheduled::locked::<$model, _>(instance, || {
-                    $crate::fmi3::c_api::$($function)::+::<$model>(instance, $($argument),*)
-                })
-            }
+        $crate::exported_function! {
+            $symbol(instance: Instance, $($argument: $type),*) -> Status,
+            |F| $crate::fmi3::c_api::$scheduled::locked::<F::Model, _>(instance, || {
+                $crate::fmi3::c_api::$($function)::+::<F::Model>(instance, $($argument),*)
+            })
         }
     )*};
-    (@accessors $model:ty; $scheduled:ident; $($get:ident = $get_function:ident, $set:ident = $set_function:ident, $type:ty;)*) => {
-        $crate::fmi3_functions! { @functions $model; $scheduled; $(
+    (@accessors $scheduled:ident; $($get:ident = $get_function:ident, $set:ident = $set_function:ident, $type:ty;)*) => {
+        $crate::fmi3_functions! { @functions $scheduled; $(
             $get = $get_function(vr: *const ValueReference, count: usize, values: *mut $type, n: usize);
             $set = $set_function(vr: *const ValueReference, count: usize, values: *const $type, n: usize);
         )* }
     };
-    (@instantiate $model:ty; $($symbol:ident = $($function:ident)::+($($argument:ident: $type:ty),* $(,)?);)*) => {$(
-        #[unsafe(no_mangle)]
-        unsafe extern "C" fn $symbol($($argument: $type),*) -> Instance {
-            $crate::fmi3::c_api::silence_panics();
-            // SAFETY: the arguments are the importer's, unchanged.
-            unsafe { $crate::fmi3::c_api::$($function)::+::<$model>($($argument),*) }
+    (@instantiate $($symbol:ident = $($function:ident)::+($($argument:ident: $type:ty),* $(,)?);)*) => {$(
+        $crate::exported_function! {
+            $symbol($($argument: $type),*) -> Instance,
+            |F| {
+                $crate::fmi3::c_api::silence_panics();
+                $crate::fmi3::c_api::$($function)::+::<F::Model>($($argument),*)
+            }
         }
     )*};
 }

@@ -15,7 +15,6 @@ mod types;
 mod variables;
 mod xml;
 
-use std::fs::File;
 use std::io::{self, BufReader};
 use std::path::Path;
 
@@ -24,6 +23,7 @@ use rules::{ARCHIVE_NAME, DESCRIPTION_MISSING, Rule, Severity, VERSION};
 use xml::Xml;
 
 use crate::fmu::MODEL_DESCRIPTION;
+use crate::reading;
 
 /// How many findings are kept: after that many, more of them help nobody.
 const MOST_FINDINGS: usize = 1000;
@@ -103,12 +103,7 @@ enum Version {
 /// # Errors
 /// When the file cannot be read.
 pub fn validate(fmu: &Path, importers: &[&Importer]) -> io::Result<Report> {
-    let cannot_open =
-        |error: io::Error| io::Error::new(error.kind(), format!("cannot open {}: {error}", fmu.display()));
-    let file = File::open(fmu).map_err(cannot_open)?;
-    if file.metadata().map_err(cannot_open)?.is_dir() {
-        return Err(io::Error::new(io::ErrorKind::IsADirectory, format!("{} is a folder", fmu.display())));
-    }
+    let file = reading::open(fmu)?;
     let mut report = Report::default();
     if fmu.extension().is_none_or(|extension| extension != "fmu") {
         report.add(&ARCHIVE_NAME, Place::default(), "the file's name does not end in .fmu");

@@ -224,6 +224,6 @@ fn a_missing_file_is_an_error() {
         validate(Path::new(env!("CARGO_MANIFEST_DIR")), &[])
             .unwrap_err()
             .to_string()
-            .ends_with(" is a folder")
+            .ends_with(": it is a folder")
     );
 }

@@ -1,0 +1,189 @@
+"""What the compiler says of mistakes in models: few lines, of which the first says what to write."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+from conftest import ROOT, TARGET
+
+USE = """use fmu_export::{Clocked, Context, Equations, Error, InputsOf, Model, Number};
+use fmu_export::{Persistent, Sampled, Step};
+"""
+
+EQUATIONS = """
+impl Equations for Motor {
+    type Variables = Variables;
+    fn evaluate<T: Number>(&self, _: T, variables: &mut Variables<T>) {
+        variables.derivatives.speed = -variables.states.speed;
+    }
+}
+"""
+
+MODEL = """
+impl Model for Motor {
+    type Variables = Variables;
+    fn step(
+        &mut self, _: &mut Variables, _: &Step<'_, InputsOf<Self>>, _: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        Ok(())
+    }
+}
+"""
+
+SAMPLED = """
+impl Sampled for Motor {
+    type Variables = Variables;
+    fn period(_: &Variables) -> f64 { 0.1 }
+    fn sample(
+        &mut self, _: fmu_export::Sample, _: &mut Variables, _: &Inputs, _: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        Ok(())
+    }
+}
+"""
+
+MEMORY = "#[derive(Clone, Debug, Default{})]\nstruct Motor {{ {} }}\n"
+
+MISTAKES = {
+    # The model, and the beginning of the first line.
+    "equations_as_model": (
+        "fmu!(struct Motor);" + EQUATIONS,
+        "`Motor` does not implement `Model`: write `fmu!(equations Motor)`",
+    ),
+    "sampled_as_model": (
+        "fmu!(struct Motor);" + SAMPLED,
+        "`Motor` does not implement `Model`: write `fmu!(equations Motor)`",
+    ),
+    "model_as_equations": (
+        "fmu!(equations struct Motor);" + MODEL,
+        "`Motor` does not implement `Equations`: write `fmu!(Motor)`",
+    ),
+    "sampled_as_equations": (
+        "fmu!(equations struct Motor);" + SAMPLED,
+        "`Motor` does not implement `Equations`: write `fmu!(Motor)`",
+    ),
+    "equations_as_sampled": (
+        "fmu!(sampled struct Motor);" + EQUATIONS,
+        "`Motor` does not implement `Sampled`: write `fmu!(Motor)`",
+    ),
+    "equations_as_clocked": (
+        "fmu!(clocked struct Motor);" + EQUATIONS,
+        "`Motor` does not implement `Clocked`: write `fmu!(Motor)`",
+    ),
+    "nothing_implemented": (
+        "fmu!(equations struct Motor);",
+        "`Motor` does not implement `Equations`: write `fmu!(Motor)`",
+    ),
+    "another_word": (
+        "fmu!(equation struct Motor);" + EQUATIONS,
+        "`fmu!(equation struct Motor)` is none of `fmu!(equations NAME)`",
+    ),
+    "memory_not_derived": (
+        "fmu!(equations Motor);" + MEMORY.format("", "turns: u32") + EQUATIONS,
+        "`Motor` cannot be saved with a model's state: write `#[derive(Clone, Debug, Default, Persistent)]`",
+    ),
+    "memory_of_another_type": (
+        "fmu!(equations Motor);"
+        + MEMORY.format(", Persistent", "turns: std::collections::HashMap<u8, u8>")
+        + EQUATIONS,
+        "`HashMap<u8, u8>` cannot be saved with a model's state: write `#[derive(",
+    ),
+}
+DECLARATION = {
+    "variables": [
+        {"name": "speed", "causality": "output", "unit": "rad/s", "start": 1, "derivative": True},
+    ]
+}
+
+
+def package(folder: Path, build: str) -> None:
+    crates = (ROOT / "crates").as_posix()
+    folder.joinpath("Cargo.toml").write_text(
+        f"""[package]
+name = "mistakes"
+edition = "2024"
+
+[workspace]
+
+[dependencies]
+fmu-export = {{ path = "{crates}/fmu-export" }}
+
+[build-dependencies]
+fmu-export-build = {{ path = "{crates}/fmu-export-build" }}
+"""
+    )
+    folder.joinpath("Cargo.lock").write_bytes(ROOT.joinpath("Cargo.lock").read_bytes())
+    folder.joinpath("build.rs").write_text(f"fn main() {{ {build} }}\n")
+
+
+def check(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    line = ["cargo", "check", "--offline", *arguments]
+    environment = {**os.environ, "CARGO_TARGET_DIR": str(TARGET.resolve())}
+    return subprocess.run(line, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def errors(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
+    """What the compiler prints of each mistake."""
+    folder = tmp_path_factory.mktemp("mistakes")
+    package(folder, "".join(f'fmu_export_build::generate("{name}.json"); ' for name in MISTAKES))
+    folder.joinpath("examples").mkdir()
+    for name, (source, _) in MISTAKES.items():
+        declaration = {"model_identifier": name, **DECLARATION}
+        folder.joinpath(f"{name}.json").write_text(json.dumps(declaration))
+        text = "#![allow(unused)]\n" + USE + "fmu_export::" + source + "\nfn main() {}\n"
+        folder.joinpath("examples", f"{name}.rs").write_text(text)
+    result = check(folder, "--examples", "--keep-going", "--message-format=json")
+    printed: dict[str, list[str]] = {name: [] for name in MISTAKES}
+    for line in result.stdout.splitlines():
+        message = json.loads(line)
+        if message["reason"] == "compiler-message" and message["message"]["level"] == "error":
+            printed[message["target"]["name"]].append(message["message"]["rendered"])
+    assert any(printed.values()), result.stderr
+    return printed
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_the_first_line_says_what_to_write_and_few_follow(mistake: str, errors: dict[str, list[str]]) -> None:
+    _, expected = MISTAKES[mistake]
+    text = "".join(errors[mistake])
+    print(text)
+    first = text.splitlines()[0].split(": ", 1)[1]
+    assert first.startswith(expected)
+    # Two errors of the compiler, each with the places of its reasons.
+    assert len(text.splitlines()) <= 50
+
+
+def test_the_build_says_that_nothing_makes_the_functions(tmp_path: Path) -> None:
+    package(tmp_path, 'fmu_export_build::generate("model.json");')
+    tmp_path.joinpath("model.json").write_text(json.dumps(DECLARATION))
+    tmp_path.joinpath("src").mkdir()
+    tmp_path.joinpath("src", "lib.rs").write_text(USE + "struct Motor;" + EQUATIONS)
+    result = check(tmp_path)
+    said = [line for line in result.stderr.splitlines() if line.startswith("error")]
+    print(result.stderr)
+    assert said[0].startswith(
+        "error: mistakes@0.0.0: src/lib.rs: nothing uses the variables of model.json: write"
+    )
+    assert len(said) <= 2
+
+
+def test_a_library_of_another_name_than_the_model_is_told_with_both(tmp_path: Path) -> None:
+    package(tmp_path, 'fmu_export_build::generate("model.json");')
+    with tmp_path.joinpath("Cargo.toml").open("a") as manifest:
+        manifest.write('\n[lib]\nname = "Motor"\n')
+    tmp_path.joinpath("model.json").write_text(json.dumps(DECLARATION))
+    tmp_path.joinpath("src").mkdir()
+    source = USE + "fmu_export::fmu!(equations struct Motor);" + EQUATIONS
+    tmp_path.joinpath("src", "lib.rs").write_text(source)
+    result = check(tmp_path)
+    print(result.stderr)
+    said = [line for line in result.stderr.splitlines() if line.startswith("error")]
+    assert said[0] == (
+        "error: the library is called `Motor`, and the model of the JSON `mistakes`: "
+        'write "model_identifier": "Motor" in the JSON'
+    )
