@@ -19,12 +19,12 @@ use crate::units::Units;
 use crate::xml;
 
 /// Words of Rust that cannot be names of fields.
-const RESERVED: [&str; 50] = [
+const RESERVED: [&str; 51] = [
     "abstract", "as", "async", "await", "become", "box", "break", "const", "continue", "crate", "do", "dyn",
     "else", "enum", "extern", "false", "final", "fn", "for", "gen", "if", "impl", "in", "let", "loop",
     "macro", "match", "mod", "move", "mut", "override", "priv", "pub", "ref", "return", "self", "static",
     "struct", "super", "trait", "true", "try", "type", "typeof", "unsafe", "unsized", "use", "virtual",
-    "where", "while",
+    "where", "while", "yield",
 ];
 
 /// The checks that need no variable.
@@ -63,8 +63,11 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
             refusals.add(format!("{key}.items"), format!("{name}: it has no items"));
         }
         for (number, item) in enumeration.items.iter().enumerate() {
-            if let Err(reason) = mixed_name(&item.name, "letters, digits, underscores and spaces") {
-                refusals.add(format!("{key}.items[{number}].name"), reason);
+            let (name, key) = (&item.name, format!("{key}.items[{number}].name"));
+            if let Err(reason) = mixed_name(name, "letters, digits, underscores and spaces") {
+                refusals.add(key, reason);
+            } else if rust::pascal_case(name) == "Self" {
+                refusals.add(key, format!("'{name}' would be 'Self' in Rust, which is a reserved word"));
             }
         }
         let variants = enumeration.items.iter().map(|item| rust::pascal_case(&item.name));
@@ -80,9 +83,10 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
     let components: Vec<_> = declaration.components.iter().map(|component| component.name.clone()).collect();
     field_names("components", &components, refusals);
     unique("components", components.clone(), refusals);
+    let variables = declaration.variables.iter().map(|variable| rust::snake_case(&variable.name));
+    let variables: BTreeSet<_> = variables.chain(["time".to_owned()]).collect();
     for (number, component) in components.iter().enumerate() {
-        let variables = declaration.variables.iter().map(|variable| variable.name.as_str());
-        if variables.chain(["time"]).any(|variable| variable == component) {
+        if variables.contains(component) {
             let reason = format!("'{component}' is the name of a variable, too");
             refusals.add(format!("components[{number}].name"), reason);
         }
@@ -173,8 +177,18 @@ fn one_line(text: &str) -> Result<(), String> {
     if !survives_xml(text) {
         return Err("the text contains a character that XML does not keep, such as a line break".to_owned());
     }
+    if text.contains(DIRECTION_OF_WRITING) {
+        return Err("the text contains a mark for the direction of writing, which Rust refuses".to_owned());
+    }
     Ok(())
 }
+
+/// The marks that rustc's lint `text_direction_codepoint_in_comment` refuses: an editor shows another text by them than the
+/// one that is there.
+const DIRECTION_OF_WRITING: [char; 9] = [
+    '\u{202a}', '\u{202b}', '\u{202c}', '\u{202d}', '\u{202e}', '\u{2066}', '\u{2067}', '\u{2068}',
+    '\u{2069}',
+];
 
 /// Whether an attribute of XML carries a text unchanged: tabs and line breaks become spaces, and most other
 /// control characters and two of Unicode's code points are not allowed in XML at all.

@@ -120,6 +120,10 @@ pub(crate) fn pascal_case(name: &str) -> String {
         .collect()
 }
 
+/// The lints that do not apply to what is generated.
+const LINTS: &str =
+    "dead_code, unused_variables, nonstandard_style, clippy::all, clippy::pedantic, rustdoc::bare_urls";
+
 /// The text of `variables.rs`.
 pub(crate) fn generate(model: &Model<'_>, structure: &Structure, guid: &str) -> String {
     let generator = Generator { model, structure };
@@ -131,17 +135,15 @@ pub use generated::*;
 /// Defines the functions of FMI for a model with these variables.
 #[allow(unused_imports)]
 pub use ::fmu_export::{} as export_functions;
-
-#[allow(dead_code, unused_variables, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+{enumerations}
+#[allow({LINTS})]
 mod generated {{
 use ::fmu_export::description as fmi;
 ",
         model.identifier,
         model.fmi.macro_name(model.declaration),
+        enumerations = enumerations(&model.declaration.enumerations),
     );
-    for enumeration in &model.declaration.enumerations {
-        text += &enumeration_text(enumeration);
-    }
     let mut written = BTreeSet::new();
     for place in PLACES {
         for part in model.parts.iter().filter(|part| part.name.is_some() && place.is_in(part)) {
@@ -168,6 +170,29 @@ use ::fmu_export::description as fmi;
 /// Whether values of a type are `Copy`.
 fn is_copy(data_type: DataType) -> bool {
     !matches!(data_type, DataType::String | DataType::Binary)
+}
+
+/// The enumerations, in a module of their own: their names are free to choose, such as `Vec`, and the rest of the text refers
+/// to them by their path.
+fn enumerations(enumerations: &[EnumerationDeclaration]) -> String {
+    if enumerations.is_empty() {
+        return String::new();
+    }
+    let texts: String = enumerations.iter().map(enumeration_text).collect();
+    format!(
+        "
+#[allow(unused_imports)]
+pub use enumerations::*;
+
+#[allow({LINTS})]
+mod enumerations {{{texts}}}
+"
+    )
+}
+
+/// Where an enumeration is, for the rest of the text.
+fn enumeration_path(enumeration: &EnumerationDeclaration) -> String {
+    format!("super::enumerations::{}", enumeration.name)
 }
 
 fn enumeration_text(enumeration: &EnumerationDeclaration) -> String {
@@ -262,12 +287,16 @@ impl Generator<'_, '_> {
             Some(UnitNames::Each(units)) => format!(" (`{}`)", units.join("`, `")),
             _ => String::new(),
         };
+        let path;
         let mut data_type = match field.data_type {
             DataType::Real => "T",
             DataType::Integer => "i32",
             DataType::Boolean => "bool",
             DataType::String => "String",
-            DataType::Enumeration(enumeration) => &self.model.declaration.enumerations[enumeration].name,
+            DataType::Enumeration(enumeration) => {
+                path = enumeration_path(&self.model.declaration.enumerations[enumeration]);
+                &path
+            }
             DataType::Float32 => "f32",
             DataType::Whole(whole) => whole.in_rust().0,
             DataType::Binary => "Vec<u8>",
@@ -315,7 +344,7 @@ impl Generator<'_, '_> {
 
     fn item(&self, enumeration: usize, item: usize) -> String {
         let enumeration = &self.model.declaration.enumerations[enumeration];
-        format!("{}::{}", enumeration.name, pascal_case(&enumeration.items[item].name))
+        format!("{}::{}", enumeration_path(enumeration), pascal_case(&enumeration.items[item].name))
     }
 
     /// The struct that holds all places.
@@ -604,8 +633,9 @@ fn described(description: Option<&str>, name: &str) -> String {
 /// A description as rustdoc shall show it: what would be markup is escaped.
 fn markdown(text: &str) -> String {
     let mut escaped = String::new();
-    for character in text.chars() {
-        if "\\`*_[]<>".contains(character) {
+    // What is indented, or within `~~~`, would be code, which rustdoc compiles.
+    for character in text.trim().chars() {
+        if "\\`*_[]<>~".contains(character) {
             escaped.push('\\');
         }
         escaped.push(character);

@@ -404,7 +404,7 @@ impl ::fmu_export::Variables for Variables {{
             };
             let (get, set) = match scalar.data_type {
                 DataType::Enumeration(enumeration) => {
-                    let name = &self.model.declaration.enumerations[enumeration].name;
+                    let name = super::enumeration_path(&self.model.declaration.enumerations[enumeration]);
                     let item = format!("if let Some(item) = {name}::from_value(value)");
                     let set = to.map(|to| format!("{{\n                {item} {{\n                    self.{to} = item;\n                }}\n            }}"));
                     (format!("self.{from} as i32"), set)
