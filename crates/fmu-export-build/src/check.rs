@@ -27,6 +27,15 @@ const RESERVED: [&str; 51] = [
     "where", "while", "yield",
 ];
 
+/// The longest name, in bytes: longer ones than anyone reads would take long to look up.
+pub(crate) const LONGEST_NAME: usize = 200;
+
+/// How many scalar variables a model has at most: more than anyone compiles.
+const MOST_VARIABLES: usize = 100_000;
+
+/// How many dimensions an array has at most.
+const MOST_DIMENSIONS: usize = 16;
+
 /// The checks that need no variable.
 pub(crate) fn declaration(declaration: &Declaration, identifier: &str, refusals: &mut Refusals) {
     if !is_c_identifier(identifier) {
@@ -213,6 +222,9 @@ fn is_c_identifier(name: &str) -> bool {
 }
 
 fn type_name(name: &str, key: &str, refusals: &mut Refusals) {
+    if let Err(reason) = length(name) {
+        return refusals.add(format!("{key}.name"), reason);
+    }
     let upper = name.starts_with(|first: char| first.is_ascii_uppercase());
     if !upper || name == "Self" || !name.chars().all(|character| character.is_ascii_alphanumeric()) {
         refusals.add(format!("{key}.name"), format!("'{name}' is not written like this: TypeName"));
@@ -227,7 +239,16 @@ fn field_names(list: &str, names: &[String], refusals: &mut Refusals) {
     }
 }
 
+pub(crate) fn length(name: &str) -> Result<(), String> {
+    if name.len() <= LONGEST_NAME {
+        return Ok(());
+    }
+    let start: String = name.chars().take(20).collect();
+    Err(format!("'{start}…' is longer than {LONGEST_NAME} bytes"))
+}
+
 fn field_name(name: &str) -> Result<(), String> {
+    length(name)?;
     let lower =
         |character: char| character.is_ascii_lowercase() || character.is_ascii_digit() || character == '_';
     if !name.starts_with(|first: char| first.is_ascii_lowercase()) || !name.chars().all(lower) {
@@ -241,6 +262,7 @@ fn field_name(name: &str) -> Result<(), String> {
 
 /// A name that is written differently in Rust; it is made of what is said in words.
 fn mixed_name(name: &str, made_of: &str) -> Result<(), String> {
+    length(name)?;
     let allowed = |character: char| {
         character.is_ascii_alphanumeric()
             || character == '_'
@@ -268,11 +290,12 @@ pub(crate) struct Checked {
 /// The key of a variable that is to blame, and the reason.
 pub(crate) type Blame = (&'static str, String);
 
-/// The checks of one declared variable by itself.
+/// The checks of one declared variable, which comes after so many scalars.
 pub(crate) fn variable(
     declaration: &Declaration,
     variable: &VariableDeclaration,
     start: Option<&Value>,
+    before: usize,
 ) -> Result<Checked, Blame> {
     mixed_name(&variable.name, "letters, digits and underscores").map_err(|reason| ("name", reason))?;
     if let Some(description) = &variable.description {
@@ -281,6 +304,20 @@ pub(crate) fn variable(
     let derivative = variable.derivative.as_ref();
     if let Some(description) = derivative.and_then(|derivative| derivative.description.as_ref()) {
         one_line(description).map_err(|reason| ("derivative.description", reason))?;
+    }
+    if variable.sizes.contains(&0) {
+        return Err(("dimensions", "a dimension is 0".to_owned()));
+    }
+    if variable.sizes.len() > MOST_DIMENSIONS {
+        return Err(("dimensions", format!("an array has at most {MOST_DIMENSIONS}")));
+    }
+    let with_derivative = if variable.derivative.is_some() { 2 } else { 1 };
+    let scalars =
+        variable.sizes.iter().try_fold(with_derivative, |product: usize, &size| product.checked_mul(size));
+    if scalars.is_none_or(|scalars| scalars > MOST_VARIABLES - before.min(MOST_VARIABLES)) {
+        let reason = "with arrays' elements and derivatives";
+        let key = if variable.sizes.is_empty() { "name" } else { "dimensions" };
+        return Err((key, format!("a model has at most {MOST_VARIABLES} variables, {reason}")));
     }
     let data_type = data_type(declaration, variable).map_err(|reason| ("type", reason))?;
     let (place, variability) = place(variable, data_type)?;
@@ -297,9 +334,6 @@ pub(crate) fn variable(
             "previous",
             "what has a previous value is 'discrete', and belongs to 'clocks'".to_owned(),
         ));
-    }
-    if variable.sizes.contains(&0) {
-        return Err(("dimensions", "a dimension is 0".to_owned()));
     }
     let has_start = matches!(place, Place::Inputs | Place::States) || initial == Some(Initial::Exact);
     let starts = match start {
@@ -644,6 +678,7 @@ fn start_value(
 /// The checks of the file of units by itself.
 pub(crate) fn units(units: &[UnitDeclaration], refusals: &mut Refusals) {
     let mut names = BTreeSet::new();
+    let known = Units::new(units);
     for (number, unit) in units.iter().enumerate() {
         let (name, key) = (&unit.name, format!("[{number}]"));
         let mut refuse = |key: String, reason: &str| refusals.add(key, format!("'{name}': {reason}"));
@@ -672,7 +707,7 @@ pub(crate) fn units(units: &[UnitDeclaration], refusals: &mut Refusals) {
                 refuse(format!("{key}.factor"), "it is 0");
             }
         }
-        if let Err(reason) = Units::new(units).find(name) {
+        if let Err(reason) = known.find(name) {
             refusals.add(format!("{key}.display_units"), reason);
         }
     }
@@ -686,11 +721,12 @@ pub(crate) fn state_groups(
     refusals: &mut Refusals,
 ) {
     let groups = &declaration.state_groups;
+    let names: BTreeSet<_> = groups.iter().map(|group| group.name.as_str()).collect();
     for part in parts {
         let state = part.fields.iter().find(|field| field.place == Place::States);
         let component = part.name.unwrap_or_default();
         match (part.state_group, state) {
-            (Some(group), _) if groups.iter().all(|known| known.name != group) => {
+            (Some(group), _) if !names.contains(group) => {
                 let nearest = nearest(group, groups.iter().map(|known| known.name.clone()));
                 let reason = format!("{component}: '{group}' is not one of the state_groups{nearest}");
                 refusals.add(format!("{}.state_group", part.key), reason);
@@ -706,8 +742,9 @@ pub(crate) fn state_groups(
             _ => {}
         }
     }
+    let used: BTreeSet<_> = parts.iter().filter_map(|part| part.state_group).collect();
     for (number, group) in groups.iter().enumerate() {
-        if parts.iter().all(|part| part.state_group != Some(&group.name)) {
+        if !used.contains(group.name.as_str()) {
             let reason = format!("no component is in the state group '{}'", group.name);
             refusals.add(format!("state_groups[{number}]"), reason);
         }

@@ -266,7 +266,7 @@ pub(crate) struct EnumerationDeclaration {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct VariableDeclaration {
-    /// Letters, digits and underscores. In Rust it is written like this: `lower_case`.
+    /// Letters, digits and underscores, up to 200. In Rust it is written like this: `lower_case`.
     pub(crate) name: String,
     /// What it is.
     pub(crate) description: Option<String>,
@@ -298,7 +298,8 @@ pub(crate) struct VariableDeclaration {
     #[serde(default)]
     #[cfg_attr(test, schemars(schema_with = "start_schema"))]
     pub(crate) start: Option<Value>,
-    /// The sizes of an array; in FMI 3.0 also the names of structural parameters.
+    /// The sizes of an array, up to 16; in FMI 3.0 also the names of structural parameters. A model has up to 100000
+    /// variables, with the elements of arrays and the derivatives.
     #[serde(default)]
     pub(crate) dimensions: Vec<Dimension>,
     /// The same as numbers, by [`Declaration::find_sizes`].
@@ -315,7 +316,8 @@ pub(crate) struct VariableDeclaration {
     pub(crate) reads: Option<Vec<String>>,
     /// The same for initialization, where that differs.
     pub(crate) initial_reads: Option<Vec<String>>,
-    /// The number by which importers know it; of an array, the number of the first element. Default: the next free one.
+    /// The number by which importers know it, up to 2147483647; of an array, the number of the first element. Default: the
+    /// next free one.
     pub(crate) value_reference: Option<u32>,
     /// The clocks at whose ticks alone the variable changes.
     #[serde(default)]

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion, escape};
 
-use crate::error::{Error, nearest};
+use crate::error::{Error, Lines, nearest};
 use crate::page::breakable;
 
 /// A fragment that is ready for the page.
@@ -161,13 +161,11 @@ impl Reading<'_> {
         let mut reader = Reader::from_str(&text);
         reader.config_mut().expand_empty_elements = true;
         let mut open: Vec<Open> = Vec::new();
-        let (mut line, mut counted) = (1, 0);
+        let lines = Lines::new(&text);
         loop {
             let event = reader.read_event();
             let read = usize::try_from(reader.buffer_position()).unwrap_or(text.len());
-            line += text.as_bytes()[counted..read].iter().filter(|&&byte| byte == b'\n').count();
-            counted = read;
-            let place = Place { file: file.to_owned(), line };
+            let place = Place { file: file.to_owned(), line: lines.of(read) };
             match event.map_err(|error| place.refuse(&error.to_string()))? {
                 Event::Start(element) => {
                     let name = element.name().as_ref().to_owned();

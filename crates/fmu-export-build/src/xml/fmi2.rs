@@ -160,13 +160,13 @@ fn write_structure(writer: &mut XmlWriter, structure: &Structure) -> io::Result<
 
 /// An empty list of dependencies is written as well: without one the variable depends on all.
 fn write_unknown(writer: &mut XmlWriter, unknown: &Unknown) -> io::Result<()> {
-    let indices = |positions: &Vec<usize>| {
+    let indices = |positions: &[usize]| {
         let indices: Vec<_> = positions.iter().map(|&position| index(position).to_string()).collect();
         indices.join(" ")
     };
     let attributes = [
         ("index", Some(index(unknown.scalar).to_string())),
-        ("dependencies", unknown.dependencies.as_ref().map(indices)),
+        ("dependencies", unknown.dependencies.as_deref().map(indices)),
     ];
     empty(writer, "Unknown", given(attributes))
 }

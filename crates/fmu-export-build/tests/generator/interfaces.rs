@@ -387,3 +387,76 @@ fn resources_are_those_that_the_folder_has_now() {
     assert_eq!(again().resources, None);
     assert!(!resources.exists());
 }
+
+/// What the small model becomes after its JSON was edited as text, or why not.
+fn edited(name: &str, version: Version, edits: &[(&str, &str)]) -> Result<Generated, String> {
+    let folder = folder_with_model(name);
+    let file = folder.join("vessels.json");
+    let mut text = read(&file);
+    for (from, to) in edits {
+        assert!(text.contains(from), "{from}");
+        text = text.replacen(from, to, 1);
+    }
+    fs::write(&file, text).expect("the folder for tests is writable");
+    let fmi = Fmi { version, interfaces: Interfaces::Both };
+    generate_into(&file, &folder, &package(), fmi).map_err(|error| error.to_string())
+}
+
+/// Event indicators follow all other variables.
+#[test]
+fn the_largest_value_reference_leaves_room_for_others() {
+    let largest = ("\"name\": \"inflow\",", "\"name\": \"inflow\", \"value_reference\": 2147483647,");
+    let generated = edited("largest reference", Version::Three, &[largest]).expect("it is allowed");
+    let xml = read(&generated.model_description);
+    assert!(
+        xml.contains("valueReference=\"2147483647\"") && xml.contains("valueReference=\"2147483648\""),
+        "{xml}"
+    );
+}
+
+/// Each variable reads the next one and the one before it reads; a test runs on a small stack.
+#[test]
+fn long_chains_and_large_arrays_are_models_like_others() {
+    let chain: Vec<_> = (0..30_000)
+        .map(|number| {
+            let read = if number == 0 { "u".to_owned() } else { format!("v{}", number - 1) };
+            let causality = if number % 2 == 0 { "output" } else { "local" };
+            format!(
+                r#"{{"name": "v{number}", "causality": "{causality}", "unit": "m", "reads": ["{read}"]}}"#
+            )
+        })
+        .collect();
+    let array = r#"{"name": "w", "unit": "m", "dimensions": [60000], "reads": ["u"]}"#;
+    let input = r#"{"name": "u", "causality": "input", "unit": "m", "start": 0}"#;
+    let folder = folder("chain");
+    let file = folder.join("chain.json");
+    let declaration = format!(r#"{{"variables": [{input}, {array}, {}]}}"#, chain.join(",\n"));
+    fs::write(&file, declaration).expect("the folder is writable");
+    let generated = generate_into(&file, &folder, &package(), Interfaces::CoSimulation);
+    let xml = read(&generated.unwrap_or_else(|error| panic!("{error}")).model_description);
+    // The input is the second variable.
+    let outputs = xml.split_once("<Outputs>").and_then(|(_, rest)| rest.split_once("</Outputs>"));
+    assert_eq!(outputs.map(|(outputs, _)| outputs.matches("dependencies=\"2\"/>").count()), Some(15_000));
+}
+
+/// All elements of an array may depend on all of another, but not of one that is too large.
+#[test]
+fn too_many_dependencies_are_refused() {
+    let folder = folder("dependencies of arrays");
+    let file = folder.join("arrays.json");
+    let of = |size: usize| {
+        let starts = vec!["0"; size].join(", ");
+        let declaration = format!(
+            r#"{{"variables": [
+                {{"name": "u", "causality": "input", "unit": "m", "dimensions": [{size}], "start": [{starts}]}},
+                {{"name": "y", "causality": "output", "unit": "m", "dimensions": [{size}], "reads": ["u"]}}
+            ]}}"#
+        );
+        fs::write(&file, declaration).expect("the folder is writable");
+        generate_into(&file, &folder, &package(), Interfaces::CoSimulation).map_err(|error| error.to_string())
+    };
+    assert!(of(300).is_ok());
+    let refused = of(1500).expect_err("that would be 2.25 million");
+    let reason = "arrays.json:3: variables[1].reads: y[1335]: following all reads up to here takes more than";
+    assert!(refused.contains(reason), "{refused}");
+}
