@@ -13,7 +13,7 @@ use crate::declaration::{
 };
 use crate::error::{Refusals, nearest};
 use crate::interfaces::Version;
-use crate::model::{DataType, Part, Place, Scalar, Start, Whole};
+use crate::model::{DataType, Model, Part, Place, Scalar, Start, Whole};
 use crate::rust;
 use crate::units::Units;
 use crate::xml;
@@ -50,6 +50,10 @@ pub(crate) fn declaration(declaration: &Declaration, identifier: &str, refusals:
         if experiment.step_size.is_some_and(|size| size <= 0.0) {
             refusals.add("default_experiment.step_size", "it is not greater than 0");
         }
+    }
+    if declaration.capabilities.serialize_state == Some(true) && !declaration.capabilities.get_and_set_state {
+        let reason = "a state that cannot be saved cannot be serialized, and 'get_and_set_state' is false";
+        refusals.add("capabilities.serialize_state", reason);
     }
     names(declaration, refusals);
     event_indicators(declaration, refusals);
@@ -117,7 +121,10 @@ fn event_indicators(declaration: &Declaration, refusals: &mut Refusals) {
 }
 
 /// Terminals: their names, and that their variables are there, each once.
-pub(crate) fn terminals(declaration: &Declaration, scalars: &[Scalar], refusals: &mut Refusals) {
+pub(crate) fn terminals(model: &Model<'_>, refusals: &mut Refusals) {
+    let Model { declaration, scalars, names, .. } = model;
+    let elements: BTreeSet<_> =
+        model.arrays().into_iter().flatten().map(|element| &scalars[element].name).collect();
     let terminals = &declaration.terminals;
     unique("terminals", terminals.iter().map(|terminal| terminal.name.clone()), refusals);
     for (number, terminal) in terminals.iter().enumerate() {
@@ -131,12 +138,17 @@ pub(crate) fn terminals(declaration: &Declaration, scalars: &[Scalar], refusals:
         let mut seen = BTreeSet::new();
         for (position, name) in terminal.variables.iter().enumerate() {
             let key = format!("{key}.variables[{position}]");
-            if !scalars.iter().any(|scalar| scalar.name == *name) {
-                let nearest = nearest(name, scalars.iter().map(|scalar| scalar.name.clone()));
-                refusals.add(key, format!("{}: there is no variable '{name}'{nearest}", terminal.name));
-            } else if !seen.insert(name) {
-                refusals.add(key, format!("{}: '{name}' is in it twice", terminal.name));
-            }
+            let reason = match names.get(name) {
+                None => format!("there is no variable '{name}'{}", nearest(name, names.keys().cloned())),
+                Some(_) if elements.contains(name) => {
+                    format!("in FMI 3.0 the array of '{name}' is one variable; name the array")
+                }
+                Some(positions) if !positions.iter().all(|position| seen.insert(position)) => {
+                    format!("'{name}' is in it twice")
+                }
+                Some(_) => continue,
+            };
+            refusals.add(key, format!("{}: {reason}", terminal.name));
         }
     }
 }

@@ -175,7 +175,7 @@ pub(crate) struct TerminalDeclaration {
     /// Default: bus.
     #[serde(default)]
     pub(crate) matching_rule: MatchingRule,
-    /// The variables, by whose names the members are connected.
+    /// The variables, by whose names the members are connected; in FMI 3.0 arrays as a whole.
     pub(crate) variables: Vec<String>,
 }
 
@@ -216,14 +216,20 @@ pub(crate) struct Capabilities {
     pub(crate) interpolate_inputs: bool,
     /// The state can be saved and restored.
     pub(crate) get_and_set_state: bool,
-    /// A saved state can be carried into another process.
-    pub(crate) serialize_state: bool,
+    /// A saved state can be carried into another process. Default: whether it can be saved.
+    pub(crate) serialize_state: Option<bool>,
     /// The model implements `Model::differentiate`.
     pub(crate) directional_derivatives: bool,
     /// The model implements `Model::differentiate_backwards`. In FMI 3.0 alone.
     pub(crate) adjoint_derivatives: bool,
     /// In Co-Simulation of FMI 3.0, importers may handle the model's events, and exchange values between internal steps.
     pub(crate) event_mode: bool,
+}
+
+impl Capabilities {
+    pub(crate) fn serializes_state(&self) -> bool {
+        self.serialize_state.unwrap_or(self.get_and_set_state)
+    }
 }
 
 /// What the runtime does for every model.
@@ -233,7 +239,7 @@ impl Default for Capabilities {
             variable_communication_step_size: true,
             interpolate_inputs: true,
             get_and_set_state: true,
-            serialize_state: true,
+            serialize_state: None,
             directional_derivatives: false,
             adjoint_derivatives: false,
             event_mode: false,

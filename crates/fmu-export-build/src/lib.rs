@@ -220,9 +220,7 @@ pub fn generate_into(
         documentation: write("index.html", page.as_bytes())?,
         icon: icon.map(|icon| write("model.png", &icon)).transpose()?,
         drawing: drawing.map(|drawing| write("model.svg", &drawing)).transpose()?,
-        terminals: terminals
-            .map(|name| write(name, xml::terminals::write(&model.declaration.terminals).as_bytes()))
-            .transpose()?,
+        terminals: terminals.map(|name| write(name, xml::terminals::write(&model).as_bytes())).transpose()?,
     })
 }
 

@@ -289,7 +289,6 @@ impl<'a> Model<'a> {
         check::types_of_version(&scalars, fmi.version, &mut refusals);
         check::outputs(&scalars, &mut refusals);
         check::calculated_parameters(&scalars, &mut refusals);
-        check::terminals(declaration, &scalars, &mut refusals);
         check::clocks::all(declaration, fmi, &parts, &scalars, &mut refusals);
         dependencies::refuse_cycles(&scalars, &mut refusals);
         refusals.check()?;
@@ -305,7 +304,7 @@ impl<'a> Model<'a> {
             identifier += SCHEDULED;
             add_sample_clock(clock, &mut parts, &mut scalars);
         }
-        Ok(Self {
+        let model = Self {
             declaration,
             fmi,
             library,
@@ -319,7 +318,10 @@ impl<'a> Model<'a> {
             parts,
             scalars,
             names,
-        })
+        };
+        check::terminals(&model, &mut refusals);
+        refusals.check()?;
+        Ok(model)
     }
 
     /// The arrays that are one variable each, by the positions of their elements: in FMI 3.0 those whose elements have one

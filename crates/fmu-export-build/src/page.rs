@@ -257,7 +257,7 @@ impl<'m, 'a> Page<'m, 'a> {
             ),
             (
                 "canSerializeFMUstate",
-                has.serialize_state,
+                has.serializes_state(),
                 "a saved state can be carried into another process",
             ),
             (

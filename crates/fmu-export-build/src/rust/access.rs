@@ -491,7 +491,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
             model.declaration.resources.is_some(),
             capabilities.interpolate_inputs,
             capabilities.get_and_set_state,
-            capabilities.serialize_state,
+            capabilities.serializes_state(),
             capabilities.directional_derivatives,
             capabilities.adjoint_derivatives,
             capabilities.event_mode,

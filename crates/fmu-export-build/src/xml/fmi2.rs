@@ -49,7 +49,7 @@ fn write_model_exchange(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result
         ("canBeInstantiatedOnlyOncePerProcess", false.to_string()),
         ("canNotUseMemoryManagementFunctions", true.to_string()),
         ("canGetAndSetFMUstate", capabilities.get_and_set_state.to_string()),
-        ("canSerializeFMUstate", capabilities.serialize_state.to_string()),
+        ("canSerializeFMUstate", capabilities.serializes_state().to_string()),
         ("providesDirectionalDerivative", capabilities.directional_derivatives.to_string()),
     ];
     empty(writer, "ModelExchange", attributes)
@@ -67,7 +67,7 @@ fn write_co_simulation(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<
         ("canBeInstantiatedOnlyOncePerProcess", false.to_string()),
         ("canNotUseMemoryManagementFunctions", true.to_string()),
         ("canGetAndSetFMUstate", capabilities.get_and_set_state.to_string()),
-        ("canSerializeFMUstate", capabilities.serialize_state.to_string()),
+        ("canSerializeFMUstate", capabilities.serializes_state().to_string()),
         ("providesDirectionalDerivative", capabilities.directional_derivatives.to_string()),
     ];
     empty(writer, "CoSimulation", attributes)

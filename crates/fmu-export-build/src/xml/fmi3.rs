@@ -37,7 +37,7 @@ fn write_interfaces(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()>
         ("needsExecutionTool", false.to_string()),
         ("canBeInstantiatedOnlyOncePerProcess", false.to_string()),
         ("canGetAndSetFMUState", capabilities.get_and_set_state.to_string()),
-        ("canSerializeFMUState", capabilities.serialize_state.to_string()),
+        ("canSerializeFMUState", capabilities.serializes_state().to_string()),
         ("providesDirectionalDerivatives", capabilities.directional_derivatives.to_string()),
         ("providesAdjointDerivatives", capabilities.adjoint_derivatives.to_string()),
         ("providesPerElementDependencies", false.to_string()),

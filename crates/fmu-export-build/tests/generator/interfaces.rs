@@ -402,6 +402,54 @@ fn edited(name: &str, version: Version, edits: &[(&str, &str)]) -> Result<Genera
     generate_into(&file, &folder, &package(), fmi).map_err(|error| error.to_string())
 }
 
+/// FMI 2.0.5, section 4.3.1: who can serialize a state can get and set it.
+#[test]
+fn a_state_that_cannot_be_saved_is_not_serialized() {
+    for version in Version::ALL {
+        let both = "\"get_and_set_state\": true, \"serialize_state\": true";
+        let capabilities = (both, "\"get_and_set_state\": false");
+        let generated = edited("no states", version, &[capabilities]).expect("one follows from the other");
+        let (xml, rust) = (read(&generated.model_description), read(&generated.variables));
+        assert_eq!(
+            xml.matches("State=\"false\"").count() + xml.matches("state=\"false\"").count(),
+            4,
+            "{xml}"
+        );
+        assert!(rust.contains("serialize_state: false,"));
+    }
+}
+
+/// The names in a terminal are those of the variables in the description, in which an array of FMI 3.0 is one variable.
+#[test]
+fn members_of_terminals_are_variables_of_the_version() {
+    let with = |name: &str, version, member: &str| {
+        let members = format!("\"variables\": [\"{member}\", ");
+        let generated =
+            edited(name, version, &[("\"variables\": [\"inflow\"", &format!("{members}\"inflow\""))])?;
+        Ok::<_, String>(read(&generated.terminals.expect("the model has some")))
+    };
+    for (version, members) in [
+        (
+            Version::Two,
+            &["settings.table[1,1]", "settings.table[1,2]", "settings.table[2,1]", "settings.table[2,2]"][..],
+        ),
+        (Version::Three, &["settings.table"][..]),
+    ] {
+        let terminals = with("array in a terminal", version, "settings.table").expect("it may be in one");
+        for member in members {
+            assert!(
+                terminals.contains(&format!("variableName=\"{member}\" memberName=\"{member}\"")),
+                "{terminals}"
+            );
+        }
+        assert_eq!(terminals.matches("settings.table").count(), 2 * members.len());
+    }
+    with("element of FMI 2.0", Version::Two, "settings.table[2,1]").expect("it is a variable");
+    let refused = with("element of FMI 3.0", Version::Three, "settings.table[2,1]").expect_err("it is none");
+    let reason = "in FMI 3.0 the array of 'settings.table[2,1]' is one variable; name the array";
+    assert!(refused.contains(".variables[0]: ") && refused.ends_with(reason), "{refused}");
+}
+
 /// Event indicators follow all other variables.
 #[test]
 fn the_largest_value_reference_leaves_room_for_others() {
