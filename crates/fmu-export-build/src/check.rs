@@ -13,19 +13,28 @@ use crate::declaration::{
 };
 use crate::error::{Refusals, nearest};
 use crate::interfaces::Version;
-use crate::model::{DataType, Part, Place, Scalar, Start, Whole};
+use crate::model::{DataType, Model, Part, Place, Scalar, Start, Whole};
 use crate::rust;
 use crate::units::Units;
 use crate::xml;
 
 /// Words of Rust that cannot be names of fields.
-const RESERVED: [&str; 50] = [
+const RESERVED: [&str; 51] = [
     "abstract", "as", "async", "await", "become", "box", "break", "const", "continue", "crate", "do", "dyn",
     "else", "enum", "extern", "false", "final", "fn", "for", "gen", "if", "impl", "in", "let", "loop",
     "macro", "match", "mod", "move", "mut", "override", "priv", "pub", "ref", "return", "self", "static",
     "struct", "super", "trait", "true", "try", "type", "typeof", "unsafe", "unsized", "use", "virtual",
-    "where", "while",
+    "where", "while", "yield",
 ];
+
+/// The longest name, in bytes: longer ones than anyone reads would take long to look up.
+pub(crate) const LONGEST_NAME: usize = 200;
+
+/// How many scalar variables a model has at most: more than anyone compiles.
+const MOST_VARIABLES: usize = 100_000;
+
+/// How many dimensions an array has at most.
+const MOST_DIMENSIONS: usize = 16;
 
 /// The checks that need no variable.
 pub(crate) fn declaration(declaration: &Declaration, identifier: &str, refusals: &mut Refusals) {
@@ -41,6 +50,10 @@ pub(crate) fn declaration(declaration: &Declaration, identifier: &str, refusals:
         if experiment.step_size.is_some_and(|size| size <= 0.0) {
             refusals.add("default_experiment.step_size", "it is not greater than 0");
         }
+    }
+    if declaration.capabilities.serialize_state == Some(true) && !declaration.capabilities.get_and_set_state {
+        let reason = "a state that cannot be saved cannot be serialized, and 'get_and_set_state' is false";
+        refusals.add("capabilities.serialize_state", reason);
     }
     names(declaration, refusals);
     event_indicators(declaration, refusals);
@@ -63,8 +76,11 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
             refusals.add(format!("{key}.items"), format!("{name}: it has no items"));
         }
         for (number, item) in enumeration.items.iter().enumerate() {
-            if let Err(reason) = mixed_name(&item.name, "letters, digits, underscores and spaces") {
-                refusals.add(format!("{key}.items[{number}].name"), reason);
+            let (name, key) = (&item.name, format!("{key}.items[{number}].name"));
+            if let Err(reason) = mixed_name(name, "letters, digits, underscores and spaces") {
+                refusals.add(key, reason);
+            } else if rust::pascal_case(name) == "Self" {
+                refusals.add(key, format!("'{name}' would be 'Self' in Rust, which is a reserved word"));
             }
         }
         let variants = enumeration.items.iter().map(|item| rust::pascal_case(&item.name));
@@ -80,9 +96,10 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
     let components: Vec<_> = declaration.components.iter().map(|component| component.name.clone()).collect();
     field_names("components", &components, refusals);
     unique("components", components.clone(), refusals);
+    let variables = declaration.variables.iter().map(|variable| rust::snake_case(&variable.name));
+    let variables: BTreeSet<_> = variables.chain(["time".to_owned()]).collect();
     for (number, component) in components.iter().enumerate() {
-        let variables = declaration.variables.iter().map(|variable| variable.name.as_str());
-        if variables.chain(["time"]).any(|variable| variable == component) {
+        if variables.contains(component) {
             let reason = format!("'{component}' is the name of a variable, too");
             refusals.add(format!("components[{number}].name"), reason);
         }
@@ -104,7 +121,10 @@ fn event_indicators(declaration: &Declaration, refusals: &mut Refusals) {
 }
 
 /// Terminals: their names, and that their variables are there, each once.
-pub(crate) fn terminals(declaration: &Declaration, scalars: &[Scalar], refusals: &mut Refusals) {
+pub(crate) fn terminals(model: &Model<'_>, refusals: &mut Refusals) {
+    let Model { declaration, scalars, names, .. } = model;
+    let elements: BTreeSet<_> =
+        model.arrays().into_iter().flatten().map(|element| &scalars[element].name).collect();
     let terminals = &declaration.terminals;
     unique("terminals", terminals.iter().map(|terminal| terminal.name.clone()), refusals);
     for (number, terminal) in terminals.iter().enumerate() {
@@ -118,12 +138,17 @@ pub(crate) fn terminals(declaration: &Declaration, scalars: &[Scalar], refusals:
         let mut seen = BTreeSet::new();
         for (position, name) in terminal.variables.iter().enumerate() {
             let key = format!("{key}.variables[{position}]");
-            if !scalars.iter().any(|scalar| scalar.name == *name) {
-                let nearest = nearest(name, scalars.iter().map(|scalar| scalar.name.clone()));
-                refusals.add(key, format!("{}: there is no variable '{name}'{nearest}", terminal.name));
-            } else if !seen.insert(name) {
-                refusals.add(key, format!("{}: '{name}' is in it twice", terminal.name));
-            }
+            let reason = match names.get(name) {
+                None => format!("there is no variable '{name}'{}", nearest(name, names.keys().cloned())),
+                Some(_) if elements.contains(name) => {
+                    format!("in FMI 3.0 the array of '{name}' is one variable; name the array")
+                }
+                Some(positions) if !positions.iter().all(|position| seen.insert(position)) => {
+                    format!("'{name}' is in it twice")
+                }
+                Some(_) => continue,
+            };
+            refusals.add(key, format!("{}: {reason}", terminal.name));
         }
     }
 }
@@ -173,8 +198,18 @@ fn one_line(text: &str) -> Result<(), String> {
     if !survives_xml(text) {
         return Err("the text contains a character that XML does not keep, such as a line break".to_owned());
     }
+    if text.contains(DIRECTION_OF_WRITING) {
+        return Err("the text contains a mark for the direction of writing, which Rust refuses".to_owned());
+    }
     Ok(())
 }
+
+/// The marks that rustc's lint `text_direction_codepoint_in_comment` refuses: an editor shows another text by them than the
+/// one that is there.
+const DIRECTION_OF_WRITING: [char; 9] = [
+    '\u{202a}', '\u{202b}', '\u{202c}', '\u{202d}', '\u{202e}', '\u{2066}', '\u{2067}', '\u{2068}',
+    '\u{2069}',
+];
 
 /// Whether an attribute of XML carries a text unchanged: tabs and line breaks become spaces, and most other
 /// control characters and two of Unicode's code points are not allowed in XML at all.
@@ -199,6 +234,9 @@ fn is_c_identifier(name: &str) -> bool {
 }
 
 fn type_name(name: &str, key: &str, refusals: &mut Refusals) {
+    if let Err(reason) = length(name) {
+        return refusals.add(format!("{key}.name"), reason);
+    }
     let upper = name.starts_with(|first: char| first.is_ascii_uppercase());
     if !upper || name == "Self" || !name.chars().all(|character| character.is_ascii_alphanumeric()) {
         refusals.add(format!("{key}.name"), format!("'{name}' is not written like this: TypeName"));
@@ -213,7 +251,16 @@ fn field_names(list: &str, names: &[String], refusals: &mut Refusals) {
     }
 }
 
+pub(crate) fn length(name: &str) -> Result<(), String> {
+    if name.len() <= LONGEST_NAME {
+        return Ok(());
+    }
+    let start: String = name.chars().take(20).collect();
+    Err(format!("'{start}…' is longer than {LONGEST_NAME} bytes"))
+}
+
 fn field_name(name: &str) -> Result<(), String> {
+    length(name)?;
     let lower =
         |character: char| character.is_ascii_lowercase() || character.is_ascii_digit() || character == '_';
     if !name.starts_with(|first: char| first.is_ascii_lowercase()) || !name.chars().all(lower) {
@@ -227,6 +274,7 @@ fn field_name(name: &str) -> Result<(), String> {
 
 /// A name that is written differently in Rust; it is made of what is said in words.
 fn mixed_name(name: &str, made_of: &str) -> Result<(), String> {
+    length(name)?;
     let allowed = |character: char| {
         character.is_ascii_alphanumeric()
             || character == '_'
@@ -254,11 +302,12 @@ pub(crate) struct Checked {
 /// The key of a variable that is to blame, and the reason.
 pub(crate) type Blame = (&'static str, String);
 
-/// The checks of one declared variable by itself.
+/// The checks of one declared variable, which comes after so many scalars.
 pub(crate) fn variable(
     declaration: &Declaration,
     variable: &VariableDeclaration,
     start: Option<&Value>,
+    before: usize,
 ) -> Result<Checked, Blame> {
     mixed_name(&variable.name, "letters, digits and underscores").map_err(|reason| {
         let component = variable.name.split_once('.').map(|(component, own)| {
@@ -272,6 +321,20 @@ pub(crate) fn variable(
     let derivative = variable.derivative.as_ref();
     if let Some(description) = derivative.and_then(|derivative| derivative.description.as_ref()) {
         one_line(description).map_err(|reason| ("derivative.description", reason))?;
+    }
+    if variable.sizes.contains(&0) {
+        return Err(("dimensions", "a dimension is 0".to_owned()));
+    }
+    if variable.sizes.len() > MOST_DIMENSIONS {
+        return Err(("dimensions", format!("an array has at most {MOST_DIMENSIONS}")));
+    }
+    let with_derivative = if variable.derivative.is_some() { 2 } else { 1 };
+    let scalars =
+        variable.sizes.iter().try_fold(with_derivative, |product: usize, &size| product.checked_mul(size));
+    if scalars.is_none_or(|scalars| scalars > MOST_VARIABLES - before.min(MOST_VARIABLES)) {
+        let reason = "with arrays' elements and derivatives";
+        let key = if variable.sizes.is_empty() { "name" } else { "dimensions" };
+        return Err((key, format!("a model has at most {MOST_VARIABLES} variables, {reason}")));
     }
     let data_type = data_type(declaration, variable).map_err(|reason| ("type", reason))?;
     let (place, variability) = place(variable, data_type)?;
@@ -288,9 +351,6 @@ pub(crate) fn variable(
             "previous",
             "what has a previous value is 'discrete', and belongs to 'clocks'".to_owned(),
         ));
-    }
-    if variable.sizes.contains(&0) {
-        return Err(("dimensions", "a dimension is 0".to_owned()));
     }
     let has_start = matches!(place, Place::Inputs | Place::States) || initial == Some(Initial::Exact);
     let starts = match start {
@@ -644,6 +704,7 @@ fn start_value(
 /// The checks of the file of units by itself.
 pub(crate) fn units(units: &[UnitDeclaration], refusals: &mut Refusals) {
     let mut names = BTreeSet::new();
+    let known = Units::new(units);
     for (number, unit) in units.iter().enumerate() {
         let (name, key) = (&unit.name, format!("[{number}]"));
         let mut refuse = |key: String, reason: &str| refusals.add(key, format!("'{name}': {reason}"));
@@ -672,7 +733,7 @@ pub(crate) fn units(units: &[UnitDeclaration], refusals: &mut Refusals) {
                 refuse(format!("{key}.factor"), "it is 0");
             }
         }
-        if let Err(reason) = Units::new(units).find(name) {
+        if let Err(reason) = known.find(name) {
             refusals.add(format!("{key}.display_units"), reason);
         }
     }
@@ -686,11 +747,12 @@ pub(crate) fn state_groups(
     refusals: &mut Refusals,
 ) {
     let groups = &declaration.state_groups;
+    let names: BTreeSet<_> = groups.iter().map(|group| group.name.as_str()).collect();
     for part in parts {
         let state = part.fields.iter().find(|field| field.place == Place::States);
         let component = part.name.unwrap_or_default();
         match (part.state_group, state) {
-            (Some(group), _) if groups.iter().all(|known| known.name != group) => {
+            (Some(group), _) if !names.contains(group) => {
                 let nearest = nearest(group, groups.iter().map(|known| known.name.clone()));
                 let reason = format!("{component}: '{group}' is not one of the state_groups{nearest}");
                 refusals.add(format!("{}.state_group", part.key), reason);
@@ -706,8 +768,9 @@ pub(crate) fn state_groups(
             _ => {}
         }
     }
+    let used: BTreeSet<_> = parts.iter().filter_map(|part| part.state_group).collect();
     for (number, group) in groups.iter().enumerate() {
-        if parts.iter().all(|part| part.state_group != Some(&group.name)) {
+        if !used.contains(group.name.as_str()) {
             let reason = format!("no component is in the state group '{}'", group.name);
             refusals.add(format!("state_groups[{number}]"), reason);
         }

@@ -175,7 +175,7 @@ pub(crate) struct TerminalDeclaration {
     /// Default: bus.
     #[serde(default)]
     pub(crate) matching_rule: MatchingRule,
-    /// The variables, by whose names the members are connected.
+    /// The variables, by whose names the members are connected; in FMI 3.0 arrays as a whole.
     pub(crate) variables: Vec<String>,
 }
 
@@ -216,14 +216,20 @@ pub(crate) struct Capabilities {
     pub(crate) interpolate_inputs: bool,
     /// The state can be saved and restored.
     pub(crate) get_and_set_state: bool,
-    /// A saved state can be carried into another process.
-    pub(crate) serialize_state: bool,
+    /// A saved state can be carried into another process. Default: whether it can be saved.
+    pub(crate) serialize_state: Option<bool>,
     /// The model implements `Model::differentiate`.
     pub(crate) directional_derivatives: bool,
     /// The model implements `Model::differentiate_backwards`. In FMI 3.0 alone.
     pub(crate) adjoint_derivatives: bool,
     /// In Co-Simulation of FMI 3.0, importers may handle the model's events, and exchange values between internal steps.
     pub(crate) event_mode: bool,
+}
+
+impl Capabilities {
+    pub(crate) fn serializes_state(&self) -> bool {
+        self.serialize_state.unwrap_or(self.get_and_set_state)
+    }
 }
 
 /// What the runtime does for every model.
@@ -233,7 +239,7 @@ impl Default for Capabilities {
             variable_communication_step_size: true,
             interpolate_inputs: true,
             get_and_set_state: true,
-            serialize_state: true,
+            serialize_state: None,
             directional_derivatives: false,
             adjoint_derivatives: false,
             event_mode: false,
@@ -266,7 +272,7 @@ pub(crate) struct EnumerationDeclaration {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct VariableDeclaration {
-    /// Letters, digits and underscores. In Rust it is written like this: `lower_case`.
+    /// Letters, digits and underscores, up to 200. In Rust it is written like this: `lower_case`.
     pub(crate) name: String,
     /// What it is.
     pub(crate) description: Option<String>,
@@ -298,7 +304,8 @@ pub(crate) struct VariableDeclaration {
     #[serde(default)]
     #[cfg_attr(test, schemars(schema_with = "start_schema"))]
     pub(crate) start: Option<Value>,
-    /// The sizes of an array; in FMI 3.0 also the names of structural parameters.
+    /// The sizes of an array, up to 16; in FMI 3.0 also the names of structural parameters. A model has up to 100000
+    /// variables, with the elements of arrays and the derivatives.
     #[serde(default)]
     pub(crate) dimensions: Vec<Dimension>,
     /// The same as numbers, by [`Declaration::find_sizes`].
@@ -315,7 +322,8 @@ pub(crate) struct VariableDeclaration {
     pub(crate) reads: Option<Vec<String>>,
     /// The same for initialization, where that differs.
     pub(crate) initial_reads: Option<Vec<String>>,
-    /// The number by which importers know it; of an array, the number of the first element. Default: the next free one.
+    /// The number by which importers know it, up to 2147483647; of an array, the number of the first element. Default: the
+    /// next free one.
     pub(crate) value_reference: Option<u32>,
     /// The clocks at whose ticks alone the variable changes.
     #[serde(default)]

@@ -4,8 +4,11 @@
 //! algebraic loops between FMUs they ask which *inputs* an output depends on, through all variables between. Where an
 //! equation does not say what it reads, the closure is everything.
 
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::rc::Rc;
+
 use crate::declaration::Causality;
-use crate::error::Refusals;
+use crate::error::{Refusal, Refusals};
 use crate::interfaces::Version;
 use crate::model::{Place, Reads, Scalar};
 
@@ -24,97 +27,172 @@ pub(crate) struct Structure {
 /// A variable and the knowns it depends on, as ascending positions; none where it may depend on each.
 pub(crate) struct Unknown {
     pub(crate) scalar: usize,
-    pub(crate) dependencies: Option<Vec<usize>>,
+    pub(crate) dependencies: Closure,
+}
+
+/// How many reads are followed at most, so that no model takes minutes.
+pub(crate) const MOST: usize = 2_000_000;
+
+/// What is said of the variable at which there are more.
+pub(crate) fn too_many(scalar: &Scalar) -> String {
+    format!("{}: following all reads up to here takes more than {MOST} steps; leave some out", scalar.name)
 }
 
 impl Structure {
     /// In FMI 3.0 an unknown depends on parameters and discrete-time states as well (section 2.4.8).
-    pub(crate) fn new(scalars: &[Scalar], version: Version) -> Self {
+    pub(crate) fn new(scalars: &[Scalar], version: Version) -> Result<Self, Refusal> {
         let known_in_steps: fn(&Scalar) -> bool = match version {
             Version::Two => Scalar::known_in_steps,
             Version::Three => {
                 |scalar| scalar.known_in_steps() || scalar.place == Place::Parameters || scalar.is_previous
             }
         };
-        let unknowns = |wanted: fn(&Scalar) -> bool,
-                        known: fn(&Scalar) -> bool,
-                        reads: fn(&Scalar) -> &Reads| {
-            let wanted = (0..scalars.len()).filter(|&position| wanted(&scalars[position]));
-            let unknown = |scalar| Unknown { scalar, dependencies: closure(scalars, scalar, known, reads) };
-            wanted.map(unknown).collect()
+        let in_steps = closures(scalars, known_in_steps, |scalar| &scalar.reads, "reads")?;
+        let in_initialization = closures(
+            scalars,
+            Scalar::known_in_initialization,
+            |scalar| &scalar.initial_reads,
+            "initial_reads",
+        )?;
+        let unknowns = |wanted: fn(&Scalar) -> bool, closures: &[Closure]| {
+            let wanted = scalars.iter().zip(closures).enumerate().filter(|(_, (scalar, _))| wanted(scalar));
+            wanted.map(|(scalar, (_, closure))| Unknown { scalar, dependencies: closure.clone() }).collect()
         };
-        let in_steps = |wanted| unknowns(wanted, known_in_steps, |scalar| &scalar.reads);
-        Self {
-            outputs: in_steps(|scalar| scalar.causality == Some(Causality::Output)),
-            derivatives: in_steps(|scalar| scalar.place == Place::Derivatives),
-            clocked_states: in_steps(|scalar| scalar.previous.is_some()),
-            initial_unknowns: unknowns(
-                Scalar::unknown_in_initialization,
-                Scalar::known_in_initialization,
-                |scalar| &scalar.initial_reads,
-            ),
-        }
+        Ok(Self {
+            outputs: unknowns(|scalar| scalar.causality == Some(Causality::Output), &in_steps),
+            derivatives: unknowns(|scalar| scalar.place == Place::Derivatives, &in_steps),
+            clocked_states: unknowns(|scalar| scalar.previous.is_some(), &in_steps),
+            initial_unknowns: unknowns(Scalar::unknown_in_initialization, &in_initialization),
+        })
     }
 }
 
-/// The knowns that are reached from a variable through the variables in between. A state that is an output
-/// depends on itself.
-fn closure(
+/// The knowns that are reached from a variable through the variables in between, as ascending positions; none where it
+/// may depend on each.
+type Closure = Option<Rc<[usize]>>;
+
+/// The closure of each variable. A state that is an output depends on itself.
+fn closures(
     scalars: &[Scalar],
-    from: usize,
     known: fn(&Scalar) -> bool,
     reads: fn(&Scalar) -> &Reads,
-) -> Option<Vec<usize>> {
-    let mut reached = vec![false; scalars.len()];
-    let mut pending = vec![from];
-    while let Some(position) = pending.pop() {
-        if known(&scalars[position]) {
-            reached[position] = true;
-            continue;
+    list: &str,
+) -> Result<Vec<Closure>, Refusal> {
+    let of = |position: usize| match &scalars[position] {
+        scalar if known(scalar) => Some(&[][..]),
+        scalar => reads(scalar).as_deref(),
+    };
+    let mut closures: Vec<Closure> = vec![None; scalars.len()];
+    // Those that are the same are one, as those of variables with the same reads are.
+    let mut distinct: BTreeSet<Rc<[usize]>> = BTreeSet::new();
+    let (mut last, mut steps) = (vec![0; scalars.len()], 0);
+    for (number, circle) in
+        circles(scalars.len(), |position| of(position).unwrap_or_default()).iter().enumerate()
+    {
+        // Each known once: `last` has the circle that it was added for, counted from 1.
+        let mut add = |position: usize, reached: &mut Vec<usize>| {
+            if std::mem::replace(&mut last[position], number + 1) != number + 1 {
+                reached.push(position);
+            }
+        };
+        let (mut reached, mut sources) = (Vec::new(), BTreeSet::new());
+        let is_open = circle.iter().any(|&member| {
+            let Some(reads) = of(member) else { return true };
+            if known(&scalars[member]) {
+                add(member, &mut reached);
+            }
+            let outside = reads.iter().filter(|read| circle.binary_search(read).is_err());
+            outside.map(|&read| closures[read].as_ref()).any(|closure| match closure {
+                Some(closure) if sources.insert(closure.as_ptr()) => {
+                    steps += closure.len();
+                    closure.iter().for_each(|&position| add(position, &mut reached));
+                    false
+                }
+                closure => closure.is_none(),
+            })
+        });
+        if steps > MOST {
+            let scalar = &scalars[circle[0]];
+            return Err(Refusal::new(format!("{}.{list}", scalar.key), too_many(scalar)));
         }
-        for &read in reads(&scalars[position]).as_ref()? {
-            if !reached[read] {
-                reached[read] = true;
-                pending.push(read);
+        if !is_open {
+            reached.sort_unstable();
+            let closure = distinct.get(reached.as_slice()).cloned().unwrap_or_else(|| reached.into());
+            distinct.insert(Rc::clone(&closure));
+            for &member in circle {
+                closures[member] = Some(Rc::clone(&closure));
             }
         }
     }
-    Some((0..scalars.len()).filter(|&position| reached[position] && known(&scalars[position])).collect())
+    Ok(closures)
+}
+
+/// The variables that read each other in circles, and each other one by itself, after all that they read: Tarjan's
+/// strongly connected components, each in ascending order.
+fn circles<'r>(count: usize, reads: impl Fn(usize) -> &'r [usize]) -> Vec<Vec<usize>> {
+    const NOT_SEEN: usize = usize::MAX;
+    let (mut circles, mut open, mut seen) = (Vec::new(), Vec::new(), 0);
+    // When each was seen first, and the earliest that is reached from it and open.
+    let (mut first, mut earliest, mut is_open) = (vec![NOT_SEEN; count], vec![0; count], vec![false; count]);
+    for start in 0..count {
+        let mut path = if first[start] == NOT_SEEN { vec![(start, 0)] } else { Vec::new() };
+        while let Some((position, next)) = path.last_mut() {
+            let position = *position;
+            if *next == 0 {
+                (first[position], earliest[position], is_open[position]) = (seen, seen, true);
+                open.push(position);
+                seen += 1;
+            }
+            if let Some(&read) = reads(position).get(*next) {
+                *next += 1;
+                if first[read] == NOT_SEEN {
+                    path.push((read, 0));
+                } else if is_open[read] {
+                    earliest[position] = earliest[position].min(first[read]);
+                }
+                continue;
+            }
+            path.pop();
+            if let Some(&(reader, _)) = path.last() {
+                earliest[reader] = earliest[reader].min(earliest[position]);
+            }
+            if earliest[position] == first[position] {
+                let begin = open.iter().rposition(|&other| other == position).unwrap_or(0);
+                let mut circle = open.split_off(begin);
+                for &member in &circle {
+                    is_open[member] = false;
+                }
+                circle.sort_unstable();
+                circles.push(circle);
+            }
+        }
+    }
+    circles
 }
 
 /// Refuses variables that read each other in a circle without a state in between: no order of the
 /// equations computes them. (In initialization states may be solved for together, so a circle through
 /// `initial_reads` is a system of equations and allowed.)
 pub(crate) fn refuse_cycles(scalars: &[Scalar], refusals: &mut Refusals) {
-    let mut finished = vec![false; scalars.len()];
-    for position in 0..scalars.len() {
-        if let Some(cycle) = find_cycle(scalars, position, &mut Vec::new(), &mut finished) {
-            let names: Vec<_> = cycle.iter().map(|&position| scalars[position].name.as_str()).collect();
-            let reason = format!("{} reads itself: {} -> {}", names[0], names.join(" -> "), names[0]);
-            return refusals.add(format!("{}.reads", scalars[cycle[0]].key), reason);
+    let reads = |position: usize| scalars[position].reads.as_deref().unwrap_or_default();
+    let circles = circles(scalars.len(), reads).into_iter();
+    let first = circles.filter(|circle| circle.len() > 1 || reads(circle[0]).contains(&circle[0])).min();
+    let Some(circle) = first else { return };
+    // The shortest way from its first variable back to it, by who reads whom.
+    let (mut reader, mut pending) = (BTreeMap::new(), VecDeque::from([circle[0]]));
+    while let Some(position) = pending.pop_front().filter(|_| !reader.contains_key(&circle[0])) {
+        for read in reads(position).iter().filter(|read| circle.binary_search(read).is_ok()) {
+            reader.entry(*read).or_insert_with(|| {
+                pending.push_back(*read);
+                position
+            });
         }
     }
-}
-
-/// Searches in depth; `path` holds the variables between the first one and this one.
-fn find_cycle(
-    scalars: &[Scalar],
-    position: usize,
-    path: &mut Vec<usize>,
-    finished: &mut [bool],
-) -> Option<Vec<usize>> {
-    if let Some(start) = path.iter().position(|&passed| passed == position) {
-        return Some(path[start..].to_vec());
+    let mut way = vec![circle[0]];
+    while way.len() == 1 || way[way.len() - 1] != circle[0] {
+        way.push(reader[&way[way.len() - 1]]);
     }
-    if !finished[position] {
-        path.push(position);
-        let reads = scalars[position].reads.iter().flatten();
-        let found = reads.copied().find_map(|read| find_cycle(scalars, read, path, finished));
-        if found.is_some() {
-            return found;
-        }
-        path.pop();
-        finished[position] = true;
-    }
-    None
+    let names: Vec<_> = way.iter().rev().map(|&position| scalars[position].name.as_str()).collect();
+    let reason = format!("{} reads itself: {}", names[0], names.join(" -> "));
+    refusals.add(format!("{}.reads", scalars[circle[0]].key), reason);
 }

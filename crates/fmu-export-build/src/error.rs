@@ -1,5 +1,6 @@
 //! What is wrong in a declaration, and where.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -87,7 +88,10 @@ impl Refusal {
 /// Refusals that are collected, to be told all at once: of each key the first, as what is wrong in a component type
 /// is wrong in all its components.
 #[derive(Debug, Default)]
-pub(crate) struct Refusals(Vec<Refusal>);
+pub(crate) struct Refusals {
+    found: Vec<Refusal>,
+    keys: BTreeSet<String>,
+}
 
 impl Refusals {
     pub(crate) fn add(&mut self, key: impl Into<String>, reason: impl Into<String>) {
@@ -95,8 +99,8 @@ impl Refusals {
     }
 
     fn push(&mut self, refusal: Refusal) {
-        if self.0.iter().all(|known| known.key != refusal.key) {
-            self.0.push(refusal);
+        if self.keys.insert(refusal.key.clone()) {
+            self.found.push(refusal);
         }
     }
 
@@ -107,7 +111,7 @@ impl Refusals {
 
     /// Ends a round of checks whose results the next ones need.
     pub(crate) fn check(&mut self) -> Result<(), Self> {
-        if self.0.is_empty() { Ok(()) } else { Err(std::mem::take(self)) }
+        if self.found.is_empty() { Ok(()) } else { Err(std::mem::take(self)) }
     }
 }
 
@@ -116,7 +120,21 @@ impl IntoIterator for Refusals {
     type IntoIter = std::vec::IntoIter<Refusal>;
 
     fn into_iter(self) -> Self::IntoIter {
-        self.0.into_iter()
+        self.found.into_iter()
+    }
+}
+
+/// The lines of a text, by the positions of its line breaks.
+pub(crate) struct Lines(Vec<usize>);
+
+impl Lines {
+    pub(crate) fn new(text: &str) -> Self {
+        Self(text.match_indices('\n').map(|(position, _)| position).collect())
+    }
+
+    /// The line that a position is in.
+    pub(crate) fn of(&self, position: usize) -> usize {
+        1 + self.0.partition_point(|&line_break| line_break < position)
     }
 }
 
@@ -180,9 +198,9 @@ impl Source {
             &jsonc_parser::ParseOptions::default(),
         );
         let root = parsed.ok().and_then(|parsed| parsed.value);
+        let lines = Lines::new(&self.text);
         let findings = refusals.into_iter().map(|Refusal { key, reason }| {
-            let before = root.as_ref().map(|root| &self.text[..offset(root, &key)]);
-            let line = before.map(|before| 1 + before.matches('\n').count());
+            let line = root.as_ref().map(|root| lines.of(offset(root, &key)));
             Finding { file: self.file.clone(), line, key, reason }
         });
         let mut findings: Vec<_> = findings.collect();

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion, escape};
 
-use crate::error::{Error, nearest};
+use crate::error::{Error, Lines, nearest};
 use crate::page::breakable;
 
 /// A fragment that is ready for the page.
@@ -38,10 +38,62 @@ impl Fragment {
 /// The ids of the page's own sections begin so.
 pub(crate) const PAGE_ID: &str = "page-";
 
-/// Elements that load or run something, or that only a whole page has.
-const REFUSED: [&str; 15] = [
-    "audio", "base", "body", "embed", "h1", "h2", "head", "html", "iframe", "link", "meta", "object",
-    "script", "style", "video",
+/// The elements of a language, which is HTML outside of `<math>` and `<svg>`: none that loads or runs something, or that
+/// only a whole page has.
+type Language = &'static [&'static str];
+
+#[rustfmt::skip]
+const HTML: Language = &[
+    "a", "abbr", "b", "blockquote", "br", "caption", "cite", "code", "col", "colgroup", "dd", "details", "dfn", "div",
+    "dl", "dt", "em", "figcaption", "figure", "h3", "h4", "h5", "h6", "hr", "i", "img", "kbd", "li", "mark", "math", "ol",
+    "p", "pre", "q", "s", "samp", "section", "small", "span", "strong", "sub", "summary", "sup", "svg", "table", "tbody",
+    "td", "tfoot", "th", "thead", "tr", "u", "ul", "var", "wbr",
+];
+#[rustfmt::skip]
+const MATHML: Language = &[
+    "annotation", "menclose", "merror", "mfrac", "mi", "mmultiscripts", "mn", "mo", "mover", "mpadded", "mphantom",
+    "mprescripts", "mroot", "mrow", "ms", "mspace", "msqrt", "mstyle", "msub", "msubsup", "msup", "mtable", "mtd", "mtext",
+    "mtr", "munder", "munderover", "none", "semantics",
+];
+#[rustfmt::skip]
+const SVG: Language = &[
+    "a", "circle", "clipPath", "defs", "desc", "ellipse", "g", "image", "line", "linearGradient", "marker", "mask", "path",
+    "pattern", "polygon", "polyline", "radialGradient", "rect", "stop", "svg", "switch", "symbol", "text", "textPath",
+    "title", "tspan", "use",
+];
+
+/// The attributes that may stand in a fragment, beside those that begin with `aria-` or `data-`: what an element looks like
+/// and is called.
+#[rustfmt::skip]
+const ATTRIBUTES: [&str; 140] = [
+    // Of every language.
+    "class", "dir", "display", "height", "href", "id", "lang", "role", "style", "width", "xlink:href", "xml:lang",
+    "xml:space", "xmlns", "xmlns:xlink",
+    // HTML
+    "colspan", "headers", "open", "reversed", "rowspan", "scope", "span", "src", "start", "tabindex", "type", "value",
+    // MathML
+    "accent", "accentunder", "align", "close", "columnalign", "columnlines", "columnspacing", "depth", "displaystyle",
+    "encoding", "fence", "form", "frame", "largeop", "linethickness", "lspace", "mathbackground", "mathcolor", "mathsize",
+    "mathvariant", "maxsize", "minsize", "movablelimits", "notation", "rowalign", "rowlines", "rowspacing", "rspace",
+    "scriptlevel", "separator", "separators", "stretchy", "symmetric", "voffset",
+    // SVG
+    "alignment-baseline", "baseline-shift", "clip-path", "clip-rule", "clipPathUnits", "color", "cx", "cy", "d",
+    "dominant-baseline", "dx", "dy", "fill", "fill-opacity", "fill-rule", "font-family", "font-size", "font-style",
+    "font-variant", "font-weight", "fx", "fy", "gradientTransform", "gradientUnits", "letter-spacing", "marker-end",
+    "marker-mid", "marker-start", "markerHeight", "markerUnits", "markerWidth", "mask", "maskContentUnits", "maskUnits",
+    "offset", "opacity", "orient", "overflow", "paint-order", "pathLength", "patternContentUnits", "patternTransform",
+    "patternUnits", "points", "preserveAspectRatio", "r", "refX", "refY", "rotate", "rx", "ry", "shape-rendering",
+    "spreadMethod", "startOffset", "stop-color", "stop-opacity", "stroke", "stroke-dasharray", "stroke-dashoffset",
+    "stroke-linecap", "stroke-linejoin", "stroke-miterlimit", "stroke-opacity", "stroke-width", "text-anchor",
+    "text-decoration", "textLength", "transform", "vector-effect", "version", "viewBox", "visibility", "word-spacing", "x",
+    "x1", "x2", "y", "y1", "y2",
+];
+
+/// The functions of CSS that may stand in an attribute, beside `url(#…)`.
+#[rustfmt::skip]
+const FUNCTIONS: [&str; 17] = [
+    "calc", "hsl", "hsla", "light-dark", "matrix", "max", "min", "rgb", "rgba", "rotate", "scale", "skewX", "skewY",
+    "translate", "translateX", "translateY", "var",
 ];
 
 /// HTML's elements without an end tag that may stand in a fragment.
@@ -51,6 +103,7 @@ const VOID: [&str; 5] = ["br", "col", "hr", "img", "wbr"];
 pub(crate) fn read(file: &Path, anchors: &BTreeMap<String, String>) -> Result<Fragment, Error> {
     let mut reading = Reading {
         anchors,
+        taken: anchors.values().map(String::as_str).collect(),
         fragment: Fragment::default(),
         ids: BTreeSet::new(),
         element: 0,
@@ -79,9 +132,19 @@ impl Place {
     }
 }
 
+/// An element that has not ended.
+struct Open {
+    name: String,
+    /// The language of what is within.
+    language: Language,
+    in_heading: bool,
+}
+
 /// The work in progress.
 struct Reading<'a> {
     anchors: &'a BTreeMap<String, String>,
+    /// The ids of the page's own rows.
+    taken: BTreeSet<&'a str>,
     fragment: Fragment,
     ids: BTreeSet<String>,
     /// Where in the markup the outermost open element begins.
@@ -97,46 +160,63 @@ impl Reading<'_> {
         self.fragment.files.push(file.to_owned());
         let mut reader = Reader::from_str(&text);
         reader.config_mut().expand_empty_elements = true;
-        let mut open: Vec<String> = Vec::new();
+        let mut open: Vec<Open> = Vec::new();
+        let lines = Lines::new(&text);
         loop {
             let event = reader.read_event();
             let read = usize::try_from(reader.buffer_position()).unwrap_or(text.len());
-            let line = 1 + text.bytes().take(read).filter(|&byte| byte == b'\n').count();
-            let place = Place { file: file.to_owned(), line };
+            let place = Place { file: file.to_owned(), line: lines.of(read) };
             match event.map_err(|error| place.refuse(&error.to_string()))? {
                 Event::Start(element) => {
                     let name = element.name().as_ref().to_owned();
                     if picture.is_none() && open.is_empty() {
                         self.element = self.fragment.markup.len();
                     }
+                    let around = open.last();
+                    let language = around.map_or(HTML, |open| open.language);
+                    let is_picture = picture.is_some() && open.is_empty();
+                    if !is_picture && !language.contains(&name.as_str()) {
+                        let within = match language {
+                            HTML => "a fragment",
+                            MATHML => "<math>",
+                            _ => "<svg>",
+                        };
+                        return Err(place.refuse(&format!("<{name}> is not among the elements of {within}")));
+                    }
+                    let in_heading = name == "h3" || around.is_some_and(|open| open.in_heading);
+                    let language = match name.as_str() {
+                        "math" => MATHML,
+                        "svg" => SVG,
+                        _ => language,
+                    };
                     match picture {
-                        Some(called) if open.is_empty() => self.begin_picture(&element, called, &place)?,
-                        _ if name == "var" => self.begin_variable(reader.read_event(), &open, &place)?,
+                        Some(called) if is_picture => self.begin_picture(&element, called, &place)?,
+                        _ if name == "var" => self.begin_variable(reader.read_event(), in_heading, &place)?,
                         _ => self.begin(&element, &place)?,
                     }
-                    open.push(name);
+                    open.push(Open { name, language, in_heading });
                 }
                 Event::End(_) => {
-                    let name = open.pop().unwrap_or_default();
+                    let name = open.pop().map(|open| open.name).unwrap_or_default();
                     if name == "var" {
                         self.fragment.markup += "</var></a>";
                     } else if !VOID.contains(&name.as_str()) {
                         self.fragment.markup += &format!("</{name}>");
                     }
                 }
-                Event::Text(text) => self.text(&text, &open),
+                Event::Text(text) => self.text(&text, open.last().is_some_and(|open| open.in_heading)),
                 Event::GeneralRef(reference) => {
                     let reference = format!("&{};", &*reference);
                     // XML has five names; HTML's others are unknown to it.
                     escape::unescape(&reference)
                         .map_err(|_| place.refuse(&format!("write the character itself, not {reference}")))?;
-                    self.text(&reference, &open);
+                    self.text(&reference, open.last().is_some_and(|open| open.in_heading));
                 }
                 Event::CData(_) => return Err(place.refuse("HTML has no CDATA")),
                 Event::Empty(_) | Event::Comment(_) | Event::Decl(_) | Event::PI(_) | Event::DocType(_) => {}
                 Event::Eof => {
                     return match open.last() {
-                        Some(name) => Err(place.refuse(&format!("it ends within <{name}>"))),
+                        Some(Open { name, .. }) => Err(place.refuse(&format!("it ends within <{name}>"))),
                         None => Ok(()),
                     };
                 }
@@ -144,16 +224,14 @@ impl Reading<'_> {
         }
     }
 
-    fn text(&mut self, escaped: &str, open: &[String]) {
+    fn text(&mut self, escaped: &str, in_heading: bool) {
         // Identifiers of one letter are italic, words are not; the style sheet cannot count letters.
         if escaped.chars().count() > 1 && self.fragment.markup.ends_with("<mi>") {
             self.fragment.markup.truncate(self.fragment.markup.len() - ">".len());
             self.fragment.markup += " class=\"word\">";
         }
         self.fragment.markup += escaped;
-        if open.iter().any(|name| name == "h3")
-            && let Some((_, heading)) = self.fragment.headings.last_mut()
-        {
+        if in_heading && let Some((_, heading)) = self.fragment.headings.last_mut() {
             *heading += escaped;
         }
     }
@@ -162,7 +240,7 @@ impl Reading<'_> {
     fn begin_variable(
         &mut self,
         content: quick_xml::Result<Event<'_>>,
-        open: &[String],
+        in_heading: bool,
         place: &Place,
     ) -> Result<(), Error> {
         let Ok(Event::Text(name)) = content else {
@@ -173,16 +251,13 @@ impl Reading<'_> {
             place.refuse(&format!("the model has no variable '{}'{nearest}", &*name))
         })?;
         self.fragment.markup += &format!("<a href=\"#{anchor}\"><var>");
-        self.text(&breakable(&name), open);
+        self.text(&breakable(&name), in_heading);
         Ok(())
     }
 
     fn begin(&mut self, element: &BytesStart<'_>, place: &Place) -> Result<(), Error> {
         let name = element.name();
         let name = name.as_ref();
-        if REFUSED.contains(&name) {
-            return Err(place.refuse(&format!("<{name}> has no place within a page that is whole by itself")));
-        }
         let attributes = attributes(element, place)?;
         let value = |key: &str| attributes.iter().find(|(known, _)| known == key).map(|(_, value)| value);
         if name == "img"
@@ -221,21 +296,35 @@ impl Reading<'_> {
         place: &Place,
     ) -> Result<(), Error> {
         for (key, value) in attributes {
-            let is_link = matches!(key.as_str(), "href" | "xlink:href");
-            let loads = matches!(key.as_str(), "src" | "srcset") || is_link && element != "a";
-            let elsewhere = loads && !value.starts_with(['#']) && !value.starts_with("data:")
-                || value.contains("url(") && !value.contains("url(#");
-            if elsewhere {
-                return Err(place.refuse(&format!("{key}=\"{value}\" is loaded from elsewhere")));
+            let is_text =
+                key.starts_with("aria-") || key.starts_with("data-") || key == "alt" || key == "title";
+            if !is_text && !ATTRIBUTES.contains(&key.as_str()) {
+                return Err(
+                    place.refuse(&format!("{key} of <{element}> is not among the attributes of a fragment"))
+                );
             }
-            if key.starts_with("on") {
-                return Err(place.refuse(&format!("{key} is a script")));
+            let is_link = matches!(key.as_str(), "href" | "xlink:href");
+            let beginnings: &[&str] = match element {
+                "a" => &["#", "https:", "http:", "mailto:"],
+                "img" | "image" => &["data:image/"],
+                _ => &["#"],
+            };
+            let begins = |beginning: &&str| {
+                value.get(..beginning.len()).is_some_and(|own| own.eq_ignore_ascii_case(beginning))
+            };
+            let is_address = is_link || key == "src";
+            if is_address && !beginnings.iter().any(begins) {
+                let reason = format!("{key}=\"{value}\" does not begin with {}", beginnings.join(", "));
+                return Err(place.refuse(&format!("{reason}, as that of <{element}> does")));
+            }
+            if !is_address && !is_text && !is_harmless_css(value) {
+                return Err(place.refuse(&format!("{key}=\"{value}\" may be loaded from elsewhere")));
             }
             if is_link && let Some(target) = value.strip_prefix('#') {
                 self.links.push((place.clone(), target.to_owned()));
             }
             if key == "id" {
-                let taken = value.starts_with(PAGE_ID) || self.anchors.values().any(|anchor| anchor == value);
+                let taken = value.starts_with(PAGE_ID) || self.taken.contains(value.as_str());
                 if taken || !self.ids.insert(value.clone()) {
                     return Err(place.refuse(&format!("another element has the id '{value}'")));
                 }
@@ -245,15 +334,29 @@ impl Reading<'_> {
     }
 }
 
-fn attributes(element: &BytesStart<'_>, place: &Place) -> Result<Vec<(String, String)>, Error> {
-    let attribute = |attribute: Result<quick_xml::events::attributes::Attribute<'_>, _>| {
-        let attribute = attribute.map_err(quick_xml::Error::from)?;
-        let value = attribute.normalized_value(XmlVersion::default())?;
-        Ok((attribute.key.as_ref().to_owned(), value.into_owned()))
+/// Whether a value, read as CSS, names nothing outside the page: it has known functions only, and no escapes, which
+/// would be another way to write one.
+fn is_harmless_css(value: &str) -> bool {
+    let is_name = |letter: char| letter.is_alphanumeric() || matches!(letter, '-' | '_');
+    let parts: Vec<_> = value.split('(').collect();
+    let is_harmless = |parts: &[&str]| {
+        let function = parts[0].rsplit(|letter| !is_name(letter)).next().unwrap_or_default();
+        let is_within = || parts[1].trim_start_matches([' ', '"', '\'']).starts_with('#');
+        function.is_empty() || FUNCTIONS.contains(&function) || function == "url" && is_within()
     };
-    element
-        .attributes()
-        .map(attribute)
-        .collect::<quick_xml::Result<_>>()
-        .map_err(|error| place.refuse(&error.to_string()))
+    !value.contains('\\') && parts.windows(2).all(is_harmless)
+}
+
+fn attributes(element: &BytesStart<'_>, place: &Place) -> Result<Vec<(String, String)>, Error> {
+    let unreadable = |error: quick_xml::Error| place.refuse(&error.to_string());
+    let mut attributes = Vec::new();
+    for attribute in element.attributes() {
+        let attribute = attribute.map_err(|error| unreadable(error.into()))?;
+        let value = attribute.normalized_value(XmlVersion::default()).map_err(unreadable)?;
+        if attribute.value.contains('<') {
+            return Err(place.refuse("write &lt; in an attribute"));
+        }
+        attributes.push((attribute.key.as_ref().to_owned(), value.into_owned()));
+    }
+    Ok(attributes)
 }

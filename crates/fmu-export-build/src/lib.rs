@@ -190,7 +190,8 @@ pub fn generate_into(
     let units_file = beside("units", &declaration.units)?;
     let units = units_file.as_deref().map(read_units).transpose()?.unwrap_or_default();
     let model = Model::new(&declaration, &units, package, fmi).map_err(|refusals| source.error(refusals))?;
-    let structure = dependencies::Structure::new(&model.scalars, model.fmi.version);
+    let structure = dependencies::Structure::new(&model.scalars, model.fmi.version)
+        .map_err(|refusal| source.error([refusal]))?;
     let description = xml::Description::new(&model, &structure);
     let read_fragment = |file: PathBuf| fragment::read(&file, &page::anchors(&model));
     let fragment = beside("documentation", &declaration.documentation)?.map(read_fragment).transpose()?;
@@ -252,9 +253,7 @@ pub fn generate_into(
         documentation: write("index.html", page.as_bytes())?,
         icon: icon.map(|icon| write("model.png", &icon)).transpose()?,
         drawing: drawing.map(|drawing| write("model.svg", &drawing)).transpose()?,
-        terminals: terminals
-            .map(|name| write(name, xml::terminals::write(&model.declaration.terminals).as_bytes()))
-            .transpose()?,
+        terminals: terminals.map(|name| write(name, xml::terminals::write(&model).as_bytes())).transpose()?,
     })
 }
 

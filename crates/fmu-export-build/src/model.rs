@@ -20,6 +20,9 @@ use crate::interfaces::{Fmi, Version};
 use crate::rust;
 use crate::units::{self, Unit, Units};
 
+/// The largest value reference that can be declared, which leaves room for those that follow.
+const LARGEST_REFERENCE: u32 = i32::MAX.cast_unsigned();
+
 /// What the identifier of an FMU for Scheduled Execution adds to that of the same model's other one.
 const SCHEDULED: &str = "Scheduled";
 
@@ -42,6 +45,8 @@ pub(crate) struct Model<'a> {
     pub(crate) parts: Vec<Part<'a>>,
     /// Every scalar variable, in the order of the XML.
     pub(crate) scalars: Vec<Scalar>,
+    /// The scalars behind each name: each scalar's, and each array's.
+    pub(crate) names: BTreeMap<String, Vec<usize>>,
 }
 
 /// The variables of one component, or those of none.
@@ -69,15 +74,10 @@ impl Field<'_> {
     pub(crate) fn name(&self) -> String {
         rust::snake_case(&self.declaration.name)
     }
-
-    /// Whether another field of the component would be called the same.
-    fn has_name_of(&self, other: &Self) -> bool {
-        self.place == other.place && self.name() == other.name()
-    }
 }
 
 /// The field of the generated `Variables` that holds a value; time and event indicators are in none.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Place {
     Time,
     Parameters,
@@ -167,6 +167,8 @@ pub(crate) struct Scalar {
     pub(crate) name: String,
     /// The path in the declaration.
     pub(crate) key: String,
+    /// The position of its part, and of its field there; those of a derivative are its state's.
+    field: [usize; 2],
     pub(crate) value_reference: u32,
     pub(crate) description: Option<String>,
     pub(crate) place: Place,
@@ -207,6 +209,7 @@ impl Scalar {
         Self {
             name: "time".to_owned(),
             key: String::new(),
+            field: [0, 0],
             value_reference: 0,
             description: Some("Time".to_owned()),
             place: Place::Time,
@@ -280,18 +283,17 @@ impl<'a> Model<'a> {
         flattening.look_up_clocks();
         flattening.look_up_previous();
         let units = flattening.find_units(&Units::new(units));
-        let Flattening { mut parts, mut scalars, mut refusals, .. } = flattening;
+        let Flattening { mut parts, mut scalars, names, mut refusals, .. } = flattening;
         check::state_groups(declaration, &parts, &scalars, &mut refusals);
         check::type_names(declaration, &parts, &mut refusals);
         check::types_of_version(&scalars, fmi.version, &mut refusals);
         check::outputs(&scalars, &mut refusals);
         check::calculated_parameters(&scalars, &mut refusals);
-        check::terminals(declaration, &scalars, &mut refusals);
         check::clocks::all(declaration, fmi, &parts, &scalars, &mut refusals);
         dependencies::refuse_cycles(&scalars, &mut refusals);
         refusals.check()?;
         if fmi.version == Version::Three && fmi.interfaces.model_exchange() {
-            add_event_indicators(&declaration.event_indicators, &mut scalars, &mut refusals);
+            add_event_indicators(&declaration.event_indicators, &mut scalars, &names, &mut refusals);
             refusals.check()?;
         }
         let library = identifier;
@@ -302,7 +304,7 @@ impl<'a> Model<'a> {
             identifier += SCHEDULED;
             add_sample_clock(clock, &mut parts, &mut scalars);
         }
-        Ok(Self {
+        let model = Self {
             declaration,
             fmi,
             library,
@@ -315,7 +317,11 @@ impl<'a> Model<'a> {
             units,
             parts,
             scalars,
-        })
+            names,
+        };
+        check::terminals(&model, &mut refusals);
+        refusals.check()?;
+        Ok(model)
     }
 
     /// The arrays that are one variable each, by the positions of their elements: in FMI 3.0 those whose elements have one
@@ -338,10 +344,10 @@ impl<'a> Model<'a> {
         arrays
     }
 
-    /// The variable whose first element is at a position.
+    /// The declared variable that a position belongs to.
     pub(crate) fn field(&self, position: usize) -> &Field<'a> {
-        let mut fields = self.parts.iter().flat_map(|part| &part.fields);
-        fields.find(|field| field.positions.first() == Some(&position)).expect("there is one")
+        let [part, field] = self.scalars[position].field;
+        &self.parts[part].fields[field]
     }
 
     /// The positions of the variables of a place.
@@ -372,6 +378,7 @@ fn add_sample_clock<'a>(clock: &'a VariableDeclaration, parts: &mut [Part<'a>], 
     };
     scalars.push(Scalar {
         name: clock.name.clone(),
+        field: [0, parts[0].fields.len()],
         value_reference: last + 1,
         description: clock.description.clone(),
         place: Place::Clocks,
@@ -386,9 +393,14 @@ fn add_sample_clock<'a>(clock: &'a VariableDeclaration, parts: &mut [Part<'a>], 
 }
 
 /// Adds the event indicators, which in FMI 3.0 are variables, with the value references that follow all others.
-fn add_event_indicators(names: &[String], scalars: &mut Vec<Scalar>, refusals: &mut Refusals) {
+fn add_event_indicators(
+    indicators: &[String],
+    scalars: &mut Vec<Scalar>,
+    names: &BTreeMap<String, Vec<usize>>,
+    refusals: &mut Refusals,
+) {
     let last = scalars.iter().map(|scalar| scalar.value_reference).max().unwrap_or(0);
-    for (number, (name, value_reference)) in names.iter().zip(last + 1..).enumerate() {
+    for (number, (name, value_reference)) in indicators.iter().zip(last + 1..).enumerate() {
         let indicator = Scalar {
             name: format!("event_indicators.{name}"),
             value_reference,
@@ -401,7 +413,7 @@ fn add_event_indicators(names: &[String], scalars: &mut Vec<Scalar>, refusals: &
             initial_reads: None,
             ..Scalar::time()
         };
-        if scalars.iter().any(|scalar| scalar.name == indicator.name) {
+        if names.contains_key(&indicator.name) {
             let reason = format!("{}: there is another variable of this name", indicator.name);
             refusals.add(format!("event_indicators[{number}]"), reason);
         }
@@ -423,6 +435,8 @@ fn log_categories(declared: &[Described]) -> Vec<Described> {
 /// The work in progress.
 struct Flattening<'a> {
     declaration: &'a Declaration,
+    /// The positions of the component types.
+    types: BTreeMap<&'a str, usize>,
     parts: Vec<Part<'a>>,
     scalars: Vec<Scalar>,
     /// The value references that are declared, with the path of the key.
@@ -444,8 +458,10 @@ struct Equation<'a> {
 
 impl<'a> Flattening<'a> {
     fn new(declaration: &'a Declaration) -> Self {
+        let types = declaration.component_types.iter().enumerate();
         Self {
             declaration,
+            types: types.map(|(position, known)| (known.name.as_str(), position)).collect(),
             parts: Vec::new(),
             scalars: vec![Scalar::time()],
             pinned: Vec::new(),
@@ -472,7 +488,7 @@ impl<'a> Flattening<'a> {
                 (variables, format!("{key}.variables"))
             }
             (None, Some(wanted)) => {
-                if let Some(found) = types.iter().position(|known| known.name == *wanted) {
+                if let Some(&found) = self.types.get(wanted.as_str()) {
                     (&types[found].variables, format!("component_types[{found}].variables"))
                 } else {
                     let nearest = nearest(wanted, types.iter().map(|known| known.name.clone()));
@@ -482,8 +498,9 @@ impl<'a> Flattening<'a> {
             }
             _ => return self.refusals.add(key, format!("{name}: it needs either 'variables' or a 'type'")),
         };
+        let names: BTreeSet<_> = variables.iter().map(|variable| &variable.name).collect();
         for started in component.start.keys() {
-            if !variables.iter().any(|variable| variable.name == *started) {
+            if !names.contains(started) {
                 let known = variables.iter().map(|variable| variable.name.clone());
                 let reason =
                     format!("{name}: its type has no variable '{started}'{}", nearest(started, known));
@@ -508,6 +525,7 @@ impl<'a> Flattening<'a> {
             fields: Vec::new(),
             key: number.map(|number| format!("components[{number}]")).unwrap_or_default(),
         };
+        let mut names = BTreeMap::new();
         for (position, variable) in variables.iter().enumerate() {
             let key = format!("{list}[{position}]");
             let own = component.and_then(|component| component.start.get(&variable.name));
@@ -518,8 +536,8 @@ impl<'a> Flattening<'a> {
             let name_key = format!("{key}.name");
             let field = self.add_field(&part, component, variable, start, [key, start_key]);
             let Some(field) = self.refusals.take(field) else { continue };
-            if let Some(other) = part.fields.iter().find(|other| other.has_name_of(&field)) {
-                let (name, other) = (&variable.name, &other.declaration.name);
+            let name = &variable.name;
+            if let Some(other) = names.insert((field.place, field.name()), name) {
                 self.refusals.add(name_key, format!("{name}: in Rust it has the name of '{other}'"));
             }
             part.fields.push(field);
@@ -538,10 +556,12 @@ impl<'a> Flattening<'a> {
     ) -> Result<Field<'a>, Refusal> {
         let prefix = part.name.map(|component| format!("{component}.")).unwrap_or_default();
         let name = format!("{prefix}{}", declaration.name);
-        let checked = check::variable(self.declaration, declaration, start).map_err(|(of, reason)| {
-            let key = if of == "start" { start_key } else { format!("{key}.{of}") };
-            Refusal::new(key, if of == "name" { reason } else { format!("{name}: {reason}") })
-        })?;
+        let before = self.scalars.len();
+        let checked =
+            check::variable(self.declaration, declaration, start, before).map_err(|(of, reason)| {
+                let key = if of == "start" { start_key } else { format!("{key}.{of}") };
+                Refusal::new(key, if of == "name" { reason } else { format!("{name}: {reason}") })
+            })?;
         let describe = |text: &str| match part.description {
             Some(component) => format!("{component}: {text}"),
             None => text.to_owned(),
@@ -557,6 +577,7 @@ impl<'a> Flattening<'a> {
             let state = Scalar {
                 name: format!("{name}{subscripts}"),
                 key: key.clone(),
+                field: [self.parts.len(), part.fields.len()],
                 description: declaration.description.as_deref().map(describe),
                 place: checked.place,
                 causality: Some(declaration.causality),
@@ -576,6 +597,7 @@ impl<'a> Flattening<'a> {
             let rate = declaration.derivative.as_ref().map(|derivative| Scalar {
                 name: format!("der({})", state.name),
                 key: format!("{key}.derivative"),
+                field: state.field,
                 description: Some(match &derivative.description {
                     Some(description) => describe(description),
                     None => format!("Time derivative of {}", state.name),
@@ -650,8 +672,11 @@ impl<'a> Flattening<'a> {
             let key = format!("{key}.value_reference");
             for (number, position) in positions.iter().enumerate() {
                 let Some(first) = first else { continue };
-                let reference = u32::try_from(first + (number * step) as u64)
-                    .map_err(|_| Refusal::new(&key, "value references go up to 4294967295"))?;
+                let reference = u32::try_from(first + (number * step) as u64).ok();
+                let reference =
+                    reference.filter(|&reference| reference <= LARGEST_REFERENCE).ok_or_else(|| {
+                        Refusal::new(&key, format!("value references go up to {LARGEST_REFERENCE}"))
+                    })?;
                 self.pinned.push((position + offset, reference, key.clone()));
             }
             Ok(())
@@ -667,9 +692,10 @@ impl<'a> Flattening<'a> {
 
     /// A type without a component is checked by nothing, so it must not be there.
     fn refuse_unused_types(&mut self) {
+        let used: BTreeSet<_> = self.parts.iter().filter_map(|part| part.component_type).collect();
         for (number, component_type) in self.declaration.component_types.iter().enumerate() {
             let name = &component_type.name;
-            if !self.parts.iter().any(|part| part.component_type == Some(name)) {
+            if !used.contains(name.as_str()) {
                 self.refusals
                     .add(format!("component_types[{number}]"), format!("no component has the type '{name}'"));
             }
@@ -698,14 +724,21 @@ impl<'a> Flattening<'a> {
 
     /// Turns the names that equations read into positions.
     fn look_up_reads(&mut self) {
-        let mut used = BTreeSet::new();
+        let (mut used, mut read) = (BTreeSet::new(), 0);
         for Equation { position, component, reads, initial_reads } in &self.equations {
             let scalar = &self.scalars[*position];
             let mut look_up = |list: &str, names: &'a [String]| {
                 let mut positions = BTreeSet::new();
                 for (number, name) in names.iter().enumerate() {
+                    if read > dependencies::MOST {
+                        self.refusals.add(format!("{}.{list}", scalar.key), dependencies::too_many(scalar));
+                        break;
+                    }
                     match look_up_read(&self.names, *component, name, &mut used) {
-                        Ok(found) => positions.extend(found),
+                        Ok(found) => {
+                            read += found.len();
+                            positions.extend(found);
+                        }
                         Err(reason) => {
                             let reason = format!("{}: {reason}", scalar.name);
                             self.refusals.add(format!("{}.{list}[{number}]", scalar.key), reason);
@@ -821,19 +854,19 @@ impl<'a> Flattening<'a> {
 
     /// The units that the variables use.
     fn find_units(&mut self, units: &Units<'_>) -> Vec<Unit> {
-        let mut used: Vec<Unit> = units.find("s").into_iter().collect();
+        let mut used: Vec<Unit> = Vec::new();
+        let mut places = BTreeMap::new();
         for scalar in &self.scalars {
             let Some(name) = scalar.unit.as_deref() else { continue };
             let mut refuse = |of: &str, reason: String| {
                 self.refusals.add(format!("{}.{of}", scalar.key), format!("{}: {reason}", scalar.name));
             };
-            if used.iter().all(|unit| unit.name != name) {
-                match units.find(name) {
-                    Ok(unit) => used.push(unit),
-                    Err(reason) => refuse("unit", reason),
-                }
-            }
-            if let Some(unit) = used.iter_mut().find(|unit| unit.name == name)
+            let place = *places.entry(name).or_insert_with(|| {
+                let unit = units.find(name).map_err(|reason| refuse("unit", reason)).ok()?;
+                used.push(unit);
+                Some(used.len() - 1)
+            });
+            if let Some(unit) = place.map(|place| &mut used[place])
                 && let Some(display) = scalar.display_unit.as_deref()
                 && unit.display_units.iter().all(|known| known.name != display)
             {

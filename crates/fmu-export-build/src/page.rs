@@ -4,18 +4,19 @@
 //! model's author wrote. The page is whole by itself, readable without scripts, the same bytes for the same
 //! model, and XML as well as HTML: every element is closed, so that a parser of either reads the same.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::slice;
 
 use quick_xml::escape::escape;
 
 use crate::declaration::{Causality, UnitNames, VariableDeclaration};
-use crate::dependencies::Structure;
+use crate::dependencies::{Structure, Unknown};
 use crate::document::{self, Document};
 use crate::fragment::Fragment;
 use crate::interfaces::Version;
 use crate::model::{DataType, Field, Model, Part, Place, Start};
+use crate::units::Unit;
 use crate::xml;
 
 /// A table of variables on the page.
@@ -80,7 +81,17 @@ pub(crate) fn write(
     guid: &str,
     fragment: Option<&Fragment>,
 ) -> String {
-    let page = Page { model, structure, anchors: anchors(model) };
+    let units = model.units.iter();
+    let page = Page {
+        model,
+        anchors: anchors(model),
+        outputs: structure.outputs.iter().map(|unknown| (unknown.scalar, unknown)).collect(),
+        units: units.clone().map(|unit| (unit.name.as_str(), unit)).collect(),
+        unit_names: units
+            .flat_map(|unit| unit.display_units.iter().map(|display| &display.name).chain([&unit.name]))
+            .map(String::as_str)
+            .collect(),
+    };
     let description = model.description.iter().map(|description| format!(": {description}"));
     let title = model.identifier.clone() + &description.collect::<String>();
     let (opening, sections) = fragment.map(Fragment::parts).unwrap_or_default();
@@ -148,8 +159,11 @@ fn derivative(name: &str) -> String {
 
 struct Page<'m, 'a> {
     model: &'m Model<'a>,
-    structure: &'m Structure,
     anchors: BTreeMap<String, String>,
+    outputs: BTreeMap<usize, &'m Unknown>,
+    units: BTreeMap<&'m str, &'m Unit>,
+    /// The names of units and display units.
+    unit_names: BTreeSet<&'m str>,
 }
 
 impl<'m, 'a> Page<'m, 'a> {
@@ -243,7 +257,7 @@ impl<'m, 'a> Page<'m, 'a> {
             ),
             (
                 "canSerializeFMUstate",
-                has.serialize_state,
+                has.serializes_state(),
                 "a saved state can be carried into another process",
             ),
             (
@@ -410,14 +424,13 @@ impl<'m, 'a> Page<'m, 'a> {
 
     /// A text as markup, in which units have raised exponents.
     fn prose(&self, text: &str) -> String {
-        let is_unit = |name: &str| {
-            self.model.units.iter().any(|unit| {
-                unit.name == name || unit.display_units.iter().any(|display| display.name == name)
-            })
-        };
         let words = text.split(' ').map(|word| {
             let bare = word.trim_matches(['(', ')', ',', ';', ':', '.']);
-            if is_unit(bare) { word.replace(bare, &document::unit(bare)) } else { escape(word).into_owned() }
+            if self.unit_names.contains(bare) {
+                word.replace(bare, &document::unit(bare))
+            } else {
+                escape(word).into_owned()
+            }
         });
         words.collect::<Vec<_>>().join(" ")
     }
@@ -494,7 +507,7 @@ impl<'m, 'a> Page<'m, 'a> {
         let [_] = field.positions[..] else { return None };
         let wanted = variable.display_unit.as_ref()?;
         let Some(Start::Real(start)) = variable.start else { return None };
-        let unit = self.model.units.iter().find(|unit| Some(&unit.name) == variable.unit.as_ref())?;
+        let unit = self.units.get(variable.unit.as_deref()?)?;
         let display = unit.display_units.iter().find(|display| display.name == *wanted)?;
         // Conversion leaves some parts in 1e16 that nobody wants to read.
         let value = format!("{:.11e}", start * display.factor + display.offset).parse().ok()?;
@@ -518,8 +531,7 @@ impl<'m, 'a> Page<'m, 'a> {
 
     /// What an output depends on at the same instant: inputs and states.
     fn dependencies(&self, field: &Field<'_>) -> String {
-        let unknowns =
-            self.structure.outputs.iter().filter(|unknown| field.positions.contains(&unknown.scalar));
+        let unknowns = field.positions.iter().filter_map(|position| self.outputs.get(position));
         let knowns: Option<Vec<_>> = unknowns.map(|unknown| unknown.dependencies.as_deref()).collect();
         let Some(knowns) = knowns else {
             return "<span>may depend at once on every input and state</span>".to_owned();

@@ -7,6 +7,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::check;
 use crate::declaration::{BaseUnit, DisplayUnitDeclaration, UnitDeclaration};
 use crate::error;
 
@@ -247,16 +248,26 @@ impl Measure {
 /// The units that a model may use: those of its file, and SI's.
 pub(crate) struct Units<'a> {
     declared: &'a [UnitDeclaration],
+    /// Their positions.
+    names: BTreeMap<&'a str, usize>,
 }
 
 impl<'a> Units<'a> {
     pub(crate) fn new(declared: &'a [UnitDeclaration]) -> Self {
-        Self { declared }
+        // Of several of one name, the first.
+        let names = declared
+            .iter()
+            .map(|unit| unit.name.as_str())
+            .enumerate()
+            .rev()
+            .map(|(position, name)| (name, position))
+            .collect();
+        Self { declared, names }
     }
 
     /// The position of a unit in the file.
     pub(crate) fn position(&self, name: &str) -> Option<usize> {
-        self.declared.iter().position(|unit| unit.name == name)
+        self.names.get(name).copied()
     }
 
     /// A unit by its name, with the display units that the file declares.
@@ -319,6 +330,7 @@ impl<'a> Units<'a> {
         if name == CELSIUS.0 {
             return Ok(Measure { offset: CELSIUS.1, ..built_in(name).expect("it is in the table") });
         }
+        check::length(name)?;
         let [above, below] = factors(name)?;
         let below = below.into_iter().map(|(symbol, exponent)| (symbol, -exponent));
         let mut product = Measure::ONE;

@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 
-use super::{Generator, PLACES};
+use super::{Generator, PLACES, numbered};
 use crate::declaration::{Initial, Variability};
 use crate::model::{DataType, Place, Scalar};
 use crate::xml;
@@ -41,13 +41,14 @@ impl ::fmu_export::Inputs for Inputs {{
 
     pub(crate) fn variables_impl(&self) -> String {
         // What goes wrong first is a state; derivatives and outputs follow from it.
-        let (mut sums, mut reals) = ([const { String::new() }; 4], String::new());
+        let (mut sums, mut reals, mut count) = ([const { String::new() }; 4], String::new(), 0);
         for place in [Place::States, Place::Derivatives, Place::Outputs] {
             for position in self.model.in_place(place) {
                 let scalar = &self.model.scalars[position];
                 if scalar.data_type == DataType::Real {
                     let (path, reference) = (full_path(scalar), scalar.value_reference);
-                    let _ = write!(sums[reals.lines().count() % 4], " + self.{path}.abs()");
+                    let _ = write!(sums[count % 4], " + self.{path}.abs()");
+                    count += 1;
                     let _ = writeln!(reals, "                ({reference}, variables.{path}),");
                 }
             }
@@ -432,7 +433,7 @@ impl ::fmu_export::Variables for Variables {{
             };
             let (get, set) = match scalar.data_type {
                 DataType::Enumeration(enumeration) => {
-                    let name = &self.model.declaration.enumerations[enumeration].name;
+                    let name = super::enumeration_path(&self.model.declaration.enumerations[enumeration]);
                     let item = format!("if let Some(item) = {name}::from_value(value)");
                     let set = to.map(|to| format!("{{\n                {item} {{\n                    self.{to} = item;\n                }}\n            }}"));
                     (format!("self.{from} as i32"), set)
@@ -460,8 +461,8 @@ impl ::fmu_export::Variables for Variables {{
         let categories: Vec<_> =
             model.log_categories.iter().map(|category| format!("{:?}", category.name)).collect();
         let mut variables = String::new();
-        let real_inputs: Vec<_> = self.real_inputs().collect();
-        let states: Vec<_> = model.in_place(Place::States).collect();
+        let real_inputs = numbered(&self.real_inputs().collect::<Vec<_>>());
+        let states = numbered(&model.in_place(Place::States).collect::<Vec<_>>());
         for position in self.by_value_reference() {
             let scalar = &model.scalars[position];
             let (min, max) = self.bounds(scalar);
@@ -484,8 +485,8 @@ impl ::fmu_export::Variables for Variables {{
                 super::pascal_case(xml::causality(scalar.causality)),
                 scalar.variability,
                 scalar.initial.map_or("None".to_owned(), |initial| format!("{initial:?}")),
-                real_inputs.iter().position(|&input| input == position),
-                states.iter().position(|&state| state == position),
+                real_inputs.get(&position),
+                states.get(&position),
             );
         }
         let capabilities = &model.declaration.capabilities;
@@ -518,7 +519,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
             model.declaration.resources.is_some(),
             capabilities.interpolate_inputs,
             capabilities.get_and_set_state,
-            capabilities.serialize_state,
+            capabilities.serializes_state(),
             capabilities.directional_derivatives,
             capabilities.adjoint_derivatives,
             capabilities.event_mode,

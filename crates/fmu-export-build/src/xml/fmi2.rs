@@ -49,7 +49,7 @@ fn write_model_exchange(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result
         ("canBeInstantiatedOnlyOncePerProcess", false.to_string()),
         ("canNotUseMemoryManagementFunctions", true.to_string()),
         ("canGetAndSetFMUstate", capabilities.get_and_set_state.to_string()),
-        ("canSerializeFMUstate", capabilities.serialize_state.to_string()),
+        ("canSerializeFMUstate", capabilities.serializes_state().to_string()),
         ("providesDirectionalDerivative", capabilities.directional_derivatives.to_string()),
     ];
     empty(writer, "ModelExchange", attributes)
@@ -67,7 +67,7 @@ fn write_co_simulation(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<
         ("canBeInstantiatedOnlyOncePerProcess", false.to_string()),
         ("canNotUseMemoryManagementFunctions", true.to_string()),
         ("canGetAndSetFMUstate", capabilities.get_and_set_state.to_string()),
-        ("canSerializeFMUstate", capabilities.serialize_state.to_string()),
+        ("canSerializeFMUstate", capabilities.serializes_state().to_string()),
         ("providesDirectionalDerivative", capabilities.directional_derivatives.to_string()),
     ];
     empty(writer, "CoSimulation", attributes)
@@ -160,13 +160,13 @@ fn write_structure(writer: &mut XmlWriter, structure: &Structure) -> io::Result<
 
 /// An empty list of dependencies is written as well: without one the variable depends on all.
 fn write_unknown(writer: &mut XmlWriter, unknown: &Unknown) -> io::Result<()> {
-    let indices = |positions: &Vec<usize>| {
+    let indices = |positions: &[usize]| {
         let indices: Vec<_> = positions.iter().map(|&position| index(position).to_string()).collect();
         indices.join(" ")
     };
     let attributes = [
         ("index", Some(index(unknown.scalar).to_string())),
-        ("dependencies", unknown.dependencies.as_ref().map(indices)),
+        ("dependencies", unknown.dependencies.as_deref().map(indices)),
     ];
     empty(writer, "Unknown", given(attributes))
 }

@@ -37,7 +37,7 @@ fn write_interfaces(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()>
         ("needsExecutionTool", false.to_string()),
         ("canBeInstantiatedOnlyOncePerProcess", false.to_string()),
         ("canGetAndSetFMUState", capabilities.get_and_set_state.to_string()),
-        ("canSerializeFMUState", capabilities.serialize_state.to_string()),
+        ("canSerializeFMUState", capabilities.serializes_state().to_string()),
         ("providesDirectionalDerivatives", capabilities.directional_derivatives.to_string()),
         ("providesAdjointDerivatives", capabilities.adjoint_derivatives.to_string()),
         ("providesPerElementDependencies", false.to_string()),
@@ -164,10 +164,7 @@ impl<'m, 'a> Variables<'m, 'a> {
                     let attribute = match dimension {
                         Dimension::Size(size) => ("start", size.to_string()),
                         Dimension::Parameter(name) => {
-                            let mut scalars = self.model.scalars.iter();
-                            let scalar = scalars.find(|scalar| scalar.name == *name);
-                            let reference = scalar.expect("its size was found").value_reference;
-                            ("valueReference", reference.to_string())
+                            ("valueReference", self.reference(self.model.names[name][0]))
                         }
                     };
                     empty(writer, "Dimension", vec![attribute])?;
@@ -254,12 +251,13 @@ impl<'m, 'a> Variables<'m, 'a> {
         let is_listed = |unknown: &Unknown| {
             name != "InitialUnknown" || self.model.scalars[unknown.scalar].clocks.is_empty()
         };
-        let is_first =
-            |unknown: &&Unknown| self.variable_of(unknown.scalar) == unknown.scalar && is_listed(unknown);
-        unknowns.iter().filter(is_first).try_for_each(|unknown| {
-            let elements = unknowns.iter().filter(|other| self.variable_of(other.scalar) == unknown.scalar);
+        let mut variables: BTreeMap<_, Vec<_>> = BTreeMap::new();
+        for unknown in unknowns.iter().filter(|unknown| is_listed(unknown)) {
+            variables.entry(self.variable_of(unknown.scalar)).or_default().push(unknown);
+        }
+        variables.into_iter().try_for_each(|(variable, elements)| {
             let dependencies: Option<Vec<_>> =
-                elements.map(|element| element.dependencies.as_ref()).collect();
+                elements.iter().map(|element| element.dependencies.as_deref()).collect();
             let dependencies = dependencies.map(|lists| {
                 let mut knowns: Vec<_> = lists
                     .into_iter()
@@ -271,7 +269,7 @@ impl<'m, 'a> Variables<'m, 'a> {
                 knowns.iter().map(u32::to_string).collect::<Vec<_>>().join(" ")
             });
             let attributes =
-                [("valueReference", Some(self.reference(unknown.scalar))), ("dependencies", dependencies)];
+                [("valueReference", Some(self.reference(variable))), ("dependencies", dependencies)];
             empty(writer, name, given(attributes))
         })
     }

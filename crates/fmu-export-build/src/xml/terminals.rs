@@ -3,11 +3,24 @@
 //! An importer takes the root's first element for that of the terminals. So the place of the icon, which the schema puts first,
 //! is written where there are no terminals; it is the default one anyway.
 
+use std::collections::BTreeSet;
+
 use super::given;
-use crate::declaration::{MatchingRule, TerminalDeclaration};
+use crate::declaration::MatchingRule;
+use crate::model::Model;
 use fmu_xml::{document, element, empty};
 
-pub(crate) fn write(terminals: &[TerminalDeclaration]) -> String {
+pub(crate) fn write(model: &Model<'_>) -> String {
+    let terminals = &model.declaration.terminals;
+    // An array is one member where it is one variable.
+    let arrays: BTreeSet<_> = model.arrays().iter().map(|array| array[0]).collect();
+    let members = |name: &String| {
+        let positions = &model.names[name];
+        if arrays.contains(&positions[0]) {
+            return vec![name.clone()];
+        }
+        positions.iter().map(|&position| model.scalars[position].name.clone()).collect()
+    };
     // Of the format, in FMUs of earlier versions, too (FMI 3.0.2, section 2.4.9).
     let version = vec![("fmiVersion", "3.0".to_owned())];
     document(|writer| {
@@ -30,7 +43,7 @@ pub(crate) fn write(terminals: &[TerminalDeclaration]) -> String {
                         ("description", terminal.description.clone()),
                     ]);
                     element(writer, "Terminal", attributes, |writer| {
-                        terminal.variables.iter().try_for_each(|name| {
+                        terminal.variables.iter().flat_map(members).try_for_each(|name| {
                             let member = ["variableName", "memberName"].map(|key| (key, name.clone()));
                             let kind = ("variableKind", "signal".to_owned());
                             empty(

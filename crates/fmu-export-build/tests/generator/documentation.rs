@@ -261,22 +261,72 @@ fn a_fragment_names_existing_variables() {
 
 #[test]
 fn a_fragment_refers_to_no_other_file() {
-    for element in ["script", "style", "link", "iframe", "h1", "body"] {
+    for element in [
+        "script", "SCRIPT", "style", "Style", "link", "iframe", "IFRAME", "form", "h1", "body", "x:script",
+        "mi", "rect",
+    ] {
         assert_eq!(
             refusal(&format!("<{element}></{element}>")),
-            format!("vessels.html:1: <{element}> has no place within a page that is whole by itself")
+            format!("vessels.html:1: <{element}> is not among the elements of a fragment")
         );
     }
-    for (markup, attribute) in [
-        ("<img src=\"level.png\" alt=\"level\"/>", "src=\"level.png\""),
-        ("<svg><image href=\"https://example.org/a.png\"/></svg>", "href=\"https://example.org/a.png\""),
-        ("<svg><use xlink:href=\"other.svg#a\"/></svg>", "xlink:href=\"other.svg#a\""),
-        ("<p style=\"background: url(a.png)\"></p>", "style=\"background: url(a.png)\""),
+    for (markup, within) in [
+        ("<math><script/></math>", "<script> is not among the elements of <math>"),
+        ("<math><mtext><b/></mtext></math>", "<b> is not among the elements of <math>"),
+        ("<svg><g><foreignObject/></g></svg>", "<foreignObject> is not among the elements of <svg>"),
+        // A picture in a picture might be in itself.
+        ("<svg><img src=\"vessels.svg\" alt=\"\"/></svg>", "<img> is not among the elements of <svg>"),
     ] {
-        assert_eq!(refusal(markup), format!("vessels.html:1: {attribute} is loaded from elsewhere"));
+        assert_eq!(refusal(markup), format!("vessels.html:1: {within}"));
     }
-    assert_eq!(refusal("<p onclick=\"f()\"></p>"), "vessels.html:1: onclick is a script");
-    assert_eq!(refusal("<p><a href=\"https://example.org\">a link</a></p>"), "nothing was refused");
+    for (element, attribute) in [
+        ("img", "src=\"level.png\""),
+        ("img", "src=\"https://example.org/a.png\""),
+        ("img", "src=\"data:text/html,a\""),
+        ("a", "href=\"javascript:f()\""),
+        ("a", "href=\" JavaScript:f()\""),
+        ("a", "href=\"data:text/html,a\""),
+        ("a", "href=\"level.html\""),
+        ("image", "href=\"https://example.org/a.png\""),
+        ("use", "xlink:href=\"other.svg#a\""),
+        ("use", "href=\"data:image/svg+xml,a#b\""),
+    ] {
+        let markup = format!("<{element} {attribute}/>");
+        let refused = refusal(&if element.len() > 3 || element == "use" {
+            format!("<svg>{markup}</svg>")
+        } else {
+            markup
+        });
+        let begins = format!("vessels.html:1: {attribute} does not begin with ");
+        assert!(
+            refused.starts_with(&begins) && refused.ends_with(&format!("as that of <{element}> does")),
+            "{refused}"
+        );
+    }
+    for attribute in [
+        "style=\"background: url(a.png)\"",
+        "style=\"background: URL(https://example.org)\"",
+        "style=\"background: u\\72l(https://example.org)\"",
+        "style=\"background: image-set('https://example.org' 1x)\"",
+        "fill=\"url('https://example.org/#a')\"",
+    ] {
+        let refused = format!("vessels.html:1: {attribute} may be loaded from elsewhere");
+        assert_eq!(refusal(&format!("<p {attribute}></p>")), refused);
+    }
+    for attribute in ["onclick", "ONERROR", "srcset", "action", "background", "HREF"] {
+        let refused = format!("vessels.html:1: {attribute} of <p> is not among the attributes of a fragment");
+        assert_eq!(refusal(&format!("<p {attribute}=\"f\"></p>")), refused);
+    }
+    assert_eq!(refusal("<p title=\"</p><script>\">a</p>"), "vessels.html:1: write &lt; in an attribute");
+    for allowed in [
+        "<p><a href=\"https://example.org\">a link</a> <a href=\"HTTP://example.org/f(x)\">another</a></p>",
+        "<p title=\"f(x) \\ y\" style=\"color: rgb(1, 2, calc(3 * (1 + 2)))\" aria-label=\"f(x)\">a</p>",
+        "<img alt=\"f(x)\" src=\"data:image/png;base64,AA==\"/>",
+        "<math><semantics><mi>x</mi><annotation encoding=\"application/x-tex\">f(x)</annotation></semantics></math>",
+        "<svg><a href=\"#level\"><path id=\"a\" d=\"M0 0\" marker-end=\"url(#a)\" transform=\"translate(1,2)\"/></a></svg>",
+    ] {
+        assert_eq!(refusal(allowed), "nothing was refused");
+    }
     assert_eq!(refusal("<img src=\"vessels.svg\"/>"), "vessels.html:1: <img> needs an alt");
     assert_eq!(refusal("<img src=\"text.svg\" alt=\"\"/>"), "text.svg:1: it is not an SVG");
 }

@@ -387,3 +387,124 @@ fn resources_are_those_that_the_folder_has_now() {
     assert_eq!(again().resources, None);
     assert!(!resources.exists());
 }
+
+/// What the small model becomes after its JSON was edited as text, or why not.
+fn edited(name: &str, version: Version, edits: &[(&str, &str)]) -> Result<Generated, String> {
+    let folder = folder_with_model(name);
+    let file = folder.join("vessels.json");
+    let mut text = read(&file);
+    for (from, to) in edits {
+        assert!(text.contains(from), "{from}");
+        text = text.replacen(from, to, 1);
+    }
+    fs::write(&file, text).expect("the folder for tests is writable");
+    let fmi = Fmi { version, interfaces: Interfaces::Both };
+    generate_into(&file, &folder, &package(), fmi).map_err(|error| error.to_string())
+}
+
+/// FMI 2.0.5, section 4.3.1: who can serialize a state can get and set it.
+#[test]
+fn a_state_that_cannot_be_saved_is_not_serialized() {
+    for version in Version::ALL {
+        let both = "\"get_and_set_state\": true, \"serialize_state\": true";
+        let capabilities = (both, "\"get_and_set_state\": false");
+        let generated = edited("no states", version, &[capabilities]).expect("one follows from the other");
+        let (xml, rust) = (read(&generated.model_description), read(&generated.variables));
+        assert_eq!(
+            xml.matches("State=\"false\"").count() + xml.matches("state=\"false\"").count(),
+            4,
+            "{xml}"
+        );
+        assert!(rust.contains("serialize_state: false,"));
+    }
+}
+
+/// The names in a terminal are those of the variables in the description, in which an array of FMI 3.0 is one variable.
+#[test]
+fn members_of_terminals_are_variables_of_the_version() {
+    let with = |name: &str, version, member: &str| {
+        let members = format!("\"variables\": [\"{member}\", ");
+        let generated =
+            edited(name, version, &[("\"variables\": [\"inflow\"", &format!("{members}\"inflow\""))])?;
+        Ok::<_, String>(read(&generated.terminals.expect("the model has some")))
+    };
+    for (version, members) in [
+        (
+            Version::Two,
+            &["settings.table[1,1]", "settings.table[1,2]", "settings.table[2,1]", "settings.table[2,2]"][..],
+        ),
+        (Version::Three, &["settings.table"][..]),
+    ] {
+        let terminals = with("array in a terminal", version, "settings.table").expect("it may be in one");
+        for member in members {
+            assert!(
+                terminals.contains(&format!("variableName=\"{member}\" memberName=\"{member}\"")),
+                "{terminals}"
+            );
+        }
+        assert_eq!(terminals.matches("settings.table").count(), 2 * members.len());
+    }
+    with("element of FMI 2.0", Version::Two, "settings.table[2,1]").expect("it is a variable");
+    let refused = with("element of FMI 3.0", Version::Three, "settings.table[2,1]").expect_err("it is none");
+    let reason = "in FMI 3.0 the array of 'settings.table[2,1]' is one variable; name the array";
+    assert!(refused.contains(".variables[0]: ") && refused.ends_with(reason), "{refused}");
+}
+
+/// Event indicators follow all other variables.
+#[test]
+fn the_largest_value_reference_leaves_room_for_others() {
+    let largest = ("\"name\": \"inflow\",", "\"name\": \"inflow\", \"value_reference\": 2147483647,");
+    let generated = edited("largest reference", Version::Three, &[largest]).expect("it is allowed");
+    let xml = read(&generated.model_description);
+    assert!(
+        xml.contains("valueReference=\"2147483647\"") && xml.contains("valueReference=\"2147483648\""),
+        "{xml}"
+    );
+}
+
+/// Each variable reads the next one and the one before it reads; a test runs on a small stack.
+#[test]
+fn long_chains_and_large_arrays_are_models_like_others() {
+    let chain: Vec<_> = (0..30_000)
+        .map(|number| {
+            let read = if number == 0 { "u".to_owned() } else { format!("v{}", number - 1) };
+            let causality = if number % 2 == 0 { "output" } else { "local" };
+            format!(
+                r#"{{"name": "v{number}", "causality": "{causality}", "unit": "m", "reads": ["{read}"]}}"#
+            )
+        })
+        .collect();
+    let array = r#"{"name": "w", "unit": "m", "dimensions": [60000], "reads": ["u"]}"#;
+    let input = r#"{"name": "u", "causality": "input", "unit": "m", "start": 0}"#;
+    let folder = folder("chain");
+    let file = folder.join("chain.json");
+    let declaration = format!(r#"{{"variables": [{input}, {array}, {}]}}"#, chain.join(",\n"));
+    fs::write(&file, declaration).expect("the folder is writable");
+    let generated = generate_into(&file, &folder, &package(), Interfaces::CoSimulation);
+    let xml = read(&generated.unwrap_or_else(|error| panic!("{error}")).model_description);
+    // The input is the second variable.
+    let outputs = xml.split_once("<Outputs>").and_then(|(_, rest)| rest.split_once("</Outputs>"));
+    assert_eq!(outputs.map(|(outputs, _)| outputs.matches("dependencies=\"2\"/>").count()), Some(15_000));
+}
+
+/// All elements of an array may depend on all of another, but not of one that is too large.
+#[test]
+fn too_many_dependencies_are_refused() {
+    let folder = folder("dependencies of arrays");
+    let file = folder.join("arrays.json");
+    let of = |size: usize| {
+        let starts = vec!["0"; size].join(", ");
+        let declaration = format!(
+            r#"{{"variables": [
+                {{"name": "u", "causality": "input", "unit": "m", "dimensions": [{size}], "start": [{starts}]}},
+                {{"name": "y", "causality": "output", "unit": "m", "dimensions": [{size}], "reads": ["u"]}}
+            ]}}"#
+        );
+        fs::write(&file, declaration).expect("the folder is writable");
+        generate_into(&file, &folder, &package(), Interfaces::CoSimulation).map_err(|error| error.to_string())
+    };
+    assert!(of(300).is_ok());
+    let refused = of(1500).expect_err("that would be 2.25 million");
+    let reason = "arrays.json:3: variables[1].reads: y[1335]: following all reads up to here takes more than";
+    assert!(refused.contains(reason), "{refused}");
+}

@@ -6,10 +6,11 @@ pub use generated::*;
 #[allow(unused_imports)]
 pub use ::fmu_export::fmi2_co_simulation as export_functions;
 
-#[allow(dead_code, unused_variables, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
-mod generated {
-use ::fmu_export::description as fmi;
+#[allow(unused_imports)]
+pub use enumerations::*;
 
+#[allow(dead_code, unused_variables, nonstandard_style, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+mod enumerations {
 /// How full the vessels are at the start
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FillMode {
@@ -20,6 +21,11 @@ pub enum FillMode {
 }
 
 ::fmu_export::enumeration!(FillMode { Empty = 1, HalfFull = 2 });
+}
+
+#[allow(dead_code, unused_variables, nonstandard_style, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+mod generated {
+use ::fmu_export::description as fmi;
 
 /// The parameters of a `Vessel`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,7 +41,7 @@ pub struct VesselParameters<T = f64> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct SettingsParameters<T = f64> {
     /// Start
-    pub mode: FillMode,
+    pub mode: super::enumerations::FillMode,
     /// Label \[any\] text
     pub label: String,
     /// Table
@@ -48,7 +54,7 @@ pub struct SettingsParameters<T = f64> {
 impl ::core::default::Default for SettingsParameters {
     fn default() -> Self {
         Self {
-            mode: FillMode::HalfFull, label: String::from("a <b>"), table: [[1.0, 2.0], [3.0, 4.0]]
+            mode: super::enumerations::FillMode::HalfFull, label: String::from("a <b>"), table: [[1.0, 2.0], [3.0, 4.0]]
         }
     }
 }
@@ -564,7 +570,7 @@ impl ::fmu_export::Variables for Variables {
         let _ = value;
         match reference {
             14 => {
-                if let Some(item) = FillMode::from_value(value) {
+                if let Some(item) = super::enumerations::FillMode::from_value(value) {
                     self.parameters.settings.mode = item;
                 }
             }

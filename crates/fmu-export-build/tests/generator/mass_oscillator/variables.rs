@@ -6,7 +6,7 @@ pub use generated::*;
 #[allow(unused_imports)]
 pub use ::fmu_export::fmi2_co_simulation as export_functions;
 
-#[allow(dead_code, unused_variables, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
+#[allow(dead_code, unused_variables, nonstandard_style, clippy::all, clippy::pedantic, rustdoc::bare_urls)]
 mod generated {
 use ::fmu_export::description as fmi;
 

@@ -1,0 +1,292 @@
+//! Random declarations: what the build accepts, rustc compiles without a warning, whatever the names and texts in it are.
+//!
+//! Names are drawn from those of Rust, its standard library and the generated text. Needs cargo, so it is ignored by
+//! default; the same declarations are tried each time. For others and more:
+//! `RANDOM_DECLARATIONS=20000 cargo test --release -p fmu-export-build --test declarations -- --ignored`.
+
+use std::env;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use fmu_export_build::{Fmi, Interfaces, Package, Version, generate_into};
+use serde_json::{Value, json};
+
+/// How many modules are compiled at once.
+const BATCH: usize = 500;
+
+#[rustfmt::skip]
+const NAMES: [&str; 70] = [
+    "value", "values", "states", "parameters", "inputs", "outputs", "locals", "clocks", "start", "derivatives", "variables",
+    "generated", "enumerations", "fmi", "fmu_export", "core", "std", "alloc", "self_", "archive", "other", "function",
+    "number", "nested", "index", "time", "default", "map", "combine", "of", "from_array", "to_array", "from_groups", "groups",
+    "names", "count", "item", "reference", "position", "sums", "reals", "find", "zero", "real", "string", "boolean", "f64",
+    "i32", "u8", "bool", "str", "char", "usize", "union", "raw", "auto", "safe", "macro_rules", "t", "T", "C", "c", "x_1",
+    "aB", "a_b", "HTTPPort", "vec", "some", "none", "format",
+];
+
+#[rustfmt::skip]
+const RESERVED: [&str; 16] = [
+    "yield", "self", "Self", "type", "gen", "async", "try", "match", "become", "priv", "final", "crate", "super", "static",
+    "dyn", "unsized",
+];
+
+#[rustfmt::skip]
+const TYPES: [&str; 46] = [
+    "T", "S", "U", "Copy", "Clone", "Debug", "PartialEq", "Eq", "Fn", "FnMut", "FnOnce", "Vec", "String", "Option", "Some",
+    "None", "Result", "Ok", "Err", "Box", "Default", "Iterator", "IntoIterator", "From", "Into", "TryFrom", "TryInto", "Send",
+    "Sync", "Sized", "Drop", "ToOwned", "ToString", "AsRef", "Error", "Number", "Persistent", "RealInput", "Variables",
+    "States", "StateGroups", "DESCRIPTION", "TStates", "AParameters", "Clocks", "Mode",
+];
+
+#[rustfmt::skip]
+const ITEMS: [&str; 20] = [
+    "self_", "some", "none", "ok", "err", "T", "a b", "a_c", "value", "from value", "vec", "x1", "DESCRIPTION", "Copy", "option",
+    "default", "Clone", "sized", "item", "result",
+];
+
+#[rustfmt::skip]
+const TEXTS: [&str; 18] = [
+    "plain", "\"quotes\" and \\ \\u{41} \\n", "*/ /* // /// //!", "~~~", "    indented(", "`code` [link] <b>",
+    "``` let x;", "{brace} {} {0:?}", "# heading", "é 熱 🎉", "\u{200f}right to left", "r#\"raw\"#", "' & &amp; ]]>",
+    "- list", "1. list", "\u{2028}line", "\u{feff}mark", "\u{202e}turned",
+];
+
+/// `SplitMix64` (Steele, Lea and Flood 2014).
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, bound: usize) -> usize {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        usize::try_from((mixed ^ (mixed >> 31)) % bound as u64).expect("it is less than a usize")
+    }
+
+    fn one_in(&mut self, number: usize) -> bool {
+        self.below(number) == 0
+    }
+
+    fn pick<T: Copy>(&mut self, from: &[T]) -> T {
+        from[self.below(from.len())]
+    }
+
+    fn name(&mut self) -> String {
+        match self.below(40) {
+            0 => self.pick(&RESERVED).to_owned(),
+            1..15 => {
+                let letters = (0..=self.below(3)).map(|_| self.pick(&['a', 'b', 'B', 't', 'T', '_', '1']));
+                format!("x{}", letters.collect::<String>())
+            }
+            _ => self.pick(&NAMES).to_owned(),
+        }
+    }
+
+    /// Different names.
+    fn names(&mut self, count: usize) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        while names.len() < count {
+            let name = self.name();
+            let key = |name: &str| name.replace('_', "").to_lowercase();
+            // Now and then two that may be the same in Rust.
+            if names.iter().all(|other| key(other) != key(&name)) || self.one_in(20) {
+                names.push(name);
+            }
+        }
+        names
+    }
+
+    /// Names of components, groups and event indicators.
+    fn lower_names(&mut self, count: usize) -> Vec<String> {
+        self.names(count).iter().map(|name| name.to_lowercase()).collect()
+    }
+
+    fn text(&mut self) -> Value {
+        // The last one is refused.
+        let count = if self.one_in(20) { TEXTS.len() } else { TEXTS.len() - 1 };
+        self.pick(&TEXTS[..count]).into()
+    }
+
+    /// A start value of a type, with an array for each size.
+    fn start(&mut self, data_type: &str, items: &[String], sizes: &[usize]) -> Value {
+        match sizes.split_first() {
+            Some((&size, inner)) => (0..size).map(|_| self.start(data_type, items, inner)).collect(),
+            None => match data_type {
+                "Real" | "Float32" => self.pick(&[0.0, 1.0, -2.5, 1e-7, 1e30]).into(),
+                "Boolean" => self.one_in(2).into(),
+                "String" => self.pick(&TEXTS).into(),
+                "Binary" => self.pick(&["", "00ff"]).into(),
+                "Integer" | "Int64" => self.pick(&[-7, 0, 2]).into(),
+                "UInt64" | "UInt8" => self.pick(&[7, 0, 2]).into(),
+                _ => items[self.below(items.len())].clone().into(),
+            },
+        }
+    }
+
+    fn variable(
+        &mut self,
+        name: &str,
+        fmi3: bool,
+        enumerations: &[(String, Vec<String>)],
+        grouped: bool,
+    ) -> Value {
+        let mut types = vec!["Real"; 4];
+        types.extend(["Integer", "Boolean", "String"]);
+        types.extend(enumerations.iter().flat_map(|(name, _)| [name.as_str(); 2]));
+        if fmi3 {
+            types.extend(["Float32", "Int64", "UInt64", "UInt8", "Binary", "Clock"]);
+        }
+        let data_type = self.pick(&types);
+        let mut variable = json!({"name": name, "type": data_type});
+        if self.one_in(2) {
+            variable["description"] = self.text();
+        }
+        if data_type == "Clock" {
+            let is_input = self.one_in(2);
+            variable["causality"] = (if is_input { "input" } else { "output" }).into();
+            if is_input {
+                variable["interval_variability"] = "triggered".into();
+            }
+            return variable;
+        }
+        if matches!(data_type, "Real" | "Float32") {
+            variable["unit"] = self.pick(&["1", "m", "kg.m2/s2", "%"]).into();
+        }
+        let sizes: Vec<_> = match self.below(6) {
+            0 => vec![1 + self.below(3)],
+            1 => vec![1 + self.below(2), 1 + self.below(3)],
+            _ => vec![],
+        };
+        if !sizes.is_empty() {
+            variable["dimensions"] = sizes.clone().into();
+        }
+        let items =
+            enumerations.iter().find(|(name, _)| name == data_type).map_or(&[][..], |(_, items)| items);
+        let causality = self.pick(&["input", "output", "parameter", "calculatedParameter", "local"]);
+        variable["causality"] = causality.into();
+        let is_state =
+            !grouped && data_type == "Real" && matches!(causality, "output" | "local") && self.one_in(2);
+        if is_state {
+            variable["derivative"] = true.into();
+        }
+        if is_state || matches!(causality, "input" | "parameter") {
+            variable["start"] = self.start(data_type, items, &sizes);
+        }
+        variable
+    }
+
+    fn variables(&mut self, fmi3: bool, enumerations: &[(String, Vec<String>)], grouped: bool) -> Vec<Value> {
+        let count = self.below(7);
+        let names = self.names(count);
+        names.iter().map(|name| self.variable(name, fmi3, enumerations, grouped)).collect()
+    }
+
+    fn declaration(&mut self, fmi3: bool) -> Value {
+        let mut enumerations: Vec<(String, Vec<String>)> = Vec::new();
+        for _ in 0..self.below(3) {
+            let items = (0..=self.below(2)).map(|_| self.pick(&ITEMS).to_owned()).collect();
+            enumerations.push((self.pick(&TYPES).to_owned(), items));
+        }
+        let described: Vec<_> = enumerations
+            .iter()
+            .map(|(name, items)| {
+                let items: Vec<_> =
+                    items.iter().map(|item| json!({"name": item, "description": self.text()})).collect();
+                json!({"name": name, "description": self.text(), "items": items})
+            })
+            .collect();
+        let grouped = self.one_in(4);
+        let mut variables = self.variables(fmi3, &enumerations, grouped);
+        variables.push(json!({"name": "result", "causality": "output", "type": "Integer"}));
+        let component_type =
+            json!({"name": self.pick(&TYPES), "variables": self.variables(fmi3, &enumerations, true)});
+        let count = self.below(4);
+        let mut components: Vec<_> =
+            self.lower_names(count).into_iter().map(|name| json!({"name": name})).collect();
+        let mut is_typed = false;
+        for component in &mut components {
+            if self.one_in(2) {
+                component["description"] = self.text();
+            }
+            if self.one_in(3) {
+                component["type"] = component_type["name"].clone();
+                is_typed = true;
+            } else {
+                component["variables"] = self.variables(fmi3, &enumerations, grouped).into();
+            }
+        }
+        let mut declaration = json!({
+            "model_identifier": "Random", "enumerations": described, "variables": variables, "components": components,
+            "event_indicators": self.lower_names(1), "log_categories": [{"name": self.text(), "description": self.text()}],
+        });
+        if is_typed {
+            declaration["component_types"] = json!([component_type]);
+        }
+        if grouped {
+            // With a state of its own: each group has one.
+            let name = self.lower_names(1).remove(0);
+            let state = json!({"name": "level", "unit": "m", "start": 1, "derivative": true});
+            declaration["state_groups"] = json!([{"name": name, "description": self.text()}]);
+            let component = json!({"name": "tank", "state_group": name, "variables": [state]});
+            declaration["components"].as_array_mut().expect("it is a list").push(component);
+        }
+        declaration
+    }
+}
+
+#[test]
+#[ignore = "it compiles what is generated, by cargo"]
+fn what_is_accepted_compiles() {
+    let (count, seed) = match env::var("RANDOM_DECLARATIONS") {
+        Ok(count) => (count.parse().expect("it is a number"), u64::from(std::process::id())),
+        Err(_) => (BATCH, 2011),
+    };
+    println!("seed {seed}");
+    let mut random = Random(seed);
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("declarations");
+    let _ = fs::remove_dir_all(folder.join("src"));
+    fs::create_dir_all(folder.join("src")).expect("the folder for tests is writable");
+    let write = |name: &str, text: &str| {
+        fs::write(folder.join(name), text).expect("the folder for tests is writable");
+    };
+    let exporter = concat!(env!("CARGO_MANIFEST_DIR"), "/../fmu-export");
+    let manifest = "[package]\nname = \"declarations\"\nedition = \"2024\"\n[workspace]\n[dependencies]\n";
+    write("Cargo.toml", &format!("{manifest}fmu-export = {{ path = {exporter:?} }}\n"));
+    fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/../../Cargo.lock"), folder.join("Cargo.lock"))
+        .expect("the folder for tests is writable");
+    let package = Package { name: "random".to_owned(), version: "1.0.0".to_owned(), ..Package::default() };
+    let (mut accepted, mut modules) = (0, String::new());
+    for number in 0..count {
+        let version = random.pick(&Version::ALL);
+        let interfaces =
+            random.pick(&[Interfaces::CoSimulation, Interfaces::ModelExchange, Interfaces::Both]);
+        let declaration = random.declaration(version == Version::Three);
+        let out_dir = folder.join(format!("src/m{number}"));
+        fs::create_dir_all(&out_dir).expect("the folder for tests is writable");
+        write(&format!("src/m{number}/model.json"), &format!("{declaration:#}"));
+        let fmi = Fmi { version, interfaces };
+        match generate_into(&out_dir.join("model.json"), &out_dir, &package, fmi) {
+            Ok(_) => {
+                accepted += 1;
+                let _ =
+                    writeln!(modules, "pub mod m{number} {{ include!(\"m{number}/Random/variables.rs\"); }}");
+            }
+            Err(error) => assert!(!error.findings().is_empty()),
+        }
+        if (number + 1) % BATCH == 0 || number + 1 == count {
+            write("src/lib.rs", &format!("#![deny(warnings)]\n{modules}"));
+            modules.clear();
+            let check = Command::new(env!("CARGO"))
+                .args(["check", "--quiet", "--offline", "--target-dir"])
+                .arg(folder.join("target"))
+                .current_dir(&folder)
+                .output()
+                .expect("cargo runs");
+            let errors = String::from_utf8_lossy(&check.stderr);
+            assert!(check.status.success(), "{}", errors.chars().take(8000).collect::<String>());
+        }
+    }
+    println!("{accepted} of {count} declarations are accepted, and compile");
+    assert!(accepted > count / 4, "{accepted} of {count}: too few to say something");
+}
