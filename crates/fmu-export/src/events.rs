@@ -110,11 +110,12 @@ impl Events {
     /// Counts an event at a time in s that comes so soon after the last one. Whether there are now so many that the model
     /// may not leave this time.
     pub(crate) fn crowd(&mut self, time: f64) -> bool {
-        if time == self.reached {
+        let distance = (time - self.reached).abs();
+        if distance <= 0.0 {
             // Another iteration of it.
             return false;
         }
-        let is_soon = (time - self.reached).abs() <= SOON * time_rounding(time);
+        let is_soon = distance <= SOON * time_rounding(time);
         self.crowded = if is_soon { self.crowded.saturating_add(1) } else { 0 };
         self.crowded == MOST_ITERATIONS
     }

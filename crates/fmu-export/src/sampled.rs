@@ -113,19 +113,6 @@ impl<S: Sampled> SampledModel<S> {
         Sample { number: self.executed, time: self.start_time + self.executed as f64 * period }
     }
 
-    /// Refuses a step, until a time in s, with too many samples.
-    fn check_number(&self, sample: Sample, until: f64, period: f64) -> Result<(), Error> {
-        let number = (until - sample.time) / period;
-        if number <= MOST_SAMPLES {
-            return Ok(());
-        }
-        Err(Error::new(format!(
-            "the step has {number:.3e} samples, from {} s on, one each {} s; at most {MOST_SAMPLES:e} are computed in a step",
-            Shown(sample.time),
-            Shown(period)
-        )))
-    }
-
     /// The time in s before which the samples of a communication step lie.
     fn end_of_samples<I>(&mut self, step: &Step<'_, I>, period: f64) -> f64 {
         let (start, end) = (step.start, step.end());
@@ -183,7 +170,7 @@ impl<S: Sampled> Model for SampledModel<S> {
             if sample.time >= until {
                 return Ok(());
             }
-            self.check_number(sample, until, period)?;
+            check_number(sample, until, period)?;
             self.executed += 1;
             if step.inputs.is_constant() {
                 self.sampled.sample(sample, variables, step.inputs.initial(), context)?;
@@ -258,7 +245,7 @@ impl<S: Sampled> EventMode for SampledModel<S> {
             } else if stops.internal_steps && due > step.start {
                 return Ok(Some(Stop::InternalStep(due)));
             }
-            self.check_number(sample, end, period)?;
+            check_number(sample, end, period)?;
             self.executed += 1;
             self.sampled.sample(sample, variables, step.inputs.initial(), context)?;
             if context.end.is_some() {
@@ -272,3 +259,16 @@ impl<S: Sampled> EventMode for SampledModel<S> {
 }
 
 impl<S: Sampled> ScheduledExecution for SampledModel<S> {}
+
+/// Refuses a step, until a time in s, with too many samples from one on.
+fn check_number(sample: Sample, until: f64, period: f64) -> Result<(), Error> {
+    let number = (until - sample.time) / period;
+    if number <= MOST_SAMPLES {
+        return Ok(());
+    }
+    Err(Error::new(format!(
+        "the step has {number:.3e} samples, from {} s on, one each {} s; at most {MOST_SAMPLES:e} are computed in a step",
+        Shown(sample.time),
+        Shown(period)
+    )))
+}
