@@ -56,6 +56,13 @@ pub struct Integrated<E: Equations> {
 
 impl<E: Equations> Default for Integrated<E> {
     fn default() -> Self {
+        const {
+            assert!(
+                E::Variables::CLOCKS.is_empty(),
+                "a model of `Equations` has no variables of the type Clock: `next_event` says when its samples are due, \
+                 and `event` computes them"
+            );
+        }
         let states = E::Variables::STATE_NAMES.len();
         Self {
             equations: E::default(),

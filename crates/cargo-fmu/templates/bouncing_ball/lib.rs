@@ -32,10 +32,13 @@ impl Equations for {Type} {
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
         let states = &mut variables.states;
-        if states.h <= 0.0 && states.v < 0.0 {
+        if states.h <= 0.0 {
+            // Whatever its velocity: a ball that stayed below the ground by rounding would fall on from there.
             states.h = 0.0;
-            states.v *= -variables.parameters.e;
-            self.rests = states.v < variables.locals.v_min;
+            if states.v < 0.0 {
+                states.v *= -variables.parameters.e;
+                self.rests = states.v < variables.locals.v_min;
+            }
             if self.rests {
                 states.v = 0.0;
             }

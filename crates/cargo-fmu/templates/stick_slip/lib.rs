@@ -47,9 +47,9 @@ impl Equations for {Type} {
         let Variables { parameters, states, outputs, .. } = variables;
         let holds = outputs.force.abs() < parameters.static_friction;
         self.mode = match self.mode {
-            Mode::Sticks if !holds => Mode::Slips { direction: outputs.force.signum() },
-            Mode::Slips { direction } if direction * states.speed <= 0.0 && holds => Mode::Sticks,
-            mode => mode,
+            Mode::Slips { direction } if direction * states.speed > 0.0 => self.mode,
+            _ if holds => Mode::Sticks,
+            _ => Mode::Slips { direction: outputs.force.signum() },
         };
         if self.mode == Mode::Sticks {
             states.speed = 0.0;
