@@ -5,15 +5,11 @@ use crate::error::Error;
 use crate::model::Variables;
 
 /// Evaluates twice, with different values in the place of what is calculated. After that these are equal, but for discrete
-/// ones of a model that has events, which may set them, and everything else is as it was.
+/// ones that are left as they were, which events may set, or the model's preparation; and everything else is as it was.
 ///
 /// # Errors
 /// The first variable that is not set, or that is changed and must not be.
-pub(crate) fn check_evaluation<V: Variables>(
-    variables: &V,
-    has_events: bool,
-    evaluate: impl Fn(&mut V),
-) -> Result<(), Error> {
+pub(crate) fn check_evaluation<V: Variables>(variables: &V, evaluate: impl Fn(&mut V)) -> Result<(), Error> {
     let marked = [false, true].map(|mark| {
         let mut marked = variables.clone();
         marked.mark_calculated(mark);
@@ -27,7 +23,7 @@ pub(crate) fn check_evaluation<V: Variables>(
         let differ = |[one, other]: [&V; 2]| !are_equal(one, other, reference, variable.data_type);
         let is_calculated = differ(marked.each_ref());
         let is_left = !differ([&marked[0], &evaluated[0]]);
-        let may_be_left = has_events && variable.variability == Variability::Discrete;
+        let may_be_left = variable.variability == Variability::Discrete;
         if is_calculated && differ(evaluated.each_ref()) && !(is_left && may_be_left) {
             return Err(Error::new(format!(
                 "`evaluate` does not set {}, or makes it of what it was before",

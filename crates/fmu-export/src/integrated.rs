@@ -499,11 +499,7 @@ impl<E: Equations> Integrated<E> {
     }
 
     fn check_evaluation(&self, variables: &E::Variables) -> Result<(), Error> {
-        let has_events = !E::Variables::EVENT_INDICATORS.is_empty()
-            || self.equations.next_event(self.time, variables).is_some();
-        check_evaluation(variables, has_events, |variables| {
-            self.equations.evaluate::<f64>(self.time, variables);
-        })
+        check_evaluation(variables, |variables| self.equations.evaluate::<f64>(self.time, variables))
     }
 
     /// Finds which indicators have changed since the last event. Whether any has.
