@@ -3,6 +3,7 @@ both coupled."""
 
 from __future__ import annotations
 
+import ctypes
 import random
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from conftest import TARGET
 from exchange import Exchange
 from experiments import BOOST_STEPS, BOOST_STEPS_END, SAMPLE_TIME, staircase
+from fmpy.fmi1 import FMICallException
 from master import Fmu, Instance, Master, Reals, Wires
 from recorded import Recording, in_co_simulation, in_model_exchange
 from solver_settings import documented, evaluations, outcomes
@@ -215,3 +217,28 @@ def test_the_default_fmus_are_for_co_simulation_alone(exported: Path) -> None:
         description = Fmu(exported / f"{name}.fmu", exported).description
         assert description.modelExchange is None
         assert description.coSimulation is not None
+
+
+def test_pressures_below_zero_are_discarded(new: Make, both: dict[str, Fmu]) -> None:
+    """Solvers with long steps try them. What is beyond an ordinary bound, as in differences, is not."""
+    model = new(Exchange, both["BoostPlant"], 1e-8).start().go()
+    states = (ctypes.c_double * len(both["BoostPlant"].description.derivatives))()
+    model.slave.getContinuousStates(states, len(states))
+    derivatives = (ctypes.c_double * len(states))()
+    names = [unknown.variable.derivative.name for unknown in both["BoostPlant"].description.derivatives]
+    for name, value, is_discarded in [
+        ("exhaust_manifold.pressure", -1.0, True),
+        ("exhaust_manifold.pressure", 0.0, False),
+        ("tank.pressure", 120_001.0, False),
+        ("actuator.chamber_pressure", -1e-9, True),
+    ]:
+        tried = (ctypes.c_double * len(states))(*states)
+        tried[names.index(name)] = value
+        model.slave.setContinuousStates(tried, len(states))
+        if is_discarded:
+            with pytest.raises(FMICallException, match=r"fmi2GetDerivatives failed with status 2"):
+                model.slave.getDerivatives(derivatives, len(states))
+        else:
+            model.slave.getDerivatives(derivatives, len(states))
+        model.slave.setContinuousStates(states, len(states))
+        model.slave.getDerivatives(derivatives, len(states))

@@ -468,6 +468,17 @@ fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, 
     if variable.reinit && !is_state {
         return Err(("reinit", "only a state, which has a 'derivative', can be set by events".to_owned()));
     }
+    for (key, is_strict, bound) in
+        [("strict_min", variable.strict_min, variable.min), ("strict_max", variable.strict_max, variable.max)]
+    {
+        if is_strict && !(is_state && bound.is_some()) {
+            let bound = key.trim_start_matches("strict_");
+            return Err((
+                key,
+                format!("only a state, which has a 'derivative', with a '{bound}' has a meaning up to it"),
+            ));
+        }
+    }
     let place = match causality {
         _ if is_state => Place::States,
         _ if data_type == DataType::Clock => Place::Clocks,

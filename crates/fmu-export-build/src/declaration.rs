@@ -318,6 +318,13 @@ pub(crate) struct VariableDeclaration {
     /// Of a state: whether events may set it, by which it jumps.
     #[serde(default)]
     pub(crate) reinit: bool,
+    /// Of a state: whether the equations have no meaning below `min`, as of a pressure below 0. An evaluation there is
+    /// discarded, so that a solver tries a shorter step.
+    #[serde(default)]
+    pub(crate) strict_min: bool,
+    /// The same above `max`.
+    #[serde(default)]
+    pub(crate) strict_max: bool,
     /// The variables that its equation reads directly. Left out: it depends on everything.
     pub(crate) reads: Option<Vec<String>>,
     /// The same for initialization, where that differs.

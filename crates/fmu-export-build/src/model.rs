@@ -188,6 +188,8 @@ pub(crate) struct Scalar {
     pub(crate) state: Option<usize>,
     /// Of a state: whether events may set it.
     pub(crate) reinit: bool,
+    /// Of a state: whether the equations have no meaning below `min`, and above `max`.
+    pub(crate) strict: [bool; 2],
     /// The positions of the clocks at whose ticks alone it changes; none where it changes at any time.
     pub(crate) clocks: Vec<usize>,
     /// Of a clocked state: the position of its previous value.
@@ -225,6 +227,7 @@ impl Scalar {
             start: None,
             state: None,
             reinit: false,
+            strict: [false; 2],
             clocks: Vec::new(),
             previous: None,
             is_previous: false,
@@ -590,6 +593,7 @@ impl<'a> Flattening<'a> {
                 max: fixed.or(declaration.max),
                 nominal: declaration.nominal,
                 reinit: declaration.reinit,
+                strict: [declaration.strict_min, declaration.strict_max],
                 start: checked.starts.as_ref().map(|starts| starts[number].clone()),
                 path: format!("{prefix}{}{indices}", rust::snake_case(&declaration.name)),
                 ..Scalar::time()

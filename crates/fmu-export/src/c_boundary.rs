@@ -50,6 +50,7 @@ macro_rules! exported_function {
         #[unsafe(no_mangle)]
         unsafe extern "C" fn $symbol($($argument: $type),*) $(-> $result)? {
             #[inline]
+            #[allow(clippy::too_many_arguments, reason = "those of the standard")]
             unsafe fn of<$fmu: Exported>($($argument: $type),*) $(-> $result)? {
                 // SAFETY: the arguments are the importer's, unchanged.
                 unsafe { $body }

@@ -29,6 +29,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     const STATE_NAMES: &'static [&'static str];
     /// Their nominal values; 1 where none is declared.
     const STATE_NOMINALS: &'static [f64];
+    /// The states beyond whose smallest or largest value the equations have no meaning; ascending.
+    const STRICT_STATES: &'static [(usize, f64, f64)] = &[];
     /// The names of the event indicators.
     const EVENT_INDICATORS: &'static [&'static str] = &[];
     /// The tables for this model.
@@ -92,6 +94,25 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     fn each_state<T: Number>(variables: &Self::Of<T>, function: impl FnMut(usize, T));
     /// Calls a function with the position of each state and its derivative.
     fn each_derivative<T: Number>(variables: &Self::Of<T>, function: impl FnMut(usize, T));
+    /// The first state beyond a bound beyond which the equations have no meaning: its position and value.
+    #[must_use]
+    fn first_beyond(&self) -> Option<(usize, f64)>
+    where
+        Self: Variables<Of<f64> = Self>,
+    {
+        let mut strict = Self::STRICT_STATES.iter().peekable();
+        let mut beyond = None;
+        if strict.len() > 0 {
+            Self::each_state(self, |state, value: f64| {
+                if let Some((_, min, max)) = strict.next_if(|(strict, _, _)| *strict == state)
+                    && !(min..=max).contains(&&value)
+                {
+                    beyond = beyond.or(Some((state, value)));
+                }
+            });
+        }
+        beyond
+    }
     /// Sets each state, to what its position gives.
     fn set_states<T: Number>(variables: &mut Self::Of<T>, state: impl Fn(usize) -> T);
     /// The value of a Real variable.

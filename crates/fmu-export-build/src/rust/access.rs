@@ -61,7 +61,7 @@ impl ::fmu_export::Variables for Variables {{
     const MODEL_DESCRIPTION_XML: &'static str = include_str!(\"modelDescription.xml\");
     const STATE_NAMES: &'static [&'static str] = &States::NAMES;
     const STATE_NOMINALS: &'static [f64] = &[{nominals}];
-{event_indicators}{value_references}{dependencies}{clock_tables}
+{strict_states}{event_indicators}{value_references}{dependencies}{clock_tables}
     fn inputs(&self) -> &Inputs {{
         &self.inputs
     }}
@@ -109,6 +109,7 @@ impl ::fmu_export::Variables for Variables {{
 }}
 ",
             nominals = self.nominals(),
+            strict_states = self.strict_states(),
             event_indicators = self.event_indicators(),
             value_references = self.value_references(),
             dependencies = self.dependencies(),
@@ -212,6 +213,29 @@ impl ::fmu_export::Variables for Variables {{
         let nominals =
             positions.map(|position| format!("{:?}", self.model.scalars[position].nominal.unwrap_or(1.0)));
         nominals.collect::<Vec<_>>().join(", ")
+    }
+
+    /// The bounds of states beyond which the equations have no meaning, where there are any.
+    fn strict_states(&self) -> String {
+        let fields = self.model.parts.iter().flat_map(|part| Place::States.fields(part));
+        let positions = fields.flat_map(|field| field.positions.iter().copied());
+        let bound = |is_strict: bool, bound: Option<f64>, none: &str| {
+            bound.filter(|_| is_strict).map_or_else(|| none.to_owned(), |bound| format!("{bound:?}"))
+        };
+        let strict: Vec<_> = positions
+            .enumerate()
+            .map(|(state, position)| (state, &self.model.scalars[position]))
+            .filter(|(_, scalar)| scalar.strict != [false; 2])
+            .map(|(state, scalar)| {
+                let min = bound(scalar.strict[0], scalar.min, "f64::NEG_INFINITY");
+                let max = bound(scalar.strict[1], scalar.max, "f64::INFINITY");
+                format!("({state}, {min}, {max})")
+            })
+            .collect();
+        if strict.is_empty() {
+            return String::new();
+        }
+        format!("    const STRICT_STATES: &'static [(usize, f64, f64)] = &[{}];\n", strict.join(", "))
     }
 
     /// The names of the event indicators, where there are any.

@@ -208,6 +208,9 @@ impl<M: ModelExchange> Instance<M> {
 
     /// Derivatives that are not finite are discarded, so that the solver tries a shorter step.
     pub(crate) fn get_derivatives(&mut self, derivatives: &mut [f64]) -> Answer {
+        if self.is_beyond() {
+            return Ok(Status::Discard);
+        }
         let status = self.compute_values()?;
         let variables = &self.memory.variables;
         let mut wrong = None;
@@ -227,6 +230,21 @@ impl<M: ModelExchange> Instance<M> {
             return Ok(Status::Discard);
         }
         Ok(status)
+    }
+
+    /// Whether a solver tries a state beyond a bound beyond which the equations have no meaning. It is logged.
+    fn is_beyond(&self) -> bool {
+        let is_trial = self.memory.phase == Phase::ContinuousTimeMode;
+        let beyond = self.memory.variables.first_beyond().filter(|_| is_trial);
+        if let Some((state, value)) = beyond {
+            self.log_discarded(format_args!(
+                "the state {} is {} at the time {} s, beyond a bound up to which the equations have a meaning",
+                M::Variables::STATE_NAMES[state],
+                Shown(value),
+                Shown(self.memory.time)
+            ));
+        }
+        beyond.is_some()
     }
 
     /// Gets Reals, among which event indicators may be.
@@ -254,6 +272,9 @@ impl<M: ModelExchange> Instance<M> {
     }
 
     pub(crate) fn get_event_indicators(&mut self, indicators: &mut [f64]) -> Answer {
+        if !indicators.is_empty() && self.is_beyond() {
+            return Ok(Status::Discard);
+        }
         let status = self.compute_values()?;
         indicators.fill(f64::NAN);
         self.memory.compute_indicators(indicators);

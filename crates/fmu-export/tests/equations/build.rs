@@ -15,6 +15,7 @@ fn main() {
         "bouncing_ball",
         "stairs",
         "undeclared",
+        "draining",
         "../test-model/model",
     ] {
         let declaration = format!("{model}.json");

@@ -15,7 +15,7 @@ macro_rules! variables {
     )*};
 }
 variables!(decay: "decay", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
-    bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared");
+    bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared", draining: "draining");
 
 /// Exponential decay towards an input and a ramp in time, from a start value and an offset together.
 #[derive(Clone, Debug, Default, Persistent)]

@@ -1,7 +1,7 @@
 //! Models whose equations compile and are wrong: told at initialization, by name.
 
 use fmu_export::{Equations, Integrated, Number, Persistent, Simulation, VariablesOf};
-use fmu_export_equations::{bouncing_ball, decay};
+use fmu_export_equations::{bouncing_ball, decay, draining};
 
 /// Defines models that differ by one line of their equations.
 macro_rules! models {
@@ -87,4 +87,26 @@ fn what_is_wrong_is_named() {
     ] {
         assert_eq!(found, expected);
     }
+}
+
+/// A tank that is drained at a rate, not by the pressure in it.
+#[derive(Clone, Debug, Default, Persistent)]
+struct Draining {}
+
+impl Equations for Draining {
+    type Variables = draining::Variables;
+
+    fn evaluate<T: Number>(&self, _time: T, variables: &mut VariablesOf<Self, T>) {
+        variables.derivatives.level = -variables.parameters.rate;
+    }
+}
+
+#[test]
+fn no_step_goes_beyond_a_strict_bound() {
+    let mut simulation = Simulation::<Integrated<Draining>>::default();
+    simulation.initialize().unwrap();
+    simulation.step(0.9).unwrap();
+    let error = simulation.step(0.9).unwrap_err().to_string();
+    assert!(error.contains("the error of level stays above the tolerance"), "{error}");
+    assert!(error.starts_with("the states cannot be integrated beyond the time 0.99"), "{error}");
 }
