@@ -537,7 +537,8 @@ impl<M: Model> Instance<M> {
             && size <= M::LONGEST_STEP
             && self.goes_on(start, size)
             && end > start
-            && end.is_finite()
+            // A step that is far shorter than the largest times cannot lead beyond them.
+            && (M::LONGEST_STEP < 0.25 * f64::EPSILON * f64::MAX || end.is_finite())
             && self.ends_in_time(end, size)
     }
 

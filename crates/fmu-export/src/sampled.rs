@@ -170,7 +170,10 @@ impl<S: Sampled> Model for SampledModel<S> {
             if sample.time >= until {
                 return Ok(());
             }
-            check_number(sample, until, period)?;
+            let are_few = until - sample.time <= MOST_SAMPLES * period;
+            if !are_few {
+                return Err(too_many_samples(sample, until, period));
+            }
             self.executed += 1;
             if step.inputs.is_constant() {
                 self.sampled.sample(sample, variables, step.inputs.initial(), context)?;
@@ -245,7 +248,10 @@ impl<S: Sampled> EventMode for SampledModel<S> {
             } else if stops.internal_steps && due > step.start {
                 return Ok(Some(Stop::InternalStep(due)));
             }
-            check_number(sample, end, period)?;
+            let are_few = end - sample.time <= MOST_SAMPLES * period;
+            if !are_few {
+                return Err(too_many_samples(sample, end, period));
+            }
             self.executed += 1;
             self.sampled.sample(sample, variables, step.inputs.initial(), context)?;
             if context.end.is_some() {
@@ -260,15 +266,13 @@ impl<S: Sampled> EventMode for SampledModel<S> {
 
 impl<S: Sampled> ScheduledExecution for SampledModel<S> {}
 
-/// Refuses a step, until a time in s, with too many samples from one on.
-fn check_number(sample: Sample, until: f64, period: f64) -> Result<(), Error> {
-    let number = (until - sample.time) / period;
-    if number <= MOST_SAMPLES {
-        return Ok(());
-    }
-    Err(Error::new(format!(
-        "the step has {number:.3e} samples, from {} s on, one each {} s; at most {MOST_SAMPLES:e} are computed in a step",
+/// Why a step, until a time in s, is refused whose samples begin with this one.
+#[cold]
+fn too_many_samples(sample: Sample, until: f64, period: f64) -> Error {
+    Error::new(format!(
+        "the step has {:.3e} samples, from {} s on, one each {} s; at most {MOST_SAMPLES:e} are computed in a step",
+        (until - sample.time) / period,
         Shown(sample.time),
         Shown(period)
-    )))
+    ))
 }
