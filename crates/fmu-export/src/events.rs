@@ -196,6 +196,11 @@ impl Events {
         self.last[1].copy_from_slice(&self.indicators);
     }
 
+    /// In how many places the search has looked.
+    pub(crate) fn looked(&self) -> u32 {
+        self.looked
+    }
+
     /// How the indicators changed in the search.
     pub(crate) fn pace(&self) -> Pace {
         if self.sharp > OF_A_JUMP + self.looked / 16 {

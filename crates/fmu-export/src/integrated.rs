@@ -374,7 +374,7 @@ impl<E: Equations> Integrated<E> {
                     .integrator
                     .step(&mut system, (self.elapsed, target), states, &limits, &mut trials)
                     .map_err(|failure| self.not_integrable(failure, tolerance))?;
-                crossed = self.find_event(variables, step, reached, states)?;
+                crossed = self.find_event(variables, step, reached, states, &mut trials)?;
                 if STOPS && stops.internal_steps && !crossed && self.elapsed < step.size {
                     return Ok(Some(Stop::InternalStep(self.time)));
                 }
@@ -385,8 +385,9 @@ impl<E: Equations> Integrated<E> {
                         .map_or("time events", |indicator| E::Variables::EVENT_INDICATORS[indicator]);
                     format!("{events} of them are events, which come ever faster, the last one of {what}")
                 } else {
-                    let state = E::Variables::STATE_NAMES[self.integrator.decisive_state()];
-                    format!("{state} changes too fast for a step so long, or for the tolerance {tolerance:?}")
+                    let state = E::Variables::STATE_NAMES.get(self.integrator.decisive_state());
+                    let what = state.unwrap_or(&"an event indicator");
+                    format!("{what} changes too fast for a step so long, or for the tolerance {tolerance:?}")
                 };
                 return Err(Error::new(format!(
                     "the step from {} s was given up at the time {} s after {MOST_TRIALS} trials and events: {cause}",
@@ -407,6 +408,7 @@ impl<E: Equations> Integrated<E> {
         step: &Step<'_, InputsOf<Self>>,
         end: f64,
         states: &mut [f64],
+        trials: &mut u32,
     ) -> Result<bool, Error> {
         let begin = self.elapsed;
         let mut go_to = |model: &mut Self, elapsed: f64| {
@@ -441,7 +443,11 @@ impl<E: Equations> Integrated<E> {
                 }
                 let share = (f64::from(place) + unevenness(place)) / f64::from(places);
                 let elapsed = if place == places { end } else { begin + share * (end - begin) };
-                let has_changed = go_to(self, elapsed)?;
+                let has_changed = match go_to(self, elapsed) {
+                    // Beyond an event the equations need not have a meaning.
+                    Err(_) if after.is_some() => break,
+                    has_changed => has_changed?,
+                };
                 self.events.look(elapsed);
                 if after.is_some() {
                     // Whether it was the first crossing depends on how the indicators change.
@@ -454,6 +460,8 @@ impl<E: Equations> Integrated<E> {
                     before = elapsed;
                 }
             }
+            // A long search costs what trials of the integrator do.
+            *trials += self.events.looked().saturating_sub(1) / SEARCHED;
             let pace = self.events.pace();
             let distance = (end - begin) / f64::from(places);
             if pace == Pace::Fast && places < MOST_SEARCHED {
