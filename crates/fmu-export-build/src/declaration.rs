@@ -268,6 +268,7 @@ pub(crate) struct EnumerationDeclaration {
 }
 
 /// A variable, or an array of them.
+#[allow(clippy::struct_excessive_bools, reason = "each is a key of its own")]
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
