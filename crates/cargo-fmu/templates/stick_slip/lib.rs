@@ -24,7 +24,13 @@ impl Equations for {Type} {
     type Variables = Variables;
 
     fn evaluate<T: Number>(&self, time: T, variables: &mut Variables<T>) {
-        let Variables { parameters, states, derivatives, outputs, .. } = variables;
+        let Variables {
+            parameters,
+            states,
+            derivatives,
+            outputs,
+            ..
+        } = variables;
         outputs.force = parameters.stiffness * (parameters.pull_speed * time - states.position);
         let friction = parameters.sliding_friction;
         derivatives.position = states.speed;
@@ -36,20 +42,37 @@ impl Equations for {Type} {
 
     /// Positive where the mode ends.
     fn event_indicators(&self, _time: f64, variables: &Variables, indicators: &mut [f64]) {
-        let Variables { parameters, states, outputs, .. } = variables;
+        let Variables {
+            parameters,
+            states,
+            outputs,
+            ..
+        } = variables;
         indicators[0] = match self.mode {
             Mode::Sticks => outputs.force.abs() / parameters.static_friction - 1.0,
             Mode::Slips { direction } => -direction * states.speed / parameters.pull_speed,
         };
     }
 
-    fn event(&mut self, _: &Event<'_>, variables: &mut Variables, _: &mut Context<'_>) -> Result<(), Error> {
-        let Variables { parameters, states, outputs, .. } = variables;
+    fn event(
+        &mut self,
+        _: &Event<'_>,
+        variables: &mut Variables,
+        _: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        let Variables {
+            parameters,
+            states,
+            outputs,
+            ..
+        } = variables;
         let holds = outputs.force.abs() < parameters.static_friction;
         self.mode = match self.mode {
             Mode::Slips { direction } if direction * states.speed > 0.0 => self.mode,
             _ if holds => Mode::Sticks,
-            _ => Mode::Slips { direction: outputs.force.signum() },
+            _ => Mode::Slips {
+                direction: outputs.force.signum(),
+            },
         };
         if self.mode == Mode::Sticks {
             states.speed = 0.0;
@@ -71,7 +94,10 @@ mod tests {
         simulation.step(0.19)?;
         assert_eq!(simulation.model.equations.mode, Mode::Sticks);
         simulation.step(0.02)?;
-        assert_eq!(simulation.model.equations.mode, Mode::Slips { direction: 1.0 });
+        assert_eq!(
+            simulation.model.equations.mode,
+            Mode::Slips { direction: 1.0 }
+        );
         simulation.step(0.47)?;
         assert_eq!(simulation.model.equations.mode, Mode::Sticks);
         Ok(())
