@@ -38,10 +38,11 @@ def clone(exported: Path, folder: Path) -> Path:
 
 
 def run(line: str, folder: Path, **environment: str) -> str:
-    """Runs a line with this Python's commands first; returns its output."""
+    """Runs a line with this Python's commands and `cargo fmu` first; returns its output."""
     # The built command, since there is no package for cargo in the folder.
     line = line.replace("cargo run --release --", str(TARGET.resolve() / "debug" / "boost-fmu"))
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    programs = [Path(sys.executable).parent, TARGET.resolve() / "debug"]
+    path = os.pathsep.join([*map(str, programs), os.environ["PATH"]])
     done = subprocess.run(
         shlex.split(line),
         cwd=folder,

@@ -19,16 +19,18 @@ pub(crate) fn check_evaluation<V: Variables>(variables: &V, evaluate: impl Fn(&m
         evaluate(&mut variables);
         variables
     });
+    let mut follows = None;
     for (reference, variable) in V::described() {
         let differ = |[one, other]: [&V; 2]| !are_equal(one, other, reference, variable.data_type);
         let is_calculated = differ(marked.each_ref());
-        let is_left = !differ([&marked[0], &evaluated[0]]);
+        let is_left = marked.iter().zip(&evaluated).all(|(marked, evaluated)| !differ([marked, evaluated]));
         let may_be_left = variable.variability == Variability::Discrete;
         if is_calculated && differ(evaluated.each_ref()) && !(is_left && may_be_left) {
-            return Err(Error::new(format!(
-                "`evaluate` does not set {}, or makes it of what it was before",
-                variable.name
-            )));
+            // What is left is the cause of others, which are made of it.
+            follows = follows.filter(|_| !is_left).or(Some(variable));
+            if is_left {
+                break;
+            }
         }
         if !is_calculated && differ([variables, &evaluated[0]]) {
             return Err(Error::new(format!(
@@ -37,7 +39,12 @@ pub(crate) fn check_evaluation<V: Variables>(variables: &V, evaluate: impl Fn(&m
             )));
         }
     }
-    Ok(())
+    follows.map_or(Ok(()), |variable| {
+        Err(Error::new(format!(
+            "`evaluate` does not set {}, or makes it of what it was before",
+            variable.name
+        )))
+    })
 }
 
 /// Whether a variable has the same value in both.
