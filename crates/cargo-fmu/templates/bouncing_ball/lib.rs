@@ -33,15 +33,11 @@ impl Equations for {Type} {
     ) -> Result<(), Error> {
         let states = &mut variables.states;
         if states.h <= 0.0 {
-            // Whatever its velocity: a ball that stayed below the ground by rounding would fall on from there.
+            // Even while rising: a ball left below the ground by rounding would fall on from there.
             states.h = 0.0;
-            if states.v < 0.0 {
-                states.v *= -variables.parameters.e;
-                self.rests = states.v < variables.locals.v_min;
-            }
-            if self.rests {
-                states.v = 0.0;
-            }
+            let v = states.v.max(-variables.parameters.e * states.v);
+            self.rests = v < variables.locals.v_min;
+            states.v = if self.rests { 0.0 } else { v };
         }
         Ok(())
     }

@@ -14,65 +14,44 @@ struct {Type} {
 enum Mode {
     #[default]
     Sticks,
-    Slips {
-        /// 1 forwards, -1 backwards.
-        direction: f64,
-    },
+    /// Forwards (1) or backwards (-1).
+    Slips(f64),
 }
 
 impl Equations for {Type} {
     type Variables = Variables;
 
     fn evaluate<T: Number>(&self, time: T, variables: &mut Variables<T>) {
-        let Variables {
-            parameters,
-            states,
-            derivatives,
-            outputs,
-            ..
-        } = variables;
-        outputs.force = parameters.stiffness * (parameters.pull_speed * time - states.position);
-        let friction = parameters.sliding_friction;
-        derivatives.position = states.speed;
-        derivatives.speed = match self.mode {
+        let p = variables.parameters;
+        let (states, outputs) = (&variables.states, &mut variables.outputs);
+        outputs.force = p.stiffness * (p.pull_speed * time - states.position);
+        variables.derivatives.position = states.speed;
+        variables.derivatives.speed = match self.mode {
             Mode::Sticks => T::from(0.0),
-            Mode::Slips { direction } => (outputs.force - friction * direction) / parameters.mass,
+            Mode::Slips(direction) => (outputs.force - p.sliding_friction * direction) / p.mass,
         };
     }
 
     /// Positive where the mode ends.
     fn event_indicators(&self, _time: f64, variables: &Variables, indicators: &mut [f64]) {
-        let Variables {
-            parameters,
-            states,
-            outputs,
-            ..
-        } = variables;
+        let p = &variables.parameters;
         indicators[0] = match self.mode {
-            Mode::Sticks => outputs.force.abs() / parameters.static_friction - 1.0,
-            Mode::Slips { direction } => -direction * states.speed / parameters.pull_speed,
+            Mode::Sticks => variables.outputs.force.abs() / p.static_friction - 1.0,
+            Mode::Slips(direction) => -direction * variables.states.speed / p.pull_speed,
         };
     }
 
     fn event(
         &mut self,
-        _: &Event<'_>,
+        _event: &Event<'_>,
         variables: &mut Variables,
-        _: &mut Context<'_>,
+        _context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let Variables {
-            parameters,
-            states,
-            outputs,
-            ..
-        } = variables;
-        let holds = outputs.force.abs() < parameters.static_friction;
+        let (states, force) = (&mut variables.states, variables.outputs.force);
         self.mode = match self.mode {
-            Mode::Slips { direction } if direction * states.speed > 0.0 => self.mode,
-            _ if holds => Mode::Sticks,
-            _ => Mode::Slips {
-                direction: outputs.force.signum(),
-            },
+            Mode::Slips(direction) if direction * states.speed > 0.0 => self.mode,
+            _ if force.abs() < variables.parameters.static_friction => Mode::Sticks,
+            _ => Mode::Slips(force.signum()),
         };
         if self.mode == Mode::Sticks {
             states.speed = 0.0;
@@ -94,10 +73,7 @@ mod tests {
         simulation.step(0.19)?;
         assert_eq!(simulation.model.equations.mode, Mode::Sticks);
         simulation.step(0.02)?;
-        assert_eq!(
-            simulation.model.equations.mode,
-            Mode::Slips { direction: 1.0 }
-        );
+        assert_eq!(simulation.model.equations.mode, Mode::Slips(1.0));
         simulation.step(0.47)?;
         assert_eq!(simulation.model.equations.mode, Mode::Sticks);
         Ok(())
