@@ -17,7 +17,7 @@ use fmu_export::{Persistent, Sampled, Step};
 EQUATIONS = """
 impl Equations for Motor {
     type Variables = Variables;
-    fn evaluate<T: Number>(&self, _: T, variables: &mut Variables<T>) {
+    fn evaluate<T: Number>(&self, _: T, variables: Evaluation<'_, T>) {
         variables.derivatives.speed = -variables.states.speed;
     }
 }
@@ -78,6 +78,18 @@ MISTAKES = {
         "fmu!(equations struct Motor);",
         "`Motor` does not implement `Equations`: write `fmu!(Motor)`",
     ),
+    "evaluation_changes_a_state": (
+        "fmu!(equations struct Motor);" + EQUATIONS.replace("        var", "        variables.states.speed *= T::from(0.5); var"),
+        "cannot assign to `variables.states.speed`, which is behind a `&` reference",
+    ),
+    "evaluation_changes_an_input": (
+        "fmu!(equations struct Motor);" + EQUATIONS.replace("        var", "        variables.inputs.torque = T::from(1.0); var"),
+        "cannot assign to `variables.inputs.torque`, which is behind a `&` reference",
+    ),
+    "evaluation_changes_a_parameter": (
+        "fmu!(equations struct Motor);" + EQUATIONS.replace("        var", "        variables.parameters.load = T::from(1.0); var"),
+        "cannot assign to `variables.parameters.load`, which is behind a `&` reference",
+    ),
     "another_word": (
         "fmu!(equation struct Motor);" + EQUATIONS,
         "`fmu!(equation struct Motor)` is none of `fmu!(equations NAME)`",
@@ -96,6 +108,8 @@ MISTAKES = {
 DECLARATION = {
     "variables": [
         {"name": "speed", "causality": "output", "unit": "rad/s", "start": 1, "derivative": True},
+        {"name": "torque", "causality": "input", "unit": "N.m", "start": 0},
+        {"name": "load", "causality": "parameter", "unit": "N.m", "start": 0},
     ]
 }
 
@@ -121,7 +135,11 @@ fmu-export-build = {{ path = "{crates}/fmu-export-build" }}
 
 
 def check(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    line = ["cargo", "check", "--offline", *arguments]
+    return cargo("check", folder, *arguments)
+
+
+def cargo(command: str, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    line = ["cargo", command, "--offline", *arguments]
     environment = {**os.environ, "CARGO_TARGET_DIR": str(TARGET.resolve())}
     return subprocess.run(line, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
@@ -187,3 +205,19 @@ def test_a_library_of_another_name_than_the_model_is_told_with_both(tmp_path: Pa
         "error: the library is called `Motor`, and the model of the JSON `mistakes`: "
         'write "model_identifier": "Motor" in the JSON'
     )
+
+
+def test_a_clock_in_a_model_of_equations_is_refused_with_the_way_that_works(tmp_path: Path) -> None:
+    package(tmp_path, 'fmu_export_build::generate("model.json");')
+    clock = {
+        "name": "sample", "type": "Clock", "causality": "input", "interval_variability": "constant", "interval": 0.1
+    }
+    declaration = {"variables": [*DECLARATION["variables"], clock]}
+    tmp_path.joinpath("model.json").write_text(json.dumps(declaration))
+    tmp_path.joinpath("src").mkdir()
+    tmp_path.joinpath("src", "lib.rs").write_text(USE + "fmu_export::fmu!(equations struct Motor);" + EQUATIONS)
+    # The compiler looks at it as it makes code.
+    result = cargo("build", tmp_path)
+    print(result.stderr)
+    assert result.returncode != 0
+    assert "`next_event` says when its samples are due, and `event` computes them" in result.stderr

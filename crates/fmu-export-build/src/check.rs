@@ -118,6 +118,13 @@ fn event_indicators(declaration: &Declaration, refusals: &mut Refusals) {
             refusals.add(key, format!("'{name}' is declared twice"));
         }
     }
+    for (number, name) in declaration.limits.iter().enumerate() {
+        if !seen.contains(name) {
+            let nearest = nearest(name, declaration.event_indicators.iter().cloned());
+            let reason = format!("'{name}' is not one of the event_indicators{nearest}");
+            refusals.add(format!("limits[{number}]"), reason);
+        }
+    }
 }
 
 /// Terminals: their names, and that their variables are there, each once.

@@ -72,6 +72,9 @@ pub(crate) struct Declaration {
     /// The names of the event indicators: the functions whose change of sign is an event.
     #[serde(default)]
     pub(crate) event_indicators: Vec<String>,
+    /// Those event indicators that no event may leave positive: the distance beyond an end stop, say.
+    #[serde(default)]
+    pub(crate) limits: Vec<String>,
     /// Groups of variables that tools connect in one stroke with those of another FMU.
     #[serde(default)]
     pub(crate) terminals: Vec<TerminalDeclaration>,

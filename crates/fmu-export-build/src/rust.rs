@@ -13,8 +13,8 @@ use crate::dependencies::Structure;
 use crate::model::{DataType, Field, Model, Part, Place, Start};
 
 /// The types that are always generated.
-pub(crate) const FIXED_NAMES: [&str; 6] =
-    ["Parameters", "Inputs", "States", "Locals", "Outputs", "Variables"];
+pub(crate) const FIXED_NAMES: [&str; 7] =
+    ["Parameters", "Inputs", "States", "Locals", "Outputs", "Variables", "Evaluation"];
 
 /// The type that holds all groups of states, where there are any.
 const STATE_GROUPS: &str = "StateGroups";
@@ -165,6 +165,7 @@ use ::fmu_export::description as fmi;
     text += &generator.states_impl();
     text += &generator.state_groups();
     text += &generator.variables_struct();
+    text += &generator.evaluation_struct();
     text += &generator.inputs_impl();
     text += &generator.variables_impl();
     text += &generator.description(guid);
@@ -389,6 +390,37 @@ impl Generator<'_, '_> {
         let starts: Vec<_> = fields.iter().map(start).collect();
         structure("Variables", "All variables of the model.", fields)
             + &default("Variables", &starts.join(",\n            "))
+    }
+
+    /// The struct that equations are given: what they may only read by shared references.
+    fn evaluation_struct(&self) -> String {
+        let fields = [
+            ("parameters", "The parameters.", Place::Parameters, ""),
+            ("inputs", "The inputs, within their bounds.", Place::Inputs, ""),
+            ("states", "The states.", Place::States, ""),
+            ("derivatives", "The time derivatives of the states, to be calculated.", Place::States, "mut "),
+            ("locals", "The local variables other than states, to be calculated.", Place::Locals, "mut "),
+            ("outputs", "The outputs other than states, to be calculated.", Place::Outputs, "mut "),
+        ];
+        let fields = fields.map(|(name, description, place, mutable)| {
+            let generic = if self.is_real(place) { "<T>" } else { "" };
+            format!("    /// {description}\n    pub {name}: &'a {mutable}{}{generic},\n", place.type_name())
+        });
+        let parameter = if self.has_reals() { ", T = f64" } else { "" };
+        format!(
+            "
+/// What equations read and calculate.
+#[derive(Debug)]
+pub struct Evaluation<'a{parameter}> {{
+{}}}
+",
+            fields.concat()
+        )
+    }
+
+    /// Whether the variables are generic over their number type.
+    fn has_reals(&self) -> bool {
+        PLACES.into_iter().any(|place| self.is_real(place))
     }
 
     fn has_clocks(&self) -> bool {

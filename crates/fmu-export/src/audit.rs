@@ -1,6 +1,6 @@
 //! Whether a model's equations set what is calculated, all of it, and nothing else.
 
-use crate::description::{DataType, ValueReference, Variability};
+use crate::description::{DataType, ValueReference, Variability, VariableDescription};
 use crate::error::Error;
 use crate::model::Variables;
 
@@ -45,6 +45,17 @@ pub(crate) fn check_evaluation<V: Variables>(variables: &V, evaluate: impl Fn(&m
             variable.name
         )))
     })
+}
+
+/// The first discrete variable that differs.
+pub(crate) fn first_discrete_difference<V: Variables>(
+    one: &V,
+    other: &V,
+) -> Option<&'static VariableDescription> {
+    let mut discrete = V::described().filter(|(_, variable)| variable.variability == Variability::Discrete);
+    discrete
+        .find(|&(reference, variable)| !are_equal(one, other, reference, variable.data_type))
+        .map(|(_, variable)| variable)
 }
 
 /// Whether a variable has the same value in both.

@@ -16,8 +16,8 @@ use crate::persistence::Persistent;
 /// impl Equations for VanDerPol {
 ///     type Variables = Variables;
 ///
-///     fn evaluate<T: Number>(&self, _time: T, variables: &mut Variables<T>) {
-///         let Variables { parameters, states, derivatives, .. } = variables;
+///     fn evaluate<T: Number>(&self, _time: T, variables: Evaluation<'_, T>) {
+///         let Evaluation { parameters, states, derivatives, .. } = variables;
 ///         derivatives.x0 = states.x1;
 ///         derivatives.x1 = parameters.mu * (-states.x0.powi(2) + 1.0) * states.x1 - states.x0;
 ///     }
@@ -39,7 +39,7 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
     ///
     /// Between two events the result must be smooth in time, inputs and states, also a little beyond a place where an
     /// event is due: a branch that changes at an event is chosen by what [`Equations::event`] remembers in the model.
-    fn evaluate<T: Number>(&self, time: T, variables: &mut VariablesOf<Self, T>);
+    fn evaluate<T: Number>(&self, time: T, variables: EvaluationOf<'_, Self, T>);
 
     /// Refuses parameters that contradict each other.
     ///
@@ -97,3 +97,11 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
 
 /// The variables of a model of equations over a number type.
 pub type VariablesOf<E, T> = <<E as Equations>::Variables as Variables>::Of<T>;
+
+/// What the equations of a model read and calculate, over a number type.
+pub type EvaluationOf<'a, E, T> = <<E as Equations>::Variables as Variables>::Evaluation<'a, T>;
+
+/// Evaluates the equations of a model.
+pub(crate) fn evaluate<E: Equations, T: Number>(equations: &E, time: T, variables: &mut VariablesOf<E, T>) {
+    equations.evaluate(time, E::Variables::evaluation(variables));
+}

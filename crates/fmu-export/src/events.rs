@@ -212,6 +212,21 @@ impl Events {
         }
     }
 
+    /// Refuses an event that is over and leaves a limit exceeded: no other event might come. `names` are the indicators',
+    /// `limits` the positions of those that are limits; they were computed after the event.
+    pub(crate) fn check_limits(&self, time: f64, names: &[&str], limits: &[usize]) -> Result<(), Error> {
+        match limits.iter().find(|limit| self.indicators[**limit] > 0.0) {
+            Some(&exceeded) => Err(Error::new(format!(
+                "the event at {} s leaves {} at {}, though it is a limit: an event puts the state onto the limit, and ends \
+                 what acts beyond it",
+                Shown(time),
+                names[exceeded],
+                Shown(self.indicators[exceeded])
+            ))),
+            None => Ok(()),
+        }
+    }
+
     /// Notes the indicators that were computed last as those on a side of a crossing.
     pub(crate) fn note(&mut self, side: Side) {
         self.sides[side as usize].copy_from_slice(&self.indicators);

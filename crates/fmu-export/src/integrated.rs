@@ -1,11 +1,11 @@
 //! Models of equations as an importer sees them: in co-simulation with the built-in integrator between events and the
 //! events at their times, in Model Exchange without it, and derivatives by dual numbers.
 
-use core::mem;
+use core::{fmt, mem};
 
-use crate::audit::check_evaluation;
+use crate::audit::{check_evaluation, first_discrete_difference};
 use crate::description::{Causality, DataType};
-use crate::equations::{Equations, VariablesOf};
+use crate::equations::{Equations, VariablesOf, evaluate};
 use crate::error::{Error, Shown};
 use crate::event_mode::{EventMode, EventsLeft, Stop, Stops, due_until};
 use crate::events::{Event, Events, MOST_ITERATIONS, Pace, Side};
@@ -100,19 +100,24 @@ impl<E: Equations> Model for Integrated<E> {
         inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        *self = Self { time: context.experiment.start_time, ..Self::default() };
-        with_inputs(variables, inputs, |variables| {
-            self.equations.prepare(variables, context)?;
-            variables.states_from_start();
-            self.equations.initialize::<f64>(variables);
-            self.check_evaluation(variables)?;
-            self.equations.evaluate::<f64>(self.time, variables);
-            let Self { equations, events, time, .. } = self;
-            events.begin(*time, E::Variables::EVENT_INDICATORS, |indicators| {
-                equations.event_indicators(*time, variables, indicators);
-            })?;
-            self.happen(variables, true, false, context)
-        })
+        let mut marked = variables.clone();
+        marked.mark_calculated(true);
+        let has_discrete = first_discrete_difference(variables, &marked).is_some();
+        with_inputs(variables, inputs, |variables| self.start(variables, context))?;
+        if has_discrete {
+            // Once more, from other values: what nothing sets differs.
+            let mut silence = |_: &'static str, _: fmt::Arguments<'_>| {};
+            let mut context = context.with_log(&mut silence);
+            with_inputs(&mut marked, inputs, |marked| Self::default().start(marked, &mut context))?;
+            if let Some(variable) = first_discrete_difference(variables, &marked) {
+                return Err(Error::new(format!(
+                    "nothing sets {} at the start: `prepare`, `evaluate` or the initial event does, or its JSON gives \
+                     its \"start\" with \"initial\": \"exact\"",
+                    variable.name
+                )));
+            }
+        }
+        Ok(())
     }
 
     fn step(
@@ -132,7 +137,7 @@ impl<E: Equations> Model for Integrated<E> {
     }
 
     fn refresh(&mut self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) {
-        with_inputs(variables, inputs, |variables| self.equations.evaluate::<f64>(time, variables));
+        with_inputs(variables, inputs, |variables| evaluate(&self.equations, time, variables));
     }
 
     fn differentiate(
@@ -265,6 +270,21 @@ impl<E: Equations> EventMode for Integrated<E> {
 }
 
 impl<E: Equations> Integrated<E> {
+    /// Computes everything at the start time.
+    fn start(&mut self, variables: &mut E::Variables, context: &mut Context<'_>) -> Result<(), Error> {
+        *self = Self { time: context.experiment.start_time, ..Self::default() };
+        self.equations.prepare(variables, context)?;
+        variables.states_from_start();
+        self.equations.initialize::<f64>(variables);
+        self.check_evaluation(variables)?;
+        evaluate(&self.equations, self.time, variables);
+        let Self { equations, events, time, .. } = self;
+        events.begin(*time, E::Variables::EVENT_INDICATORS, |indicators| {
+            equations.event_indicators(*time, variables, indicators);
+        })?;
+        self.happen(variables, true, false, context)
+    }
+
     /// The derivatives of what is calculated along a direction; the states are initialized before.
     fn derivatives(
         &self,
@@ -279,7 +299,7 @@ impl<E: Equations> Integrated<E> {
         direction.states_from_start();
         let mut duals = variables.combined(&direction, Dual::new);
         initialize(&mut duals);
-        self.equations.evaluate(time, &mut duals);
+        evaluate(&self.equations, time, &mut duals);
         E::Variables::collected(&duals, &direction, |dual: Dual, _| dual.derivative)
     }
 
@@ -305,7 +325,7 @@ impl<E: Equations> Integrated<E> {
             if is_known(known) { tape.variable(value) } else { Recorded::from(value) }
         });
         initialize(&mut recorded);
-        self.equations.evaluate(Recorded::from(time), &mut recorded);
+        evaluate(&self.equations, Recorded::from(time), &mut recorded);
         let _ = E::Variables::collected(&recorded, weights, |number: Recorded<'_>, weight| {
             tape.weigh(number, weight);
             0.0
@@ -333,7 +353,7 @@ impl<E: Equations> Integrated<E> {
         let (mut trials, mut events) = (0, 0);
         let mut last_cause = None;
         // Inputs and tunable parameters may have jumped since the last step.
-        self.equations.evaluate::<f64>(self.time, variables);
+        evaluate(&self.equations, self.time, variables);
         let mut crossed = self.find_changes(variables)?;
         loop {
             let due = if STOPS {
@@ -507,7 +527,7 @@ impl<E: Equations> Integrated<E> {
     }
 
     fn check_evaluation(&self, variables: &E::Variables) -> Result<(), Error> {
-        check_evaluation(variables, |variables| self.equations.evaluate::<f64>(self.time, variables))
+        check_evaluation(variables, |variables| evaluate(&self.equations, self.time, variables))
     }
 
     /// Finds which indicators have changed since the last event. Whether any has.
@@ -534,9 +554,10 @@ impl<E: Equations> Integrated<E> {
                 // Tests of a model look at each of its branches.
                 self.check_evaluation(variables)?;
             }
-            self.equations.evaluate::<f64>(self.time, variables);
+            evaluate(&self.equations, self.time, variables);
             self.events.accept();
             if !self.find_changes(variables)? {
+                self.events.check_limits(self.time, E::Variables::EVENT_INDICATORS, E::Variables::LIMITS)?;
                 self.integrator.restart();
                 let next = self.equations.next_event(self.time, variables);
                 return self.events.set_next(next, self.time, is_initial);
@@ -597,7 +618,7 @@ impl<E: Equations> Equated<'_, E> {
 
     fn evaluate(&mut self, elapsed: f64, states: &[f64]) {
         self.set(elapsed, states);
-        self.equations.evaluate::<f64>(self.start + elapsed, self.variables);
+        evaluate(self.equations, self.start + elapsed, self.variables);
     }
 }
 
@@ -608,7 +629,7 @@ impl<E: Equations> System for Equated<'_, E> {
             // The integrator takes a shorter step.
             return derivatives.fill(f64::NAN);
         }
-        self.equations.evaluate::<f64>(self.start + elapsed, self.variables);
+        evaluate(self.equations, self.start + elapsed, self.variables);
         E::Variables::each_derivative(self.variables, |state, rate| derivatives[state] = rate);
     }
 
@@ -622,7 +643,7 @@ impl<E: Equations> System for Equated<'_, E> {
             E::Variables::set_states(&mut duals, |state| {
                 Dual::new(states[state], if state == column { 1.0 } else { 0.0 })
             });
-            self.equations.evaluate(Dual::from(time), &mut duals);
+            evaluate(self.equations, Dual::from(time), &mut duals);
             E::Variables::each_derivative(&duals, |row, rate: Dual| {
                 jacobian[row * size + column] = rate.derivative;
             });
@@ -633,7 +654,7 @@ impl<E: Equations> System for Equated<'_, E> {
             duals = self.variables.combined(&direction, Dual::new);
         }
         E::Variables::set_states(&mut duals, |state| Dual::from(states[state]));
-        self.equations.evaluate(Dual::new(time, 1.0), &mut duals);
+        evaluate(self.equations, Dual::new(time, 1.0), &mut duals);
         E::Variables::each_derivative(&duals, |row, rate: Dual| by_time[row] = rate.derivative);
     }
 }

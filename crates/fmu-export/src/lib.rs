@@ -64,7 +64,7 @@ pub mod wasm;
 pub use clock::Clock;
 pub use clocked::{Clocked, ClockedModel};
 pub use dependencies::check_dependencies;
-pub use equations::{Equations, VariablesOf};
+pub use equations::{Equations, EvaluationOf, VariablesOf};
 pub use error::Error;
 pub use event_mode::EventMode;
 #[doc(hidden)]

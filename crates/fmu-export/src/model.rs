@@ -25,6 +25,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     type Inputs: Inputs;
     /// These variables over another number type.
     type Of<T: Number>;
+    /// What [`Equations::evaluate`](crate::Equations::evaluate) reads and calculates, over a number type.
+    type Evaluation<'a, T: Number + 'a>;
     /// The names of the states.
     const STATE_NAMES: &'static [&'static str];
     /// Their nominal values; 1 where none is declared.
@@ -33,6 +35,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     const STRICT_STATES: &'static [(usize, f64, f64)] = &[];
     /// The names of the event indicators.
     const EVENT_INDICATORS: &'static [&'static str] = &[];
+    /// The positions of those that no event may leave positive.
+    const LIMITS: &'static [usize] = &[];
     /// The tables for this model.
     const DESCRIPTION: &'static ModelDescription;
     /// The value references of the described variables, ascending; nothing where they are 0, 1, 2, ….
@@ -86,6 +90,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     fn inputs(&self) -> &Self::Inputs;
     /// The inputs, to be replaced for a while.
     fn inputs_mut(&mut self) -> &mut Self::Inputs;
+    /// The variables as an evaluation sees them: what it may only read by shared references.
+    fn evaluation<T: Number>(variables: &mut Self::Of<T>) -> Self::Evaluation<'_, T>;
     /// These variables over another number type: each number from this one's and the other's.
     fn combined<T: Number>(&self, other: &Self, number: impl FnMut(f64, f64) -> T) -> Self::Of<T>;
     /// The reverse: each number from one of another number type, and from another's.
@@ -438,6 +444,14 @@ impl<'a> Context<'a> {
     /// The same with the files of an FMU.
     pub(crate) fn with_resources(self, resources: &'a Resources) -> Self {
         Self { resources: Some(resources), ..self }
+    }
+
+    /// The same with another logger.
+    pub(crate) fn with_log<'b>(
+        &'b self,
+        log: &'b mut dyn FnMut(&'static str, fmt::Arguments<'_>),
+    ) -> Context<'b> {
+        Context { log, ..*self }
     }
 
     /// The content of a file of the FMU's folder `resources`, by its path there: of at most 256 MiB.

@@ -13,7 +13,7 @@ struct {Type} {
 impl Equations for {Type} {
     type Variables = Variables;
 
-    fn evaluate<T: Number>(&self, _time: T, variables: &mut Variables<T>) {
+    fn evaluate<T: Number>(&self, _time: T, variables: Evaluation<'_, T>) {
         let g = variables.parameters.g;
         variables.derivatives.h = variables.states.v;
         variables.derivatives.v = if self.rests { T::from(0.0) } else { g };

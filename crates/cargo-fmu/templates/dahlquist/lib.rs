@@ -7,7 +7,7 @@ fmu_export::fmu!(equations struct {Type});
 impl Equations for {Type} {
     type Variables = Variables;
 
-    fn evaluate<T: Number>(&self, _time: T, variables: &mut Variables<T>) {
+    fn evaluate<T: Number>(&self, _time: T, variables: Evaluation<'_, T>) {
         variables.derivatives.x = -variables.parameters.k * variables.states.x;
     }
 }

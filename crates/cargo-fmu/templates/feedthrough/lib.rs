@@ -7,8 +7,8 @@ fmu_export::fmu!(equations struct {Type});
 impl Equations for {Type} {
     type Variables = Variables;
 
-    fn evaluate<T: Number>(&self, _time: T, variables: &mut Variables<T>) {
-        let (inputs, outputs) = (&variables.inputs, &mut variables.outputs);
+    fn evaluate<T: Number>(&self, _time: T, variables: Evaluation<'_, T>) {
+        let (inputs, outputs) = (variables.inputs, variables.outputs);
         outputs.float64_continuous_output = inputs.float64_continuous_input;
         outputs.float64_discrete_output = inputs.float64_discrete_input;
         outputs.int32_output = inputs.int32_input;

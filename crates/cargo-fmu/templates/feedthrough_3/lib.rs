@@ -7,8 +7,8 @@ fmu_export::fmu!(equations struct {Type});
 impl Equations for {Type} {
     type Variables = Variables;
 
-    fn evaluate<T: Number>(&self, _time: T, variables: &mut Variables<T>) {
-        let (inputs, outputs) = (&variables.inputs, &mut variables.outputs);
+    fn evaluate<T: Number>(&self, _time: T, variables: Evaluation<'_, T>) {
+        let (inputs, outputs) = (variables.inputs, variables.outputs);
         outputs.float32_continuous_output = inputs.float32_continuous_input;
         outputs.float32_discrete_output = inputs.float32_discrete_input;
         outputs.float64_continuous_output = inputs.float64_continuous_input;

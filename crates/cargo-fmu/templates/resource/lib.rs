@@ -16,7 +16,7 @@ impl Equations for {Type} {
         Ok(())
     }
 
-    fn evaluate<T: Number>(&self, _time: T, _variables: &mut Variables) {}
+    fn evaluate<T: Number>(&self, _time: T, _variables: Evaluation<'_>) {}
 }
 
 fn first_character(text: &[u8]) -> Result<i32, Error> {

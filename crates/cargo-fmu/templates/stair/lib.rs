@@ -11,7 +11,7 @@ impl Equations for {Type} {
     type Variables = Variables;
 
     /// The counter changes at events alone.
-    fn evaluate<T: Number>(&self, _time: T, _variables: &mut Variables) {}
+    fn evaluate<T: Number>(&self, _time: T, _variables: Evaluation<'_>) {}
 
     fn next_event(&self, time: f64, _variables: &Variables) -> Option<f64> {
         Some(time.floor() + 1.0)

@@ -24,9 +24,9 @@ impl Equations for {Type} {
         variables.states.x = variables.parameters.x0;
     }
 
-    fn evaluate<T: Number>(&self, _time: T, variables: &mut Variables<T>) {
+    fn evaluate<T: Number>(&self, _time: T, variables: Evaluation<'_, T>) {
         let (p, x, u) = (
-            &variables.parameters,
+            variables.parameters,
             &variables.states.x,
             &variables.inputs.u,
         );

@@ -14,16 +14,15 @@ struct {Type} {
 enum Mode {
     #[default]
     Sticks,
-    /// Forwards (1) or backwards (-1).
-    Slips(f64),
+    Slips(f64), // 1 forwards, -1 backwards
 }
 
 impl Equations for {Type} {
     type Variables = Variables;
 
-    fn evaluate<T: Number>(&self, time: T, variables: &mut Variables<T>) {
+    fn evaluate<T: Number>(&self, time: T, variables: Evaluation<'_, T>) {
         let p = variables.parameters;
-        let (states, outputs) = (&variables.states, &mut variables.outputs);
+        let (states, outputs) = (variables.states, variables.outputs);
         outputs.force = p.stiffness * (p.pull_speed * time - states.position);
         variables.derivatives.position = states.speed;
         variables.derivatives.speed = match self.mode {
@@ -53,9 +52,7 @@ impl Equations for {Type} {
             _ if force.abs() < variables.parameters.static_friction => Mode::Sticks,
             _ => Mode::Slips(force.signum()),
         };
-        if self.mode == Mode::Sticks {
-            states.speed = 0.0;
-        }
+        states.speed = if self.mode == Mode::Sticks { 0.0 } else { states.speed };
         Ok(())
     }
 }

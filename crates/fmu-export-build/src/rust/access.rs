@@ -3,8 +3,8 @@
 
 use std::fmt::Write as _;
 
-use super::{Generator, PLACES, numbered};
-use crate::declaration::{Initial, Variability};
+use super::{Generator, numbered};
+use crate::declaration::{Declaration, Initial, Variability};
 use crate::model::{DataType, Place, Scalar};
 use crate::xml;
 
@@ -240,11 +240,15 @@ impl ::fmu_export::Variables for Variables {{
 
     /// The names of the event indicators, where there are any.
     fn event_indicators(&self) -> String {
-        let names = &self.model.declaration.event_indicators;
+        let Declaration { event_indicators: names, limits, .. } = self.model.declaration;
         if names.is_empty() {
             return String::new();
         }
         let mut text = format!("    const EVENT_INDICATORS: &'static [&'static str] = &{names:?};\n");
+        if !limits.is_empty() {
+            let limits: Vec<_> = (0..names.len()).filter(|&number| limits.contains(&names[number])).collect();
+            let _ = writeln!(text, "    const LIMITS: &'static [usize] = &{limits:?};");
+        }
         if let Some(first) = self.model.in_place(Place::EventIndicators).next() {
             let first = self.model.scalars[first].value_reference;
             let _ = writeln!(text, "    const FIRST_EVENT_INDICATOR: fmi::ValueReference = {first};");
@@ -298,9 +302,10 @@ impl ::fmu_export::Variables for Variables {{
 
     /// The variables over other number types, and their states.
     fn numbers(&self) -> String {
-        let of = if PLACES.into_iter().any(|place| self.is_real(place)) {
+        let of = if self.has_reals() {
             "
     type Of<T: ::fmu_export::Number> = Variables<T>;
+    type Evaluation<'a, T: ::fmu_export::Number + 'a> = Evaluation<'a, T>;
 
     fn combined<T: ::fmu_export::Number>(&self, other: &Self, mut number: impl FnMut(f64, f64) -> T) -> Variables<T> {
         self.combine(other, &mut number)
@@ -313,6 +318,7 @@ impl ::fmu_export::Variables for Variables {{
         } else {
             "
     type Of<T: ::fmu_export::Number> = Self;
+    type Evaluation<'a, T: ::fmu_export::Number + 'a> = Evaluation<'a>;
 
     fn combined<T: ::fmu_export::Number>(&self, _other: &Self, _number: impl FnMut(f64, f64) -> T) -> Self {
         self.clone()
@@ -353,7 +359,13 @@ impl ::fmu_export::Variables for Variables {{
     fn set_states<T: ::fmu_export::Number>(_variables: &mut Self::Of<T>, _state: impl Fn(usize) -> T) {}
 "
         };
-        [of, &each("each_state", "states"), &each("each_derivative", "derivatives"), set].concat()
+        let evaluation = "
+    fn evaluation<T: ::fmu_export::Number>(variables: &mut Self::Of<T>) -> Self::Evaluation<'_, T> {
+        let Variables { parameters, inputs, states, derivatives, locals, outputs, .. } = variables;
+        Evaluation { parameters, inputs, states, derivatives, locals, outputs }
+    }
+";
+        [of, evaluation, &each("each_state", "states"), &each("each_derivative", "derivatives"), set].concat()
     }
 
     /// The variables of a place without changes, from its default, which bears the place's name.

@@ -144,6 +144,9 @@ impl<M: ModelExchange> Instance<M> {
             memory.event.states_changed |= memory.states() != before;
             info.states_changed = memory.event.states_changed;
             info.again = memory.find_changes()? || memory.due().is_some();
+            if !info.again {
+                memory.events.check_limits(time, M::Variables::EVENT_INDICATORS, M::Variables::LIMITS)?;
+            }
             memory.event.states_changed &= info.again;
             memory.phase = phase;
         } else {

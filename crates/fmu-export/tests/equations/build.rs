@@ -16,6 +16,7 @@ fn main() {
         "stairs",
         "undeclared",
         "draining",
+        "falling",
         "../test-model/model",
     ] {
         let declaration = format!("{model}.json");

@@ -165,6 +165,23 @@ impl ::core::default::Default for Variables {
     }
 }
 
+/// What equations read and calculate.
+#[derive(Debug)]
+pub struct Evaluation<'a, T = f64> {
+    /// The parameters.
+    pub parameters: &'a Parameters<T>,
+    /// The inputs, within their bounds.
+    pub inputs: &'a Inputs<T>,
+    /// The states.
+    pub states: &'a States<T>,
+    /// The time derivatives of the states, to be calculated.
+    pub derivatives: &'a mut States<T>,
+    /// The local variables other than states, to be calculated.
+    pub locals: &'a mut Locals,
+    /// The outputs other than states, to be calculated.
+    pub outputs: &'a mut Outputs<T>,
+}
+
 impl ::fmu_export::Inputs for Inputs {
     const REALS: &'static [::fmu_export::RealInput] = &[
         ::fmu_export::RealInput { min: f64::NEG_INFINITY, max: f64::INFINITY },
@@ -207,6 +224,7 @@ impl ::fmu_export::Variables for Variables {
     }
 
     type Of<T: ::fmu_export::Number> = Variables<T>;
+    type Evaluation<'a, T: ::fmu_export::Number + 'a> = Evaluation<'a, T>;
 
     fn combined<T: ::fmu_export::Number>(&self, other: &Self, mut number: impl FnMut(f64, f64) -> T) -> Variables<T> {
         self.combine(other, &mut number)
@@ -214,6 +232,11 @@ impl ::fmu_export::Variables for Variables {
 
     fn collected<T: ::fmu_export::Number>(numbers: &Variables<T>, other: &Self, mut number: impl FnMut(T, f64) -> f64) -> Self {
         numbers.combine(other, &mut number)
+    }
+
+    fn evaluation<T: ::fmu_export::Number>(variables: &mut Self::Of<T>) -> Self::Evaluation<'_, T> {
+        let Variables { parameters, inputs, states, derivatives, locals, outputs, .. } = variables;
+        Evaluation { parameters, inputs, states, derivatives, locals, outputs }
     }
 
     fn each_state<T: ::fmu_export::Number>(variables: &Self::Of<T>, mut function: impl FnMut(usize, T)) {

@@ -4,7 +4,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use fmu_export::{
-    Context, Equations, Error, Event, Integrated, Number, Persistent, Simulation, Variables, VariablesOf,
+    Context, Equations, Error, EvaluationOf, Event, Integrated, Number, Persistent, Simulation, Variables,
 };
 use fmu_export_equations::{BouncingBall, Decay, Hires, Robertson, VanDerPol};
 
@@ -19,7 +19,7 @@ struct Counted<E: Persistent>(E);
 impl<E: Equations> Equations for Counted<E> {
     type Variables = E::Variables;
 
-    fn evaluate<T: Number>(&self, time: T, variables: &mut VariablesOf<E, T>) {
+    fn evaluate<T: Number>(&self, time: T, variables: EvaluationOf<'_, E, T>) {
         let count = if size_of::<T>() == size_of::<f64>() { &NUMBERS } else { &DUALS };
         count.fetch_add(1, Ordering::Relaxed);
         self.0.evaluate(time, variables);

@@ -4,7 +4,7 @@
 #[path = "../../test-model/src/lib.rs"]
 pub mod test_model;
 
-use fmu_export::{Context, Equations, Error, Event, Number, Persistent, VariablesOf};
+use fmu_export::{Context, Equations, Error, EvaluationOf, Event, Number, Persistent};
 
 macro_rules! variables {
     ($($model:ident: $identifier:literal),*) => {$(
@@ -15,7 +15,36 @@ macro_rules! variables {
     )*};
 }
 variables!(decay: "decay", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
-    bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared", draining: "draining");
+    bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared", draining: "draining",
+    falling: "falling");
+
+/// A ball that falls through the ground: its event counts the impact and leaves it there.
+#[derive(Clone, Debug, Default, Persistent)]
+pub struct Falling {}
+
+impl Equations for Falling {
+    type Variables = falling::Variables;
+
+    fn evaluate<T: Number>(&self, _time: T, variables: EvaluationOf<'_, Self, T>) {
+        variables.derivatives.h = variables.states.v;
+        variables.derivatives.v = T::from(-9.81);
+    }
+
+    fn event_indicators(&self, _time: f64, variables: &falling::Variables, indicators: &mut [f64]) {
+        indicators[0] = -variables.states.h;
+    }
+
+    fn event(
+        &mut self,
+        event: &Event<'_>,
+        variables: &mut falling::Variables,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        let impacts = &mut variables.outputs.impacts;
+        *impacts = if event.is_initial { 0 } else { *impacts + 1 };
+        Ok(())
+    }
+}
 
 /// Exponential decay towards an input and a ramp in time, from a start value and an offset together.
 #[derive(Clone, Debug, Default, Persistent)]
@@ -28,8 +57,8 @@ impl Equations for Decay {
         variables.states.x += variables.parameters.offset;
     }
 
-    fn evaluate<T: Number>(&self, time: T, variables: &mut decay::Variables<T>) {
-        let decay::Variables { parameters, inputs, states, derivatives, outputs, .. } = variables;
+    fn evaluate<T: Number>(&self, time: T, variables: decay::Evaluation<'_, T>) {
+        let decay::Evaluation { parameters, inputs, states, derivatives, outputs, .. } = variables;
         derivatives.x = parameters.rate * (inputs.target + parameters.ramp * time - states.x);
         outputs.square = states.x * states.x;
         outputs.seconds = time;
@@ -43,7 +72,7 @@ pub struct Undeclared {}
 impl Equations for Undeclared {
     type Variables = undeclared::Variables;
 
-    fn evaluate<T: Number>(&self, _time: T, variables: &mut undeclared::Variables<T>) {
+    fn evaluate<T: Number>(&self, _time: T, variables: undeclared::Evaluation<'_, T>) {
         variables.derivatives.x = variables.inputs.target - variables.states.x;
     }
 }
@@ -55,8 +84,8 @@ pub struct VanDerPol {}
 impl Equations for VanDerPol {
     type Variables = van_der_pol::Variables;
 
-    fn evaluate<T: Number>(&self, _time: T, variables: &mut VariablesOf<Self, T>) {
-        let van_der_pol::Variables { parameters, states, derivatives, .. } = variables;
+    fn evaluate<T: Number>(&self, _time: T, variables: EvaluationOf<'_, Self, T>) {
+        let van_der_pol::Evaluation { parameters, states, derivatives, .. } = variables;
         derivatives.x0 = states.x1;
         derivatives.x1 = parameters.mu * (-states.x0 * states.x0 + 1.0) * states.x1 - states.x0;
     }
@@ -69,8 +98,8 @@ pub struct Robertson {}
 impl Equations for Robertson {
     type Variables = robertson::Variables;
 
-    fn evaluate<T: Number>(&self, time: T, variables: &mut robertson::Variables<T>) {
-        let robertson::Variables { parameters, states, derivatives, outputs, .. } = variables;
+    fn evaluate<T: Number>(&self, time: T, variables: robertson::Evaluation<'_, T>) {
+        let robertson::Evaluation { parameters, states, derivatives, outputs, .. } = variables;
         let [a, b, c] = states.y;
         let (slow, fast, back) = (a * 0.04, b * b * 3e7, b * c * 1e4);
         derivatives.y = [back - slow, slow - back - fast, fast];
@@ -89,7 +118,7 @@ pub struct Hires {}
 impl Equations for Hires {
     type Variables = hires::Variables;
 
-    fn evaluate<T: Number>(&self, _time: T, variables: &mut hires::Variables<T>) {
+    fn evaluate<T: Number>(&self, _time: T, variables: hires::Evaluation<'_, T>) {
         let [a, b, c, d, e, f, g, h] = variables.states.y;
         let (joined, parted) = (f * h * 280.0, g * 1.81);
         variables.derivatives.y = [
@@ -114,8 +143,8 @@ pub struct BouncingBall {
 impl Equations for BouncingBall {
     type Variables = bouncing_ball::Variables;
 
-    fn evaluate<T: Number>(&self, _time: T, variables: &mut bouncing_ball::Variables<T>) {
-        let bouncing_ball::Variables { parameters, states, derivatives, .. } = variables;
+    fn evaluate<T: Number>(&self, _time: T, variables: bouncing_ball::Evaluation<'_, T>) {
+        let bouncing_ball::Evaluation { parameters, states, derivatives, .. } = variables;
         derivatives.h = states.v;
         derivatives.v = if self.rests { T::from(0.0) } else { -parameters.gravity };
     }
@@ -155,7 +184,7 @@ pub struct Stairs {
 impl Equations for Stairs {
     type Variables = stairs::Variables;
 
-    fn evaluate<T: Number>(&self, _time: T, variables: &mut stairs::Variables<T>) {
+    fn evaluate<T: Number>(&self, _time: T, variables: stairs::Evaluation<'_, T>) {
         variables.derivatives.level = T::from(f64::from(self.steps));
         variables.outputs.seen = variables.inputs.signal;
         variables.outputs.steps = self.steps;

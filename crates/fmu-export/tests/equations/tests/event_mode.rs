@@ -7,7 +7,7 @@ use std::ptr;
 use fmu_export::fmi3::c_api;
 use fmu_export::fmi3::c_types::{Instance, Status};
 use fmu_export::{Equations, Integrated, Simulation, Variables as _};
-use fmu_export_equations::{BouncingBall, Stairs};
+use fmu_export_equations::{BouncingBall, Falling, Stairs};
 
 /// The tolerance of the integrator.
 const TOLERANCE: f64 = 1e-8;
@@ -96,24 +96,22 @@ impl<E: Equations> Slave<E> {
         let mut flags = [1_u8; 5];
         let mut next = f64::NAN;
         while flags[0] == 1 {
-            let [again, terminate, nominals, values, is_defined] = &mut flags;
-            // SAFETY: see above.
-            let status = unsafe {
-                c_api::update_discrete_states::<Integrated<E>>(
-                    self.0,
-                    again,
-                    terminate,
-                    nominals,
-                    values,
-                    is_defined,
-                    &raw mut next,
-                )
-            };
+            let status = self.update_discrete_states(&mut flags, &mut next);
             assert_eq!((status, flags[1]), (Status::Ok, 0));
         }
         // SAFETY: see above.
         assert_eq!(unsafe { c_api::enter_step_mode::<Integrated<E>>(self.0) }, Status::Ok);
         (flags[4] == 1).then_some(next)
+    }
+
+    fn update_discrete_states(&mut self, flags: &mut [u8; 5], next: &mut f64) -> Status {
+        let [again, terminate, nominals, values, is_defined] = flags;
+        // SAFETY: see above.
+        unsafe {
+            c_api::update_discrete_states::<Integrated<E>>(
+                self.0, again, terminate, nominals, values, is_defined, next,
+            )
+        }
     }
 
     fn get<const N: usize>(&mut self, names: [&str; N]) -> [f64; N] {
@@ -178,6 +176,16 @@ fn a_state_event_ends_the_step_and_is_the_importers() {
     for (found, expected) in slave.get(["h", "v"]).into_iter().zip([h, v]) {
         assert!((found - expected).abs() < 1e-14, "{found} instead of {expected}");
     }
+}
+
+#[test]
+fn an_event_that_leaves_a_limit_exceeded_is_an_error() {
+    let mut slave = Slave::<Falling>::new(true);
+    slave.leave_event_mode();
+    assert!(slave.step(0.0, 0.7).event_handling_needed);
+    // SAFETY: see above.
+    assert_eq!(unsafe { c_api::enter_event_mode::<Integrated<Falling>>(slave.0) }, Status::Ok);
+    assert_eq!(slave.update_discrete_states(&mut [1; 5], &mut 0.0), Status::Error);
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! The built-in integrator against closed forms and independent solutions.
 
 use fmu_export::{
-    Context, Dual, Equations, Error, Event, InputSignal, Integrated, Model, Number, Persistent, Simulation,
-    Tape, Variables as _, VariablesOf, check_dependencies,
+    Context, Dual, Equations, Error, EvaluationOf, Event, InputSignal, Integrated, Model, Number, Persistent,
+    Simulation, Tape, Variables as _, check_dependencies,
 };
 use fmu_export_equations::{
     BouncingBall, Decay, Hires, Robertson, Stairs, Undeclared, VanDerPol, bouncing_ball, decay, stairs,
@@ -215,9 +215,10 @@ struct Crossings {}
 impl Equations for Crossings {
     type Variables = stairs::Variables;
 
-    fn evaluate<T: Number>(&self, _time: T, variables: &mut VariablesOf<Self, T>) {
+    fn evaluate<T: Number>(&self, _time: T, variables: EvaluationOf<'_, Self, T>) {
         variables.derivatives.level = T::from(0.0);
         variables.outputs.seen = T::from(0.0);
+        variables.outputs.steps = 0;
     }
 
     fn event_indicators(&self, time: f64, _variables: &stairs::Variables, indicators: &mut [f64]) {
@@ -230,7 +231,8 @@ impl Equations for Crossings {
         variables: &mut stairs::Variables,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        variables.outputs.switches += i32::from(!event.is_initial);
+        let switches = &mut variables.outputs.switches;
+        *switches = if event.is_initial { 0 } else { *switches + 1 };
         Ok(())
     }
 }
@@ -453,7 +455,7 @@ struct Oscillator {}
 impl Equations for Oscillator {
     type Variables = van_der_pol::Variables;
 
-    fn evaluate<T: Number>(&self, _time: T, variables: &mut VariablesOf<Self, T>) {
+    fn evaluate<T: Number>(&self, _time: T, variables: EvaluationOf<'_, Self, T>) {
         variables.derivatives.x0 = variables.states.x1 * 1000.0;
         variables.derivatives.x1 = -variables.states.x0 * 1000.0;
     }

@@ -1,7 +1,7 @@
 //! Models whose equations compile and are wrong: told at initialization, by name.
 
-use fmu_export::{Equations, Integrated, Number, Persistent, Simulation, VariablesOf};
-use fmu_export_equations::{bouncing_ball, decay, draining};
+use fmu_export::{Equations, EvaluationOf, Integrated, Number, Persistent, Simulation};
+use fmu_export_equations::{Falling, bouncing_ball, decay, draining, falling};
 
 /// Defines models that differ by one line of their equations.
 macro_rules! models {
@@ -12,7 +12,8 @@ macro_rules! models {
         impl Equations for $name {
             type Variables = $module::Variables;
 
-            fn evaluate<T: Number>(&self, _time: T, $variables: &mut VariablesOf<Self, T>) {
+            #[allow(unused_mut, reason = "those who hand the variables on borrow them")]
+            fn evaluate<T: Number>(&self, _time: T, mut $variables: EvaluationOf<'_, Self, T>) {
                 $evaluate
             }
         }
@@ -20,14 +21,14 @@ macro_rules! models {
 }
 
 /// The equations of a decay.
-fn decay<T: Number>(variables: &mut decay::Variables<T>) {
+fn decay<T: Number>(variables: &mut decay::Evaluation<'_, T>) {
     variables.derivatives.x = -variables.states.x;
     variables.outputs.square = variables.states.x * variables.states.x;
     variables.outputs.seconds = T::from(0.0);
 }
 
 /// Those of a ball.
-fn ball<T: Number>(variables: &mut bouncing_ball::Variables<T>) {
+fn ball<T: Number>(variables: &mut bouncing_ball::Evaluation<'_, T>) {
     variables.derivatives.h = variables.states.v;
     variables.derivatives.v = -variables.parameters.gravity;
 }
@@ -43,26 +44,14 @@ models! {
     };
     OutputOfItself: decay, |variables| {
         let before = variables.outputs.square;
-        decay(variables);
+        decay(&mut variables);
         variables.outputs.square = before + 1.0;
     };
-    ChangesState: decay, |variables| {
-        variables.states.x *= T::from(0.5);
-        decay(variables);
-    };
-    ChangesInput: decay, |variables| {
-        variables.inputs.target = T::from(3.0);
-        decay(variables);
-    };
-    ChangesParameter: decay, |variables| {
-        variables.parameters.rate = T::from(3.0);
-        decay(variables);
-    };
     ChangesCount: bouncing_ball, |variables| {
-        ball(variables);
+        ball(&mut variables);
         variables.outputs.bounces += 1;
     };
-    NoIndicator: bouncing_ball, |variables| ball(variables);
+    NoIndicator: bouncing_ball, |variables| ball(&mut variables);
 }
 
 fn refusal<E: Equations>() -> String {
@@ -76,17 +65,49 @@ fn what_is_wrong_is_named() {
         (refusal::<NoOutput>(), "`evaluate` does not set square, or makes it of what it was before"),
         (refusal::<NoDerivative>(), "`evaluate` does not set der(x), or makes it of what it was before"),
         (refusal::<OutputOfItself>(), "`evaluate` does not set square, or makes it of what it was before"),
-        (refusal::<ChangesState>(), "`evaluate` changes x (output, continuous), which it may only read"),
-        (refusal::<ChangesInput>(), "`evaluate` changes target (input, continuous), which it may only read"),
-        (
-            refusal::<ChangesParameter>(),
-            "`evaluate` changes rate (parameter, tunable), which it may only read",
-        ),
-        (refusal::<ChangesCount>(), "`evaluate` does not set bounces, or makes it of what it was before"),
+        (refusal::<ChangesCount>(), "`evaluate` changes bounces (output, discrete), which it may only read"),
         (refusal::<NoIndicator>(), "the event indicator height is NaN at the time 0 s"),
     ] {
         assert_eq!(found, expected);
     }
+}
+
+/// A model whose discrete output nothing sets.
+#[derive(Clone, Debug, Default, Persistent)]
+struct Uncounted {}
+
+impl Equations for Uncounted {
+    type Variables = falling::Variables;
+
+    fn evaluate<T: Number>(&self, time: T, variables: EvaluationOf<'_, Self, T>) {
+        Falling {}.evaluate(time, variables);
+    }
+
+    fn event_indicators(&self, time: f64, variables: &falling::Variables, indicators: &mut [f64]) {
+        Falling {}.event_indicators(time, variables, indicators);
+    }
+}
+
+#[test]
+fn a_discrete_variable_that_nothing_sets_is_named() {
+    assert_eq!(
+        refusal::<Uncounted>(),
+        "nothing sets impacts at the start: `prepare`, `evaluate` or the initial event does, or its JSON gives its \
+         \"start\" with \"initial\": \"exact\""
+    );
+}
+
+#[test]
+fn an_event_that_leaves_a_limit_exceeded_is_named() {
+    let mut simulation = Simulation::<Integrated<Falling>>::default();
+    simulation.initialize().unwrap();
+    let error = simulation.step(1.0).unwrap_err().to_string();
+    // It falls for sqrt(2 h/g).
+    assert!(error.starts_with("the event at 0.4515"), "{error}");
+    assert!(error.contains(" s leaves depth at "), "{error}");
+    assert!(error.ends_with(
+        "though it is a limit: an event puts the state onto the limit, and ends what acts beyond it"
+    ));
 }
 
 /// A tank that is drained at a rate, not by the pressure in it.
@@ -96,7 +117,7 @@ struct Draining {}
 impl Equations for Draining {
     type Variables = draining::Variables;
 
-    fn evaluate<T: Number>(&self, _time: T, variables: &mut VariablesOf<Self, T>) {
+    fn evaluate<T: Number>(&self, _time: T, variables: EvaluationOf<'_, Self, T>) {
         variables.derivatives.level = -variables.parameters.rate;
     }
 }
