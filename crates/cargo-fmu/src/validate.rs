@@ -173,7 +173,7 @@ fn table_of_rules() -> String {
     let rows = rules::ALL.iter().map(|rule| {
         format!("| `{}` | {} | {} | {} |\n", rule.id, rule.severity.name(), rule.text, rule.source)
     });
-    format!("| rule | severity | what it says | source |\n|---|---|---|---|\n{}", rows.collect::<String>())
+    format!("| rule | severity | requirement | source |\n|---|---|---|---|\n{}", rows.collect::<String>())
 }
 
 /// What the importers refuse, likewise.
@@ -185,7 +185,7 @@ fn table_of_importers() -> String {
         })
     });
     format!(
-        "| importer | version | rule | what it does otherwise | known by |\n|---|---|---|---|---|\n{}",
+        "| importer | version | rule | effect | evidence |\n|---|---|---|---|---|\n{}",
         rows.collect::<String>()
     )
 }
