@@ -60,7 +60,7 @@ VALIDATORS = [cargo_fmu, fmpy, fmutool]
 def row(broken: Path, good: dict[str, list[Answer]]) -> str:
     """What each validator finds in a broken FMU."""
     version = re.search(r"FMI \d", broken.stem)[0]
-    cells = [broken.stem.split(" ", 1)[1]]
+    cells = [broken.stem.split(" ", 1)[1].removesuffix(" (FMI 2)")]
     for validator, (complains_anyway, _) in zip(VALIDATORS, good[version], strict=True):
         complains, text = validator(broken)
         cells.append("no FMI 1" if complains_anyway else text if complains else "missed")
