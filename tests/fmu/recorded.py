@@ -175,10 +175,10 @@ def in_co_simulation(plant: Instance, recording: Recording) -> Result:
 
 KINKS: dict[str, Callable[[dict[str, float]], list[float]]] = {
     "none": lambda v: [],
-    "reversal of the rod (friction)": lambda v: [v["actuator.velocity"] / 0.1],
-    "stops of the rod": lambda v: [v["actuator.position"] / v["actuator.stroke"] - end for end in (0.0, 1.0)],
-    "the valve's port that is open": lambda v: [v["valve.opening"]],
-    "all of them": lambda v: [residual for kink in list(KINKS.values())[1:4] for residual in kink(v)],
+    "rod reversal (friction)": lambda v: [v["actuator.velocity"] / 0.1],
+    "rod stops": lambda v: [v["actuator.position"] / v["actuator.stroke"] - end for end in (0.0, 1.0)],
+    "valve port switching": lambda v: [v["valve.opening"]],
+    "all": lambda v: [residual for kink in list(KINKS.values())[1:4] for residual in kink(v)],
 }
 """Residuals that change their signs at kinks, by what has them."""
 
@@ -208,7 +208,7 @@ def main() -> None:
     recording = Recording.read()
     with tempfile.TemporaryDirectory() as folder:
         fmu = Fmu(Path(sys.argv[1]), Path(folder))
-        print("| tolerance | stops at | rod's speed | friction | all others | derivatives | events | roots |")
+        print("| tolerance | stops at | rod speed | friction | all others | derivatives | events | roots |")
         print("|---|---|---|---|---|---|---|---|")
         for tolerance in (1e-6, 1e-8):
             for name, residuals in KINKS.items():

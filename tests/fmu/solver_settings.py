@@ -145,7 +145,7 @@ def by_scipy(method: Callable) -> Callable[[Exchange, float], None]:
 
 SOLVERS: dict[str, tuple[str, Callable[[Exchange, float], None]]] = {
     "CVode": ("none", by_cvode),
-    "CVode, stopped at each kink": ("all of them", by_cvode),
+    "CVode, stopped at each kink": ("all", by_cvode),
     "SciPy's BDF": ("none", by_scipy(BDF)),
     "SciPy's Radau": ("none", by_scipy(Radau)),
 }

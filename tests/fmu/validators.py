@@ -42,7 +42,7 @@ def fmpy(file: Path) -> Answer:
     """FMPy's own command."""
     done = run(Path(sys.executable).parent / "fmpy", "validate", file)
     crash = "Traceback" in done.stderr
-    return "No problems found." not in done.stdout, "ends with a traceback" if crash else "found"
+    return "No problems found." not in done.stdout, "traceback" if crash else "found"
 
 
 def fmutool(file: Path) -> Answer:
@@ -51,7 +51,7 @@ def fmutool(file: Path) -> Answer:
     output = done.stdout + done.stderr
     complains = re.search(r"^(ERROR|CRITICAL|FATAL) ", output, re.MULTILINE) is not None
     crash = "Traceback" in output
-    return complains or crash or done.returncode != 0, "ends with a traceback" if crash else "found"
+    return complains or crash or done.returncode != 0, "traceback" if crash else "found"
 
 
 VALIDATORS = [cargo_fmu, fmpy, fmutool]
@@ -60,10 +60,10 @@ VALIDATORS = [cargo_fmu, fmpy, fmutool]
 def row(broken: Path, good: dict[str, list[Answer]]) -> str:
     """What each validator finds in a broken FMU."""
     version = re.search(r"FMI \d", broken.stem)[0]
-    cells = [broken.stem.split(" ", 1)[1]]
+    cells = [broken.stem.split(" ", 1)[1].removesuffix(" (FMI 2)")]
     for validator, (complains_anyway, _) in zip(VALIDATORS, good[version], strict=True):
         complains, text = validator(broken)
-        cells.append("does not read FMI 1" if complains_anyway else text if complains else "nothing")
+        cells.append("no FMI 1" if complains_anyway else text if complains else "missed")
     return f"| {' | '.join(cells)} |\n"
 
 
@@ -81,7 +81,7 @@ def table() -> str:
     broken = sorted((TARGET / "tmp" / "broken-fmus").glob("*.fmu"))
     with ThreadPoolExecutor(2) as pool:
         rows = list(pool.map(lambda file: row(file, good), broken))
-    finds = [[not cell.startswith(("nothing", "does")) for cell in line.split(" | ")[1:]] for line in rows]
+    finds = [[not cell.startswith(("missed", "no FMI")) for cell in line.split(" | ")[1:]] for line in rows]
     counts = [sum(column) for column in zip(*finds, strict=True)]
     total = f"| **found, of {len(rows)}** | {' | '.join(map(str, counts))} |\n"
     return HEADER + "".join(rows) + total

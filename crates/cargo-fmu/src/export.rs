@@ -28,36 +28,36 @@ use super::{licenses, of_platform, sources, validate};
 #[derive(Args, Debug)]
 #[group(skip)]
 pub struct Export {
-    /// The models to export, by their identifiers; all of the workspace when none is named
+    /// Identifiers of the models to export [default: all in the workspace]
     #[arg(value_name = "MODEL")]
     models: Vec<String>,
-    /// The packages whose models to export
+    /// Packages whose models to export
     #[arg(long = "package", short, value_name = "PACKAGE")]
     packages: Vec<String>,
-    /// The Cargo.toml of the workspace [default: that of this folder or of the nearest one above]
+    /// The workspace's Cargo.toml [default: in this folder or the nearest above]
     #[arg(long, value_name = "FILE")]
     manifest_path: Option<PathBuf>,
-    /// The folder to write to [default: fmu in cargo's target folder]
+    /// Output folder [default: fmu in cargo's target folder]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// What to build for: a folder's name of FMI (linux64, win64, darwin64, aarch64-linux ...) or a target's
-    /// of Rust, which may end in the oldest glibc, as x86_64-unknown-linux-gnu.2.17 [default: this platform]
+    /// Platform to build for: an FMI folder name (linux64, win64, darwin64, aarch64-linux ...) or a Rust target, which
+    /// may end in the oldest glibc, as x86_64-unknown-linux-gnu.2.17 [default: this platform]
     #[arg(long = "target", value_name = "TARGET")]
     targets: Vec<Target>,
-    /// The version of FMI: 2, 3, or 2,3 for both; an FMU of FMI 3.0 is written to the folder `fmi3` [default: that which
-    /// the variable `FMU_FMI_VERSION` names, or 2, or 3 for a model with types that FMI 2.0 does not have]
+    /// FMI version: 2, 3, or 2,3 for both; FMI 3.0 goes to the folder `fmi3` [default: the variable `FMU_FMI_VERSION`,
+    /// else 2, or 3 for a model with FMI 3.0 types]
     #[arg(long = "fmi", value_name = "VERSION", value_delimiter = ',', value_parser = versions())]
     versions: Vec<Version>,
-    /// The interfaces of FMI that the FMUs offer [default: those that the variable `FMU_INTERFACES` names, or cs]
+    /// FMI interfaces [default: the variable `FMU_INTERFACES`, else cs]
     #[arg(long, value_name = "INTERFACES", value_parser = interfaces())]
     interfaces: Option<Interfaces>,
-    /// A library that was built elsewhere from the same sources, and its platform
+    /// A library built elsewhere from the same sources, with its platform
     #[arg(long = "binary", value_name = "PLATFORM=FILE", value_parser = of_platform::<PathBuf>)]
     binaries: Vec<(Platform, PathBuf)>,
-    /// Write the models as WebAssembly modules, MODEL.wasm, and no FMUs; docs/wasm.md says how programs run them
+    /// Write WebAssembly modules, MODEL.wasm, instead of FMUs; see docs/wasm.md
     #[arg(long, conflicts_with_all = ["targets", "binaries", "sources"])]
     wasm: bool,
-    /// Include the models as C in the FMUs, for platforms without a library; docs/sources.md says what it takes
+    /// Include the models as C in the FMUs, for platforms without a library; see docs/sources.md
     #[arg(long)]
     sources: bool,
 }

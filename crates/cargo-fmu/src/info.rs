@@ -10,7 +10,7 @@ use fmu_package::terminal::{in_line, print};
 use fmu_package::{FmuDescription, FmuVariable, Library, Unit, archive, reading};
 use serde::Serialize;
 
-/// How results are printed.
+/// Output formats.
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
 pub enum Format {
     /// For people
@@ -20,13 +20,13 @@ pub enum Format {
     Json,
 }
 
-/// Show what an FMU is and which variables it has
+/// Show an FMU's description and variables
 #[derive(Args, Debug)]
 pub struct Info {
-    /// An FMU of any maker
+    /// An FMU from any tool
     #[arg(value_name = "FILE.fmu")]
     file: PathBuf,
-    /// How to print it
+    /// Output format
     #[arg(long, value_enum, default_value_t)]
     format: Format,
 }

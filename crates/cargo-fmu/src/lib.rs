@@ -33,16 +33,16 @@ pub use new::New;
 pub use parameters::Parameters;
 pub use validate::Validate;
 
-/// What the process ends with when it could not do what it was asked for; clap does so, too.
+/// Exit status on failure, as clap's.
 const FAILED: u8 = 2;
 
-/// What the process ends with, for the help.
+/// Exit statuses, for the help.
 const EXIT_STATUSES: &str = "\
 Exit status:
-  0    it is done; `validate`: there are no errors
-  1    `validate`: there are errors
-  2    it could not be done, or the command line is wrong; standard error says why
-  130  it was interrupted
+  0    success; `validate`: no errors
+  1    `validate`: errors found
+  2    failure or wrong command line; standard error says why
+  130  interrupted
 
 Examples:
   cargo fmu new decay                 # a package with a model
@@ -74,13 +74,13 @@ Examples:
   cargo fmu export --interfaces cs,me                   # for co-simulation and Model Exchange
   cargo fmu export --fmi 2,3                            # for FMI 2.0, and for FMI 3.0 in the folder fmi3
   cargo fmu export --target linux64 --binary darwin64=libdecay.dylib
-  cargo fmu export --parameters slow.ssv                # and decay.ssp, in which the set is bound
-  cargo fmu export --sources                            # with the models as C, too
+  cargo fmu export --parameters slow.ssv                # with decay.ssp, which binds the set
+  cargo fmu export --sources                            # with the models as C
   cargo fmu export --wasm                               # WebAssembly modules instead of FMUs")]
     Export {
         #[command(flatten)]
         export: Export,
-        /// Parameter sets; each is bound to the FMU that has its parameters, in a package MODEL.ssp beside it
+        /// Parameter sets; each is bound to the FMU that has its parameters, in a package MODEL.ssp
         #[arg(long, value_name = "FILE.ssv", conflicts_with = "wasm")]
         parameters: Vec<PathBuf>,
     },
@@ -102,7 +102,7 @@ Examples:
 Example:
   cargo fmu parameters target/fmu/decay.fmu --out slow.ssv")]
     Parameters(Parameters),
-    /// Print the completions for a shell
+    /// Print shell completions
     #[command(after_help = "\
 Example:
   cargo fmu completions bash > ~/.local/share/bash-completion/completions/cargo-fmu")]

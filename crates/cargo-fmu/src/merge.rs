@@ -12,13 +12,13 @@ use fmu_package::{Merged, Part, Platform, archive, writing};
 
 use super::of_platform;
 
-/// Join FMUs of one model, each with libraries for other platforms, into one with all of them
+/// Merge FMUs of one model, built for different platforms, into one
 #[derive(Args, Debug)]
 pub struct Merge {
     /// The FMUs
     #[arg(value_name = "FILE.fmu", required = true)]
     fmus: Vec<PathBuf>,
-    /// Where the library for a platform was run, for the FMU's documentation
+    /// Where a platform's library was run, for the FMU's documentation
     #[arg(long = "ran", value_name = "PLATFORM=WHERE", value_parser = of_platform::<String>)]
     runs: Vec<(Platform, String)>,
     /// The file to write

@@ -19,40 +19,40 @@ pub struct New {
     /// The package's name [default: the folder's]
     #[arg(long)]
     name: Option<String>,
-    /// The model to begin with
+    /// The model to start from
     #[arg(long, value_enum, default_value_t = Template::Dahlquist)]
     template: Template,
-    /// The version control system to set up, as `cargo new` has it
+    /// Version control, as for `cargo new`
     #[arg(long)]
     vcs: Option<String>,
 }
 
-/// The models to begin with: the ladder of `docs/ladder.md` in the repository, and a controller.
+/// The models to start from: the ladder of `docs/ladder.md` in the repository, and a controller.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 #[value(rename_all = "snake_case")]
 enum Template {
-    /// An equation, of which the exporter makes everything else
+    /// One equation
     Dahlquist,
     /// Two equations, in forty lines
     VanDerPol,
-    /// Events where a quantity crosses a limit, at which states jump
+    /// State events with state jumps
     BouncingBall,
-    /// Modes, an enum that the model remembers, and events between them
+    /// Modes, in an enum, and events between them
     StickSlip,
-    /// Events at known times, and an end that the model asks for
+    /// Time events, and termination by the model
     Stair,
-    /// Outputs that follow from inputs of each type
+    /// Inputs and outputs of each type
     Feedthrough,
-    /// The same with all types of FMI 3.0, and for it
+    /// The same with all FMI 3.0 types, for FMI 3.0
     #[value(name = "feedthrough_3")]
     Feedthrough3,
-    /// A linear system of arrays, whose sizes are structural parameters, for FMI 3.0
+    /// A linear system with arrays sized by structural parameters, for FMI 3.0
     StateSpace,
     /// Clocks of each kind, for FMI 3.0
     Clocks,
-    /// Data from a file of the FMU
+    /// Data from a resource file
     Resource,
-    /// A controller, which samples its inputs and remembers
+    /// A sampled PI controller
     Sampled,
 }
 

@@ -7,10 +7,10 @@ use clap::Args;
 use fmu_package::terminal::print;
 use fmu_package::{FmuDescription, FmuVariable, Parameter, ParameterSet, Value, ValueType, writing};
 
-/// Write an FMU's parameters, as they are by default, to a parameter set to be edited
+/// Write an FMU's parameters and their defaults to a parameter set to edit
 #[derive(Args, Debug)]
 pub struct Parameters {
-    /// An FMU of any maker
+    /// An FMU from any tool
     #[arg(value_name = "FILE.fmu")]
     file: PathBuf,
     /// The file to write [default: MODEL.ssv, after the model identifier]

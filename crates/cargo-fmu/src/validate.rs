@@ -14,28 +14,28 @@ use serde::Serialize;
 
 use super::info::Format;
 
-/// Find what is wrong in FMUs
+/// Validate FMUs
 ///
-/// Checks FMUs of FMI 1.0, 2.0 or 3.0, of any maker, by the rules of the standard and its schemas, and by what
-/// some importers fail on. The exit status is 0 when nothing is wrong or there are only warnings, 1 when
-/// there are errors, and 2 when a file cannot be read. The libraries are read, but never loaded.
+/// Checks FMUs of FMI 1.0, 2.0 or 3.0 from any tool against the standard and its schemas, and for known problems
+/// of importers. The exit status is 0 without errors (warnings allowed), 1 with errors, and 2 if a file cannot be
+/// read. Libraries are read, but never loaded.
 #[derive(Args, Debug)]
 #[command(
     after_help = "Examples:\n  cargo fmu validate Plant.fmu\n  cargo fmu validate Plant.fmu --format json\n  \
     cargo fmu validate Plant.fmu --importer CasADi --importer PyFMI\n  cargo fmu validate --rules"
 )]
 pub struct Validate {
-    /// FMUs of any maker
+    /// FMUs from any tool
     #[arg(value_name = "FILE.fmu", required_unless_present = "rules")]
     files: Vec<PathBuf>,
-    /// How to print what is found
+    /// Output format
     #[arg(long, value_enum, default_value_t)]
     format: Format,
-    /// Note what this importer is known to refuse of what the standard allows; can be repeated
+    /// Note what this importer rejects although the standard allows it; repeatable
     #[arg(long = "importer", value_name = "NAME", ignore_case = true)]
     #[arg(value_parser = PossibleValuesParser::new(importers::ALL.iter().map(|known| known.name)))]
     importers: Vec<String>,
-    /// Print the tables of all rules and importers instead
+    /// Print the tables of rules and importers instead
     #[arg(long, conflicts_with = "files")]
     rules: bool,
 }
@@ -173,7 +173,7 @@ fn table_of_rules() -> String {
     let rows = rules::ALL.iter().map(|rule| {
         format!("| `{}` | {} | {} | {} |\n", rule.id, rule.severity.name(), rule.text, rule.source)
     });
-    format!("| rule | severity | what it says | source |\n|---|---|---|---|\n{}", rows.collect::<String>())
+    format!("| rule | severity | requirement | source |\n|---|---|---|---|\n{}", rows.collect::<String>())
 }
 
 /// What the importers refuse, likewise.
@@ -185,7 +185,7 @@ fn table_of_importers() -> String {
         })
     });
     format!(
-        "| importer | version | rule | what it does otherwise | known by |\n|---|---|---|---|---|\n{}",
+        "| importer | version | rule | effect | evidence |\n|---|---|---|---|---|\n{}",
         rows.collect::<String>()
     )
 }
