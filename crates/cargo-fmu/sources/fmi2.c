@@ -76,10 +76,18 @@ EXPORT const char *FMI(fmi2GetVersion)(void) {
 EXPORT Component FMI(fmi2Instantiate)(String instanceName, int fmuType, String fmuGUID, String fmuResourceLocation,
                                        const CallbackFunctions *functions, Boolean visible, Boolean loggingOn) {
   CallbackFunctions callbacks;
-  Instance *instance = functions ? new_instance(instanceName, fmuGUID, fmuResourceLocation) : NULL;
+  Instance *instance;
   (void)visible;
-  if (!instance) return NULL;
+  if (!functions) return NULL;
   memcpy(&callbacks, functions, sizeof callbacks);
+  instance = new_instance(instanceName, fmuGUID, fmuResourceLocation);
+  if (!instance) {
+    if (callbacks.logger) {
+      callbacks.logger(callbacks.componentEnvironment, instanceName ? instanceName : "", STATUS_ERROR, "logStatusError",
+                       "fmi2Instantiate: there is no memory for an instance");
+    }
+    return NULL;
+  }
   instance->environment = callbacks.componentEnvironment;
   instance->logger = (void (*)(void))callbacks.logger;
   instance->is_logging = loggingOn;

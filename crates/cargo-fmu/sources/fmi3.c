@@ -123,7 +123,10 @@ static u32 make_instance(Instance *instance) {
 static Instance *new_importer(const Importer *importer, String name, String token, String resources, Boolean is_logging,
                               void *environment, LogMessage logger) {
   Instance *instance = new_instance(name, token, resources);
-  if (!instance) return NULL;
+  if (!instance) {
+    if (logger) logger(environment, STATUS_ERROR, "logStatusError", "there is no memory for an instance");
+    return NULL;
+  }
   instance->importer = *importer;
   instance->is_logging = is_logging;
   instance->environment = environment;

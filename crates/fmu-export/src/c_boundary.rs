@@ -20,7 +20,7 @@ use std::sync::PoisonError;
 
 use crate::calling_sequence::{Function, Interface};
 use crate::description::ValueReference;
-use crate::error::Error;
+use crate::error::{Error, check_memory};
 use crate::floating_point::in_default_environment;
 use crate::instance::{Answer, Instance, Memory, Preemption};
 use crate::logger::Logger;
@@ -142,6 +142,7 @@ pub(crate) fn instantiate<M: Model>(
 ) -> *mut c_void {
     // Instances are large: this one is made where it stays, as each move would copy it.
     let made = interface.and_then(|interface| {
+        check_memory(size_of::<Exported<M>>())?;
         in_default_environment(|| {
             contain(|| Box::new(Exported { fmu: Exported::<M>::FMU, instance: Instance::new(interface) }))
         })
@@ -243,6 +244,7 @@ pub(crate) unsafe fn elements<'a, T: Copy>(
         // SAFETY: not null and aligned; the caller promises this length.
         Cow::Borrowed(unsafe { slice::from_raw_parts(array, count) })
     } else {
+        check_memory(count.saturating_mul(size_of::<T>()))?;
         // SAFETY: the caller promises that each of these is an element.
         (0..count).map(|index| unsafe { array.add(index).read_unaligned() }).collect()
     })

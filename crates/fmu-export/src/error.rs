@@ -1,6 +1,6 @@
 //! The error of a failed call, as text for the user, and numbers in such texts.
 
-use core::fmt;
+use core::{fmt, hint};
 
 /// The error of a failed call; the user gets the message through the importer's logger.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -30,4 +30,19 @@ impl fmt::Display for Shown {
         let text = format!("{:?}", self.0);
         formatter.write_str(text.strip_suffix(".0").unwrap_or(&text))
     }
+}
+
+/// What a call allocates besides in bytes: messages and other small things.
+const SMALL_ALLOCATIONS: usize = 64 << 10;
+
+/// Refuses what needs more memory than there is, before it is allocated: a failed allocation ends the importer's process.
+///
+/// # Errors
+/// When so many bytes cannot be had.
+pub(crate) fn check_memory(bytes: usize) -> Result<(), Error> {
+    let mut trial = Vec::<u8>::new();
+    let reserved = trial.try_reserve_exact(bytes.saturating_add(SMALL_ALLOCATIONS));
+    // Otherwise the compiler takes an unused allocation for one that succeeds.
+    hint::black_box(&trial);
+    reserved.map_err(|_| Error::new(format!("there is no memory for {bytes} bytes")))
 }

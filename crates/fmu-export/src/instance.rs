@@ -16,7 +16,7 @@ use std::ffi::CString;
 
 use crate::calling_sequence::{Function, Interface, Phase};
 use crate::description::{Causality, ModelDescription, ValueReference};
-use crate::error::{Error, Shown};
+use crate::error::{Error, Shown, check_memory};
 use crate::events::Events;
 use crate::floating_point::in_default_environment;
 use crate::inputs::InputSignal;
@@ -609,6 +609,7 @@ impl<M: Model> Instance<M> {
     pub(crate) fn save(&mut self) -> Result<Memory<M>, Error> {
         self.check_partitions()?;
         if Self::DESCRIPTION.capabilities.get_and_set_state {
+            check_memory(size_of::<Memory<M>>())?;
             self.may_roll_back = true;
             Ok(self.memory.clone())
         } else {

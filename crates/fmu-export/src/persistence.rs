@@ -5,6 +5,8 @@
 //! [`Archive`] either takes the part's bits or replaces them. `#[derive(Persistent)]` writes that function for a struct or
 //! an enum.
 
+use std::collections::TryReserveError;
+
 use crate::error::Error;
 
 /// Bytes that are written, or read back.
@@ -50,7 +52,10 @@ impl<'a> Archive<'a> {
     /// When fewer are left to read.
     pub fn bytes(&mut self, bytes: &mut [u8]) -> Result<(), Error> {
         match &mut self.0 {
-            Direction::Writing(written) => written.extend_from_slice(bytes),
+            Direction::Writing(written) => {
+                written.try_reserve(bytes.len()).map_err(no_memory)?;
+                written.extend_from_slice(bytes);
+            }
             Direction::Reading(left) => {
                 let (next, rest) = left.split_at_checked(bytes.len()).ok_or_else(too_short)?;
                 bytes.copy_from_slice(next);
@@ -71,6 +76,10 @@ impl<'a> Archive<'a> {
             }
         }
     }
+}
+
+fn no_memory(_: TryReserveError) -> Error {
+    Error::new("there is no memory for the state")
 }
 
 fn too_short() -> Error {
@@ -171,7 +180,9 @@ impl Persistent for bool {
 impl Persistent for String {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         let mut bytes = core::mem::take(self).into_bytes();
-        bytes.resize(archive.length(bytes.len())?, 0);
+        let length = archive.length(bytes.len())?;
+        bytes.try_reserve(length.saturating_sub(bytes.len())).map_err(no_memory)?;
+        bytes.resize(length, 0);
         archive.bytes(&mut bytes)?;
         *self = Self::from_utf8(bytes)
             .map_err(|_| Error::new("a string in the serialized state is not valid UTF-8"))?;
@@ -195,6 +206,7 @@ impl<T: Persistent + Default> Persistent for Option<T> {
 impl<T: Persistent + Default> Persistent for Vec<T> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         let length = archive.length(self.len())?;
+        self.try_reserve(length.saturating_sub(self.len())).map_err(no_memory)?;
         self.resize_with(length, T::default);
         self.as_mut_slice().persist(archive)
     }

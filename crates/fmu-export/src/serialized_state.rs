@@ -14,7 +14,7 @@
 
 use crate::calling_sequence::Interface;
 use crate::description::ModelDescription;
-use crate::error::Error;
+use crate::error::{Error, check_memory};
 use crate::persistence::{Archive, Persistent};
 
 const SIGNATURE: [u8; 8] = *b"fmi2stat";
@@ -36,7 +36,9 @@ pub(crate) fn to_bytes(
     value.persist(&mut content)?;
     let content = content.into_bytes();
     let name = name(description, interface);
-    let mut bytes = Vec::with_capacity(SIGNATURE.len() + name.len() + content.len() + 32);
+    let length = SIGNATURE.len() + name.len() + content.len() + 32;
+    check_memory(length)?;
+    let mut bytes = Vec::with_capacity(length);
     bytes.extend(SIGNATURE);
     bytes.extend(VERSION.to_le_bytes());
     #[allow(clippy::cast_possible_truncation)] // The name of a model is shorter than 4 GB.

@@ -5,7 +5,7 @@ use std::ffi::CString;
 use super::{Answer, Instance};
 use crate::calling_sequence::Phase;
 use crate::description::{Causality, DataType, Initial, ValueReference, Variability, VariableDescription};
-use crate::error::{Error, Shown};
+use crate::error::{Error, Shown, check_memory};
 use crate::floating_point::in_default_environment;
 use crate::inputs::MAX_ORDER;
 use crate::model::{Model, Variables};
@@ -173,6 +173,7 @@ impl<M: Model> Instance<M> {
         let mut strings = Vec::with_capacity(references.len());
         let status = self.get(references, STRINGS, |variables, _, reference| {
             let text = variables.string(reference);
+            check_memory(text.len())?;
             strings.push(CString::new(text).map_err(|_| Error::new("a string with a NUL in it"))?);
             Ok(())
         })?;
@@ -435,6 +436,7 @@ impl<M: Model> Instance<M> {
     }
 
     pub(crate) fn set_binary(&mut self, references: &[ValueReference], values: &[&[u8]]) -> Answer {
+        check_memory(values.iter().map(|value| value.len()).sum())?;
         let setter = const {
             &Setter {
                 as_number: |_| 0.0,
@@ -466,6 +468,7 @@ impl<M: Model> Instance<M> {
     }
 
     pub(crate) fn set_string(&mut self, references: &[ValueReference], values: &[&str]) -> Answer {
+        check_memory(values.iter().map(|value| value.len()).sum())?;
         let setter = const {
             &Setter {
                 as_number: |_| 0.0,

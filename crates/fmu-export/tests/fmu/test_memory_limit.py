@@ -1,0 +1,63 @@
+"""A process whose memory is used up: calls are errors with a message, and the process goes on."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from fmi2 import Fmu
+
+BEGIN = """
+import resource
+import sys
+from ctypes import byref, c_void_p
+from pathlib import Path
+
+sys.path.insert(0, sys.argv[1])
+from fmi2 import CO_SIMULATION, Fmu, Instance, Library, Status
+
+fmu = Fmu(Path(sys.argv[2]), Path(sys.argv[3]))
+instance = Instance(fmu, Library(fmu.library))
+
+
+def limit(spare):
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    size = pages * resource.getpagesize() + spare
+    resource.setrlimit(resource.RLIMIT_AS, (size, size))
+"""
+
+TEXT = """
+call = instance.settings({"note": b"x" * (512 << 20)})
+limit(256 << 20)
+assert instance.call(*call) == Status.ERROR
+"""
+
+INSTANCES = """
+made = (c_void_p * 1_000_000)()
+arguments = (b"more", CO_SIMULATION, fmu.guid.encode(), None, byref(instance.callbacks), 0, 0)
+limit(64 << 20)
+for place in range(len(made)):
+    made[place] = instance.library.fmi2Instantiate(*arguments)
+    if made[place] is None:
+        break
+"""
+
+END = """
+(message,) = instance.messages
+assert message.status == Status.ERROR and "memory" in message.text, message
+instance.initialize()
+print("goes on")
+"""
+
+
+@pytest.mark.parametrize("use_up", [TEXT, INSTANCES], ids=["text", "instances"])
+def test_no_memory_is_an_error(fmu: Fmu, tmp_path: Path, use_up: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", BEGIN + use_up + END, Path(__file__).parent, fmu.path, tmp_path],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (0, "goes on\n"), done.stderr
