@@ -93,7 +93,7 @@ def clone(exported: Path, tmp_path: Path) -> Path:
 
 
 def test_every_line_is_run() -> None:
-    """Here for masters, and in test_foreign.py and test_optimal_control.py."""
+    """Here for masters, and in test_readme.py, test_foreign.py and test_optimal_control.py."""
     pinned = (ROOT / "tests" / "fmu" / "requirements.in").read_text()
     scripts = []
     for line in LINES:
@@ -106,7 +106,7 @@ def test_every_line_is_run() -> None:
                 scripts.append(Path(script).stem)
             case ["export", variable]:
                 assert variable == "LD_LIBRARY_PATH=$VIRTUAL_ENV/lib"
-            case ["pythonfmu" | "cargo", *_]:
+            case ["fmpy" | "pythonfmu" | "cargo", *_]:
                 pass
             case _:
                 pytest.fail(f"not tried: {line}")
@@ -114,11 +114,20 @@ def test_every_line_is_run() -> None:
 
 
 def test_shown_code_is_the_scripts() -> None:
-    scripts = [path.read_text() for path in (ROOT / "examples").glob("*/*.py")]
+    examples = ROOT / "examples"
+    scripts = [path.read_text() for path in [*examples.glob("*.py"), *examples.glob("*/*.py")]]
     shown = documents.blocks(PAGE, "python")
-    assert len(shown) >= 3
+    assert len(shown) >= 4
     for block in shown:
         assert any(block in script for script in scripts), block
+
+
+def test_loop_in_python(clone: Path) -> None:
+    """The page's first Python block runs by itself."""
+    loop = documents.blocks(PAGE, "python")[0]
+    assert "doStep" in loop
+    (clone / "loop.py").write_text(loop)
+    assert run("python loop.py", clone) == "boost pressure 125.00 kPa, reference 125.00 kPa\n"
 
 
 @pytest.mark.parametrize("script", ORDERS)
