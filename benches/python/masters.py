@@ -126,7 +126,7 @@ class Masters:
         return FMU2ByName(self.folders[name])
 
     def closed_loop(self) -> tuple[float, list[dict[str, float]]]:
-        """The duration (s) of the loop that README.md shows, and what was measured in each step."""
+        """The duration (s) of the loop that docs/masters.md shows, and what was measured in each step."""
         controller, plant = self.slave("BoostController"), self.slave("BoostPlant")
         commands = sorted(controller.named("output") & plant.named("input"))
         measurements = sorted(plant.named("output") & controller.named("input"))
