@@ -3,7 +3,7 @@
 //!
 //! The descriptions of this repository's `BoostPlant` and `BoostController` define the interface, a [`Port`] for
 //! each variable. An FMU from another tool that replaces one of them may have other names and units; a [`NameMap`]
-//! maps them. A [`Compatibility`] is the result of the check, and a [`Translation`] describes the FMU as if it had
+//! maps them. A [`Compatibility`] is the result of the check, and a [`Translation`](fmu_package::Translation) describes the FMU as if it had
 //! the interface's names and units.
 
 mod compatibility;
@@ -17,7 +17,6 @@ use fmu_package::{FmuDescription, FmuVariable, Kind, Unit};
 
 pub use self::compatibility::{Compatibility, Match, Verdict};
 pub use self::name_map::{Entry, Meaning, NameMap};
-pub use self::translation::Translation;
 
 /// Variables that couple where both FMUs have them, and that each can do without.
 const OPTIONAL: [&str; 2] = ["hp_turbo_speed", "surge_valve"];

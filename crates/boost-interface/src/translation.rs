@@ -3,20 +3,10 @@
 use std::collections::BTreeMap;
 
 use fmu_package::terminal::number;
-use fmu_package::{FmuDescription, FmuVariable, Linear};
+use fmu_package::{FmuVariable, Linear, Translation};
 
 use crate::Port;
 use crate::compatibility::{Compatibility, Match};
-
-/// An FMU's description in the interface's names and units, and the conversion of its values.
-#[derive(Clone, Debug)]
-pub struct Translation {
-    /// The FMU's description. Connected variables have the interface's names and units; those that the map leaves
-    /// unconnected are local; other variables with a name of the interface are left out.
-    pub description: FmuDescription,
-    /// The conversions to the interface, by names there. The values of other variables are not converted.
-    pub to_interface: BTreeMap<String, Linear>,
-}
 
 impl Compatibility<'_> {
     /// The FMU in the interface's names and units.
@@ -67,7 +57,7 @@ impl Compatibility<'_> {
                 Some(_) => {}
             }
         }
-        Translation { description, to_interface }
+        Translation { description, conversions: to_interface }
     }
 }
 
@@ -95,6 +85,8 @@ fn translated(variable: &FmuVariable, port: &Port, function: Linear) -> FmuVaria
 
 #[cfg(test)]
 mod tests {
+    use fmu_package::FmuDescription;
+
     use super::*;
     use crate::{NameMap, Role};
 
@@ -127,7 +119,7 @@ mod tests {
                "hp_wastegate_pwm": {"name": "shut", "factor": -100, "offset": 100}"#);
         let compatibility = Compatibility::new(Role::Plant, &fmu, Some(&map)).unwrap();
         assert!(compatibility.fits(), "{compatibility}");
-        let Translation { description, to_interface } = compatibility.translation();
+        let Translation { description, conversions: to_interface } = compatibility.translation();
         let seen: Vec<_> = description
             .variables
             .iter()

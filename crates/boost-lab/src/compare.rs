@@ -5,10 +5,10 @@ use std::fmt::Write as _;
 use anyhow::{Result, bail};
 use fmu_package::like;
 
-use crate::numbers::quantity;
-use crate::panels::shown;
-use crate::plot::{Figure, Line, Panel, color, escaped};
-use crate::record::{Column, Record};
+use fmu_plot::panels::shown;
+use fmu_plot::{Figure, Line, Panel, color, escaped};
+use fmu_record::numbers::quantity;
+use fmu_record::{Column, Record};
 
 /// Points in time that are nearer to each other are the same (s), since they are rounded multiples of a step.
 const ROUNDING: f64 = 1e-9;

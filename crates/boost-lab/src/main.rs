@@ -22,23 +22,13 @@
 mod command;
 mod compare;
 mod identify;
-mod importer;
 mod journal;
 mod live;
 mod mapping;
-mod master;
 mod measure;
-mod numbers;
-mod page;
-mod panels;
-mod plot;
-mod record;
 mod reproduce;
-mod scenario;
 mod study;
 mod sweep;
-mod system;
-mod table;
 mod tune;
 
 use std::process::ExitCode;

@@ -3,24 +3,37 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail};
-use boost_interface::Compatibility;
-pub use boost_interface::NameMap;
-use fmu_package::FmuDescription;
+use anyhow::{Result, bail};
+use boost_interface::{Compatibility, NameMap};
+use fmu_master::scenario::Scenario;
+use fmu_package::{FmuDescription, Translation};
 
-use crate::importer::Fmu;
-use crate::scenario::Scenario;
+/// A map to the interface's names and units, for the master.
+#[derive(Debug)]
+struct ToInterface(NameMap);
 
-/// Imports an FMU, with a map if there is one.
-pub fn open(file: &Path, map: Option<&NameMap>) -> Result<Arc<Fmu>> {
-    let fmu = Fmu::open(file)?;
-    let Some(map) = map else { return Ok(fmu) };
-    let compatibility = Compatibility::new(map.role, fmu.description(), Some(map))
-        .with_context(|| file.display().to_string())?;
-    if !compatibility.fits() {
-        bail!("{}", compatibility.to_string().trim_end());
+impl fmu_master::NameMap for ToInterface {
+    fn translation(&self, fmu: &FmuDescription) -> Result<Translation> {
+        let compatibility = Compatibility::new(self.0.role, fmu, Some(&self.0))?;
+        if !compatibility.fits() {
+            bail!("{}", compatibility.to_string().trim_end());
+        }
+        Ok(compatibility.translation())
     }
-    Ok(fmu.translated(compatibility.translation()))
+
+    fn text(&self) -> String {
+        serde_json::to_string(&self.0).expect("a map is JSON")
+    }
+}
+
+/// A map, for the master.
+pub fn of(map: NameMap) -> Arc<dyn fmu_master::NameMap> {
+    Arc::new(ToInterface(map))
+}
+
+/// Reads a map's file.
+pub fn read(path: &Path) -> Result<Arc<dyn fmu_master::NameMap>> {
+    NameMap::read(path).map(of)
 }
 
 /// Gives each map to the FMUs of a scenario that it is for.
@@ -33,24 +46,20 @@ pub fn give(scenario: &mut Scenario, maps: &[PathBuf]) -> Result<()> {
     let models: Vec<String> = models.collect::<Result<_>>()?;
     for path in maps {
         let map = NameMap::read(path)?;
+        let of_model = map.fmu.clone();
+        let map = of(map);
         let mut is_taken = false;
-        for (member, _) in scenario.fmus.iter_mut().zip(&models).filter(|(_, model)| **model == map.fmu) {
-            member.map = Some(map.clone());
+        for (member, _) in scenario.fmus.iter_mut().zip(&models).filter(|(_, model)| **model == of_model) {
+            member.map = Some(Arc::clone(&map));
             is_taken = true;
         }
         if !is_taken {
             bail!(
-                "the map {} is for the FMU {}, which the scenario does not have: it has {}",
+                "the map {} is for the FMU {of_model}, which the scenario does not have: it has {}",
                 path.display(),
-                map.fmu,
                 models.join(", ")
             );
         }
     }
     Ok(())
-}
-
-/// A map in canonical form.
-pub(crate) fn setting(map: &NameMap) -> Result<String> {
-    serde_json::to_string(map).context("the map")
 }

@@ -2,8 +2,8 @@
 
 use anyhow::{Context, Result};
 
-use crate::record::Record;
-use crate::scenario::Signal;
+use fmu_master::scenario::Signal;
+use fmu_record::Record;
 
 /// The tolerance of a communication point, computed as a multiple of the step (s).
 const ROUNDING: f64 = 1e-6;

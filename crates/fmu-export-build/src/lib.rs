@@ -3,7 +3,6 @@
 mod check;
 mod declaration;
 mod dependencies;
-pub mod document;
 mod error;
 mod fragment;
 mod interfaces;

@@ -12,12 +12,12 @@ use quick_xml::escape::escape;
 
 use crate::declaration::{Causality, UnitNames, VariableDeclaration};
 use crate::dependencies::{Structure, Unknown};
-use crate::document::{self, Document};
 use crate::fragment::Fragment;
 use crate::interfaces::Version;
 use crate::model::{DataType, Field, Model, Part, Place, Start};
 use crate::units::Unit;
 use crate::xml;
+use fmu_xml::page::{self as document, Document};
 
 /// A table of variables on the page.
 #[derive(Clone, Copy)]

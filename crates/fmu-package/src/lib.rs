@@ -21,6 +21,7 @@ mod system_description;
 mod system_structure;
 pub mod temporary;
 pub mod terminal;
+mod translation;
 mod units;
 pub mod validation;
 pub mod writing;
@@ -41,4 +42,5 @@ pub use system_description::{
 pub use system_structure::{
     Connection, Connector, End, Kind, Placement, System, SystemComponent, SystemPackage, SystemStructure,
 };
+pub use translation::Translation;
 pub use units::{BaseUnit, DisplayUnit, Linear, Unit};

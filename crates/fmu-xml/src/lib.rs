@@ -2,6 +2,8 @@
 //!
 //! The same content gives the same bytes: attributes keep their order, numbers their shortest form.
 
+pub mod page;
+
 use std::borrow::Cow;
 use std::io;
 

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 
 use super::simulate::PlotFormat;
 use crate::compare::Comparison;
-use crate::record::Record;
 use anyhow::Result;
 use clap::Args;
 use fmu_package::terminal::{complain, print};
 use fmu_package::writing;
+use fmu_record::Record;
 
 /// Where the plot is by default.
 const PLOT: &str = "target/comparison.html";

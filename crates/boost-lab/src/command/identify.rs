@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 
 use crate::identify::{Naming, ParameterEstimate, html, identify, json};
-use crate::importer::Fmu;
-use crate::numbers::estimate;
 use anyhow::Result;
 use clap::Args;
+use fmu_master::Fmu;
 use fmu_package::ParameterSet;
 use fmu_package::terminal::{complain, print};
+use fmu_record::numbers::estimate;
 
 /// The files in the folder of results.
 const SET: &str = "identified.ssv";

@@ -15,11 +15,10 @@ use std::io::Write;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-use crate::importer;
 use crate::mapping;
-use crate::scenario::Scenario;
 use anyhow::{Context, Result, bail};
 use clap::{Args, Parser, Subcommand};
+use fmu_master::scenario::Scenario;
 use fmu_package::terminal::print;
 use fmu_package::writing;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -144,7 +143,7 @@ impl FmuArguments {
                 return Err(member.location.error(format!(
                     "there is no {}: {}, --fmus DIR names another folder and --fmu {}=FILE.fmu another file",
                     member.file.display(),
-                    importer::remedy(&member.file),
+                    fmu_master::remedy(&member.file),
                     member.name
                 )));
             }

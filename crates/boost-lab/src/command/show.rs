@@ -2,17 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::master::{LoadedFmus, Master, Run};
 use crate::measure::{greatest, least};
-use crate::numbers::quantity;
-use crate::page::page;
-use crate::panels;
-use crate::plot::escaped;
-use crate::record::Record;
-use crate::scenario::Scenario;
 use anyhow::{Context, Result};
+use fmu_master::scenario::Scenario;
+use fmu_master::{LoadedFmus, Master, Run};
 use fmu_package::terminal::print;
 use fmu_package::writing;
+use fmu_plot::escaped;
+use fmu_plot::page;
+use fmu_plot::panels;
+use fmu_record::Record;
+use fmu_record::numbers::quantity;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use std::io::Write;
 
@@ -24,7 +24,7 @@ pre { font-size: 0.8em; background: var(--shade); padding: 0.8em; overflow-x: au
 pub fn run(paths: &[PathBuf], fmus: &super::FmuArguments, title: &str, out: &Path) -> Result<()> {
     let mut scenarios = vec![];
     for path in paths {
-        let mut scenario = Scenario::read(path, &fmus.folder)?;
+        let mut scenario = Scenario::read(path, &fmus.folder, crate::mapping::read)?;
         fmus.give(&mut scenario).with_context(|| path.display().to_string())?;
         writing::refuse_overlap(&[out.to_path_buf()], &fmus.inputs(&scenario))?;
         scenarios.push((path, scenario));

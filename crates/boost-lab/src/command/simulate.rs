@@ -5,18 +5,19 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::FmuArguments;
-use crate::master::{LoadedFmus, Master};
-use crate::page::page;
-use crate::panels;
-use crate::plot::{Figure, escaped};
-use crate::scenario::{Assignment, Input, Location, Member, Recorded, Scenario, Signal};
-use crate::system::{self, Times};
-use crate::table::{Header, TableFormat};
+use crate::mapping;
 use anyhow::{Context, Error, Result, bail};
 use clap::Args;
+use fmu_master::scenario::{Assignment, Input, Location, Member, Recorded, Scenario, Signal};
+use fmu_master::system::{self, Times};
+use fmu_master::{LoadedFmus, Master};
 use fmu_package::temporary::Folder;
 use fmu_package::terminal::{complain, print};
 use fmu_package::{FmuVariable, ParameterSet, Value, ValueType, like, writing};
+use fmu_plot::page;
+use fmu_plot::panels;
+use fmu_plot::{Figure, escaped};
+use fmu_record::{Header, TableFormat};
 
 /// Steps between two updates of the progress bar.
 const STEPS_PER_LOOK: u32 = 256;
@@ -139,7 +140,7 @@ fn scenario(arguments: &Arguments) -> Result<(Scenario, Option<Folder>)> {
             if step.is_some() {
                 bail!("--step is for a system or an FMU alone; {} has its own", subject.display());
             }
-            let mut scenario = Scenario::read(subject, &fmus.folder)?;
+            let mut scenario = Scenario::read(subject, &fmus.folder, mapping::read)?;
             if let Some(stop_time) = stop_time {
                 let end = scenario.end_at(*stop_time);
                 Location::argument(&format!("--stop-time {stop_time}")).locate(end)?;

@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use crate::journal::{Settings, digest};
-use crate::mapping::{self, NameMap};
+use crate::mapping;
 use crate::study::case::{Rig, Source};
 use crate::study::draw::{Cases, known_plants};
 use crate::study::{Report, Study, csv, outside};
 use anyhow::{Result, bail};
+use boost_interface::NameMap;
 use clap::Args;
 use fmu_package::terminal::{complain, print};
 use fmu_package::{ParameterSet, writing};
@@ -67,7 +68,7 @@ pub fn run(arguments: &Arguments) -> Result<bool> {
         let mut is_taken = false;
         for source in &mut sources {
             if fmu_package::FmuDescription::read(&source.file)?.attribute("modelName") == map.fmu {
-                source.map = Some(map.clone());
+                source.map = Some(mapping::of(map.clone()));
                 is_taken = true;
             }
         }
@@ -83,10 +84,8 @@ pub fn run(arguments: &Arguments) -> Result<bool> {
     let mut settings = Settings::new();
     for (name, source) in ["plant", "controller"].iter().zip(&sources) {
         settings.insert(format!("SHA-256 of the {name}'s file"), digest(&source.file)?);
-        settings.insert(
-            format!("{name}'s map"),
-            source.map.as_ref().map(mapping::setting).transpose()?.unwrap_or_default(),
-        );
+        settings
+            .insert(format!("{name}'s map"), source.map.as_ref().map(|map| map.text()).unwrap_or_default());
     }
     for (index, set) in sets.iter().enumerate() {
         settings.insert(format!("parameter set {}", index + 1), format!("{set:?}"));

@@ -4,10 +4,10 @@ use std::path::Path;
 
 use crate::sweep::journal::StudyJournal;
 use crate::sweep::{Study, report, results};
-use crate::table::{Header, TableFormat};
 use anyhow::Result;
 use fmu_package::terminal::{complain, print};
 use fmu_package::writing;
+use fmu_record::{Header, TableFormat};
 
 /// Runs a study, or what is left of it.
 pub fn run(

@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
-use crate::importer::Fmu;
 use crate::journal::digest;
-use crate::mapping::{self, NameMap};
+use crate::mapping;
 use crate::tune::{CellOrigin, Procedure, Schedule, Strategy, Task, TuningJournal, html, json};
 use anyhow::{Context, Result};
 use clap::Args;
+use fmu_master::Fmu;
 use fmu_package::ParameterSet;
 use fmu_package::terminal::{complain, print};
 
@@ -63,12 +63,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             .with_context(|| format!("{} cannot be tuned", path.display()))?,
         None => Schedule::built_in(arguments.strategy)?,
     };
-    let plant_map = arguments.map.as_deref().map(NameMap::read).transpose()?;
+    let plant_map = arguments.map.as_deref().map(mapping::read).transpose()?;
     let procedure = schedule.allocation.as_ref().map_or_else(Procedure::default, |allocation| {
         Procedure::split_range(allocation.parameters.low_pressure_open())
     });
     let task = Task {
-        plant: mapping::open(&arguments.plant, plant_map.as_ref())?,
+        plant: Fmu::open_with(&arguments.plant, plant_map.as_deref())?,
         plant_map,
         plant_parameters: arguments
             .parameters

@@ -30,8 +30,8 @@ use self::data::Data;
 pub use self::data::{Naming, quantities};
 use self::phases::MeasurementNoise;
 pub use self::report::{html, json};
-use crate::importer::Fmu;
-use crate::plot::Figure;
+use fmu_master::Fmu;
+use fmu_plot::Figure;
 
 /// Larger residuals, relative to the measurement's noise, lead to a note.
 const MOST_RESIDUAL: f64 = 1.5;

@@ -18,8 +18,8 @@ use super::points::{ResidualPoint, residual_panel, residuals, with_measured};
 use super::rod::{Prior, STOPS};
 use super::statistics::{Reliable, Solution, nonlinear};
 use super::{Fit, FitOutcome, Known, Residuals, Unidentified};
-use crate::numbers::quantity;
-use crate::plot::{Figure, Line, Panel, color};
+use fmu_plot::{Figure, Line, Panel, color};
+use fmu_record::numbers::quantity;
 
 pub const NAMES: [&str; 6] = [
     "valve.tank_area",

@@ -2,7 +2,7 @@
 
 use super::Residuals;
 use super::statistics::root_mean_square;
-use crate::plot::{Figure, Line, Panel, color};
+use fmu_plot::{Figure, Line, Panel, color};
 
 /// A measurement with its residual from a fit.
 #[derive(Clone, Copy, Debug)]

@@ -2,14 +2,14 @@
 //! programs.
 
 use anyhow::Result;
-use fmu_export_build::document::unit;
+use fmu_xml::page::unit;
 use serde::Serialize;
 
 use super::phases::MeasurementNoise;
 use super::{Fit, Identification, Known, ParameterEstimate, Unidentified};
-use crate::numbers::{estimate, number, quantity};
-use crate::page::page;
-use crate::plot::escaped;
+use fmu_plot::escaped;
+use fmu_plot::page;
+use fmu_record::numbers::{estimate, number, quantity};
 
 const STYLE: &str = "
 .wide { max-width: 58rem; margin: 1.8rem 0; } .wide table { margin: 0; min-width: 30rem; }

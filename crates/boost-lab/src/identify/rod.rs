@@ -12,7 +12,7 @@ use super::phases::{MeasurementNoise, Rest};
 use super::points::{ResidualPoint, curve, drawing, residuals};
 use super::statistics::{Reliable, Solution, nonlinear};
 use super::{Fit, FitOutcome, Known, ParameterEstimate, Residuals, Unidentified};
-use crate::plot::Figure;
+use fmu_plot::Figure;
 
 const COULOMB: &str = "actuator.coulomb_friction";
 pub const NAMES: [&str; 5] = [

@@ -1,7 +1,7 @@
 //! A page that runs plant and controller live in a browser: both as WebAssembly modules in it, with the experiments of the
 //! paper, which the laboratory ran before for comparison.
 //!
-//! The scripts, in the order of their use: `fmu.js` calls a module, `master.js` couples two of them as [`crate::master`]
+//! The scripts, in the order of their use: `fmu.js` calls a module, `master.js` couples two of them as [`fmu_master`]
 //! does, `measures.js` takes the paper's numbers from records, `plots.js` and `engine.js` show what happens, `page.js`
 //! serves the controls.
 
@@ -14,10 +14,10 @@ use fmu_package::{FmuDescription, ParameterSet, Value, reading};
 use serde_json::{Value as Json, json};
 use wasmparser::{Parser, Payload};
 
-use crate::page::page;
-use crate::plot::escaped;
 use crate::reproduce::{Claim, PaperFigure, Reproduced, Run, shipped};
-use crate::scenario::{Assignment, Input, Member, Scenario, Signal};
+use fmu_master::scenario::{Assignment, Input, Member, Scenario, Signal};
+use fmu_plot::escaped;
+use fmu_plot::page;
 
 /// The closed loop that the page begins with: its constant inputs are those that the user changes.
 pub const LOOP: (&str, &str) = shipped!("live.toml");

@@ -4,7 +4,7 @@ use anyhow::Result;
 
 use super::measure::at;
 use super::{Basis, Claim, Evidence, Laboratory, shipped};
-use crate::plot::{Figure, Line, Panel, color};
+use fmu_plot::{Figure, Line, Panel, color};
 
 /// The beginning and end of the dip (s).
 const DIP: (f64, f64) = (2.0, 6.0);

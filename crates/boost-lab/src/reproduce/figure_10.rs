@@ -5,8 +5,8 @@ use fmu_package::Value;
 
 use super::measure::{at, between, greatest, range};
 use super::{Basis, Claim, Evidence, Laboratory, shipped};
-use crate::plot::{Figure, Line, Panel, color};
-use crate::scenario::Signal;
+use fmu_master::scenario::Signal;
+use fmu_plot::{Figure, Line, Panel, color};
 
 /// The edges of the voltage (s).
 const EDGES: [f64; 2] = [2.0, 6.0];
@@ -41,7 +41,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     }
     let rest = 100.0 * (at(&compensated, POSITION, 5.9)? - at(&compensated, POSITION, EDGES[0])?).abs();
 
-    let position = |record: &crate::record::Record| {
+    let position = |record: &fmu_record::Record| {
         let values: Vec<_> = record.get(POSITION)?.iter().map(|position| 100.0 * position).collect();
         Ok::<_, anyhow::Error>(Line::new(record.time(), values))
     };

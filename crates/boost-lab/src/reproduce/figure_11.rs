@@ -4,9 +4,9 @@ use anyhow::Result;
 
 use super::measure::{at, greatest};
 use super::{Basis, Claim, Evidence, Laboratory, shipped};
-use crate::plot::{Figure, Line, Panel, color};
-use crate::record::Record;
-use crate::scenario::{Scenario, Signal};
+use fmu_master::scenario::{Scenario, Signal};
+use fmu_plot::{Figure, Line, Panel, color};
+use fmu_record::Record;
 
 /// Full load over engine speed.
 struct FullLoad {

@@ -4,7 +4,7 @@ use anyhow::Result;
 
 use super::measure::greatest;
 use super::{Basis, Claim, Drawing, Evidence, Laboratory, shipped};
-use crate::plot::{Figure, Line, Panel, color};
+use fmu_plot::{Figure, Line, Panel, color};
 
 /// The drawing in the documentation of `BoostController`.
 const STRUCTURE: &str = include_str!("../../../../modelDescription/documentation/controller_structure.svg");

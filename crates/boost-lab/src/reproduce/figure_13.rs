@@ -5,9 +5,9 @@ use fmu_package::Value;
 
 use super::measure::{Following, greatest, least};
 use super::{Basis, Claim, Evidence, Laboratory, shipped};
-use crate::plot::{Figure, Line, Panel, color};
-use crate::record::Record;
-use crate::scenario::Signal;
+use fmu_master::scenario::Signal;
+use fmu_plot::{Figure, Line, Panel, color};
+use fmu_record::Record;
 
 /// The error (kPa) that is shown: a step itself is larger, and would hide how it is followed.
 const SHOWN_ERROR: f64 = 7.0;

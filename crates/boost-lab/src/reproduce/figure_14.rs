@@ -5,9 +5,9 @@ use fmu_package::Value;
 
 use super::measure::{at, greatest, range};
 use super::{Basis, Claim, Evidence, Laboratory, shipped};
-use crate::plot::{Figure, Line, Panel, color};
-use crate::record::Record;
-use crate::scenario::Signal;
+use fmu_master::scenario::Signal;
+use fmu_plot::{Figure, Line, Panel, color};
+use fmu_record::Record;
 
 /// The end of the start (s).
 const STARTED: f64 = 3.0;

@@ -4,8 +4,8 @@ use anyhow::Result;
 
 use super::measure::{at, greatest};
 use super::{Basis, Claim, Evidence, Laboratory, shipped};
-use crate::plot::{Figure, Line, Panel, color};
-use crate::scenario::Signal;
+use fmu_master::scenario::Signal;
+use fmu_plot::{Figure, Line, Panel, color};
 
 /// Table 1 for the leakage: of the effective area in 1e-9 m2 over the duty in %.
 const LEAKAGE: [f64; 3] = [-4.7625e-5, 7.2000e-2, -5.2300e-2];

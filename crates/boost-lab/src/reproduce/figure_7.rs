@@ -4,8 +4,8 @@ use anyhow::Result;
 
 use super::measure::{greatest, interpolate};
 use super::{Basis, Claim, Evidence, Laboratory, shipped};
-use crate::plot::{Figure, Line, Panel, color};
-use crate::record::Record;
+use fmu_plot::{Figure, Line, Panel, color};
+use fmu_record::Record;
 
 /// Above this duty (%) the tank's pressure is the floor, and the pump's relay moves it.
 const TANK_IS_FLOOR: f64 = 85.0;

@@ -4,7 +4,7 @@ use anyhow::{Context, Result, bail};
 
 use super::measure::{at, greatest, least};
 use super::{Basis, Claim, Evidence, Laboratory, shipped};
-use crate::plot::{Figure, Line, Panel, color};
+use fmu_plot::{Figure, Line, Panel, color};
 
 /// When the paper's pump runs (s).
 const PAPER: (f64, f64) = (72.5, 82.2);

@@ -4,8 +4,8 @@ use anyhow::{Context, Result};
 
 use super::measure::{at, between, greatest, row};
 use super::{Basis, Claim, Evidence, Laboratory, shipped};
-use crate::plot::{Figure, Line, Panel, color};
-use crate::record::Record;
+use fmu_plot::{Figure, Line, Panel, color};
+use fmu_record::Record;
 
 /// When the duty steps up and down (s).
 const STEPS: (f64, f64) = (1.0, 4.0);

@@ -21,14 +21,14 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use serde::Serialize;
 
-use crate::importer::Fmu;
-use crate::master::{LoadedFmus, Master};
 use crate::measure;
-use crate::numbers::{number, shown};
-use crate::panels;
-use crate::plot::Figure;
-use crate::record::Record;
-use crate::scenario::Scenario;
+use fmu_master::Fmu;
+use fmu_master::scenario::Scenario;
+use fmu_master::{LoadedFmus, Master};
+use fmu_plot::Figure;
+use fmu_plot::panels;
+use fmu_record::Record;
+use fmu_record::numbers::{number, shown};
 
 pub use self::report::{html, json};
 
@@ -231,7 +231,7 @@ impl Laboratory {
         if !self.scenarios.contains(&(name, text)) {
             self.scenarios.push((name, text));
         }
-        Scenario::parse(name, text, Path::new(""), &self.folder)
+        Scenario::parse(name, text, Path::new(""), &self.folder, crate::mapping::read)
     }
 
     fn run(&mut self, scenario: &Scenario) -> Result<Record> {
@@ -242,7 +242,7 @@ impl Laboratory {
 
     /// What a scenario of the laboratory records and shows: its first seconds, by its file's name and text.
     pub fn try_out(&mut self, (name, text): (&'static str, &'static str), seconds: f64) -> Result<Run> {
-        let scenario = Scenario::parse(name, text, Path::new(""), &self.folder)?;
+        let scenario = Scenario::parse(name, text, Path::new(""), &self.folder, crate::mapping::read)?;
         let mut begin = scenario.clone();
         begin.end_at(scenario.start_time + seconds)?;
         let record = Master::new(&begin, &mut self.fmus)?.run(|_| ())?.record;

@@ -4,8 +4,8 @@ use anyhow::Result;
 use serde::Serialize;
 
 use super::{Claim, Drawing, Reproduced};
-use crate::page::page;
-use crate::plot::escaped;
+use fmu_plot::escaped;
+use fmu_plot::page;
 
 const STYLE: &str = "
 .how { color: var(--faint); font-size: .93em; } svg :is(.third, .added) { color: var(--faint); }

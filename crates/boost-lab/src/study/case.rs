@@ -10,17 +10,16 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use boost_interface::NameMap;
 use serde::{Deserialize, Serialize};
 
 use super::draw::{Case, Event, SETTLING, STEP};
 use super::reach::{DOWN, Measured, OpenLoop, Reach, SHAFT_LIMIT, TURNING_STEPS, UP, VALVES};
-use crate::importer::Fmu;
 use crate::mapping;
-use crate::master::{LoadedFmus, Master};
 use crate::measure::{greatest, least};
-use crate::record::Record;
-use crate::scenario::{Scenario, Signal};
+use fmu_master::Fmu;
+use fmu_master::scenario::{Scenario, Signal};
+use fmu_master::{LoadedFmus, Master};
+use fmu_record::Record;
 
 /// How much later than the fastest plant a controlled one arrives (s): five times the controller's `lambda`, the time
 /// constant that is asked for.
@@ -89,7 +88,7 @@ impl Names {
 #[derive(Clone)]
 pub struct Source {
     pub file: PathBuf,
-    pub map: Option<NameMap>,
+    pub map: Option<Arc<dyn fmu_master::NameMap>>,
 }
 
 /// The FMUs of a study.
@@ -151,7 +150,7 @@ pub fn point(time: f64) -> usize {
 impl Rig {
     pub fn new(plant: Source, controller: Source, seed: u64) -> Result<Self> {
         let [plant_fmu, controller_fmu] =
-            [&plant, &controller].map(|source| mapping::open(&source.file, source.map.as_ref()));
+            [&plant, &controller].map(|source| Fmu::open_with(&source.file, source.map.as_deref()));
         let (plant_fmu, controller_fmu) = (plant_fmu?, controller_fmu?);
         for name in ["hp_wastegate_pwm", "engine_speed"] {
             let is_input = plant_fmu.names("input").any(|known| known == name);
@@ -200,7 +199,7 @@ impl Rig {
     pub fn scenario(&self, case: &Case, strategy: Option<&str>) -> Result<Scenario> {
         let none = std::path::Path::new("");
         let name = format!("case {}", case.number);
-        let mut scenario = Scenario::parse(&name, &self.text(case, strategy), none, none)?;
+        let mut scenario = Scenario::parse(&name, &self.text(case, strategy), none, none, mapping::read)?;
         for (member, source) in scenario.fmus.iter_mut().zip(&self.sources) {
             member.file.clone_from(&source.file);
             member.map.clone_from(&source.map);

@@ -8,8 +8,8 @@ use fmu_package::{FmuDescription, FmuVariable, ParameterSet, Value};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
-use crate::scenario::Signal;
 use crate::sweep::design::latin_fractions;
+use fmu_master::scenario::Signal;
 
 /// The communication step (s): the controller's sample time.
 pub const STEP: f64 = 0.0125;

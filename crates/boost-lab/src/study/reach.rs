@@ -7,9 +7,9 @@ use fmu_package::Value;
 
 use super::case::Names;
 use super::draw::{Case, STEP};
-use crate::importer::{Fmu, Instance, Selection};
 use crate::measure::interpolate;
-use crate::scenario::Signal;
+use fmu_master::scenario::Signal;
+use fmu_master::{Fmu, Instance, Selection};
 
 /// The reachable range ends where the high-pressure shaft turns this fast at rest (rpm), as the controller's limits do.
 pub const SHAFT_LIMIT: f64 = 205e3;

@@ -7,9 +7,9 @@ use serde::Serialize;
 use super::case::{MODEL, Measures, SHAFT};
 use super::criteria::{Criterion, FAR, NEAR, SHARE_NEAR, is_failed, is_outside, judge};
 use super::{Explained, Outcome, Study, outside};
-use crate::numbers::number;
-use crate::page::page;
-use crate::plot::{Figure, Line, Panel, color, escaped};
+use fmu_plot::page;
+use fmu_plot::{Figure, Line, Panel, color, escaped};
+use fmu_record::numbers::number;
 
 const STYLE: &str = "
 .holds, .fails { font-weight: 600; } .fails { color: var(--paper); background: var(--ink); padding: 0 0.3em; }

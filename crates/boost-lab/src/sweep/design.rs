@@ -8,8 +8,8 @@ use rand_pcg::Pcg64;
 use toml::de::DeValue;
 
 use super::Parameter;
-use crate::scenario::document::{Node, TomlTable};
-use crate::scenario::read_value;
+use fmu_master::scenario::document::{Node, TomlTable};
+use fmu_master::scenario::read_value;
 
 /// The most runs of a study, against typing errors.
 const MOST_RUNS: usize = 1_000_000;
@@ -179,7 +179,7 @@ fn read_list(node: &Node<'_>) -> Result<Design> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenario::document::Document;
+    use fmu_master::scenario::document::Document;
 
     fn design(text: &str) -> Result<Vec<Vec<f64>>> {
         let document = Document::parse("study", text)?;

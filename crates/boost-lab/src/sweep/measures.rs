@@ -4,9 +4,9 @@ use anyhow::{Context, Result};
 use fmu_package::terminal::number;
 
 use crate::measure::{Following, between, greatest, least};
-use crate::record::Record;
-use crate::scenario::document::{Node, TomlTable};
-use crate::scenario::{Location, Scenario, Signal};
+use fmu_master::scenario::document::{Node, TomlTable};
+use fmu_master::scenario::{Location, Scenario, Signal};
+use fmu_record::Record;
 
 /// A measure of a run.
 #[derive(Clone, Debug)]

@@ -23,13 +23,13 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use self::design::Design;
 use self::journal::{Outcome, StudyJournal};
 use self::measures::Measure;
-use crate::importer::ONLY_ONCE;
 use crate::journal::digest;
 use crate::mapping;
-use crate::master::{LoadedFmus, Master};
-use crate::scenario::document::Document;
-use crate::scenario::{Assignment, Location, Noise, Recorded, Scenario};
-use crate::table::{Header, TableFormat};
+use fmu_master::ONLY_ONCE;
+use fmu_master::scenario::document::Document;
+use fmu_master::scenario::{Assignment, Location, Noise, Recorded, Scenario};
+use fmu_master::{LoadedFmus, Master};
+use fmu_record::{Header, TableFormat};
 
 /// The folder of the runs' records, below that of the results.
 const RECORDS: &str = "records";
@@ -83,7 +83,7 @@ impl Study {
         let folder = path.parent().unwrap_or(Path::new(""));
         let file = scenario.path("the path of a scenario", folder)?;
         // The scenario's messages have their own locations.
-        let mut scenario = Scenario::read(&file, fmus)?;
+        let mut scenario = Scenario::read(&file, fmus, mapping::read)?;
         scenario.files.push(path.to_owned());
         let title = root.title()?.map(str::to_owned);
         let keeps_records = root.optional("records").map_or(Ok(false), |node| {
@@ -222,7 +222,7 @@ impl Loaded {
             let name = &member.name;
             set(format!("SHA-256 of {name}'s file"), digest(&member.file)?);
             if let Some(map) = &member.map {
-                set(format!("{name}'s map"), mapping::setting(map)?);
+                set(format!("{name}'s map"), map.text());
             }
             for (index, (parameters, _)) in member.parameters.iter().enumerate() {
                 set(format!("{name}'s parameter set {}", index + 1), format!("{parameters:?}"));

@@ -3,11 +3,11 @@
 
 use super::journal::Outcome;
 use super::{Loaded, written};
-use crate::numbers::{number, quantity};
-use crate::page::page;
-use crate::panels::shown;
-use crate::plot::{Figure, Line, Panel, color, escaped};
 use fmu_package::Value;
+use fmu_plot::page;
+use fmu_plot::panels::shown;
+use fmu_plot::{Figure, Line, Panel, color, escaped};
+use fmu_record::numbers::{number, quantity};
 
 pub const HTML: &str = "report.html";
 

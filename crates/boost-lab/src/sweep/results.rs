@@ -6,7 +6,7 @@ use fmu_package::{Value, ValueType};
 use super::journal::Outcome;
 use super::measures::Measure;
 use super::{Loaded, Parameter, written};
-use crate::table::{Cells, Table, TableColumn};
+use fmu_record::{Cells, Table, TableColumn};
 
 /// The table's files in the folder of the results.
 pub const CSV: &str = "results.csv";

@@ -11,7 +11,7 @@ use super::fit::FirstOrder;
 use super::procedure::{Procedure, SplitRange};
 use super::schedule::{Allocation, Schedule, check_unit};
 use super::speed_fit::SpeedResponse;
-use crate::importer::{Fmu, Instance, SavedState, Selection};
+use fmu_master::{Fmu, Instance, SavedState, Selection};
 
 const DUTY: &str = "hp_wastegate_pwm";
 const BOOST: &str = "boost_pressure";

@@ -26,9 +26,8 @@ use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::importer::{Fmu, ONLY_ONCE};
 use crate::journal::Settings;
-use crate::mapping;
+use fmu_master::{Fmu, ONLY_ONCE};
 
 use self::bench::Bench;
 pub use self::bench::{Point, Sweep};
@@ -43,7 +42,7 @@ pub use self::schedule::{Schedule, ScheduleTable};
 pub struct Task {
     pub plant: Arc<Fmu>,
     /// The plant's name map, if any.
-    pub plant_map: Option<mapping::NameMap>,
+    pub plant_map: Option<Arc<dyn fmu_master::NameMap>>,
     /// The plant's parameters, set in their order.
     pub plant_parameters: Vec<ParameterSet>,
     /// The controller's grid.
@@ -158,7 +157,7 @@ impl Task {
         .map(|(name, value)| (name.to_owned(), value))
         .into();
         if let Some(map) = &self.plant_map {
-            settings.insert("the plant's map".to_owned(), mapping::setting(map)?);
+            settings.insert("the plant's map".to_owned(), map.text());
         }
         Ok(settings)
     }

@@ -5,9 +5,9 @@ use serde::Serialize;
 
 use super::bench::drawn_samples;
 use super::{Cell, CellOrigin, Point, Procedure, ScheduleTable, Strategy, Sweep, Tuning};
-use crate::numbers::{estimate, quantity};
-use crate::page::page;
-use crate::plot::{Figure, Line, Panel, color, escaped};
+use fmu_plot::page;
+use fmu_plot::{Figure, Line, Panel, color, escaped};
+use fmu_record::numbers::{estimate, quantity};
 
 const STYLE: &str = "
 sub { line-height: 0; }
@@ -387,7 +387,7 @@ fn points(tuning: &Tuning<'_>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plot::Color;
+    use fmu_plot::Color;
 
     /// The relative luminance of WCAG 2.1.
     fn luminance(color: [f64; 3]) -> f64 {

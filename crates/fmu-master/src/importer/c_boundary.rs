@@ -35,7 +35,7 @@ struct CallbackFunctions {
 
 unsafe extern "C" {
     /// Defined in logger.c.
-    fn boost_lab_log(
+    fn fmu_master_log(
         environment: *mut c_void,
         instance: *const c_char,
         status: c_int,
@@ -482,7 +482,7 @@ impl Handle {
     pub fn new(functions: &Arc<Functions>, texts: [CString; 3]) -> std::result::Result<Self, Vec<Message>> {
         let receiver = Box::new(Receiver { receive, messages: Mutex::default() });
         let callbacks = Box::new(CallbackFunctions {
-            logger: boost_lab_log,
+            logger: fmu_master_log,
             allocate_memory: calloc,
             free_memory: free,
             step_finished: ptr::null(),

@@ -9,7 +9,7 @@ use fmu_package::terminal::number as shown;
 use toml::de::DeValue;
 
 use super::document::{Node, TomlTable};
-use crate::table::{expect_seconds, name_and_unit};
+use fmu_record::{expect_seconds, name_and_unit};
 
 /// A time may be before an instant by so much (s), since communication points are rounded multiples of the step.
 const ROUNDING: f64 = 1e-9;

@@ -10,7 +10,7 @@ struct receiver {
     void (*receive)(const struct receiver *self, int status, const char *text);
 };
 
-void boost_lab_log(void *environment, const char *instance, int status, const char *category,
+void fmu_master_log(void *environment, const char *instance, int status, const char *category,
                    const char *format, ...)
 {
     const struct receiver *receiver = environment;

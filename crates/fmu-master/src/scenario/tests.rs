@@ -2,13 +2,17 @@ use std::fs;
 
 use super::*;
 
+fn no_maps(path: &Path) -> Result<Arc<dyn NameMap>> {
+    bail!("cannot read {}", path.display())
+}
+
 /// The least that a scenario needs, with lines after it.
 fn with(more: &str) -> String {
     format!("step = 0.1\nstop_time = 1.0\n[[fmu]]\nname = \"plant\"\nfile = \"Plant.fmu\"\n{more}")
 }
 
 fn parse(text: &str) -> Result<Scenario> {
-    Scenario::parse("test.toml", text, Path::new("data"), Path::new("fmus"))
+    Scenario::parse("test.toml", text, Path::new("data"), Path::new("fmus"), no_maps)
 }
 
 fn refusal(text: &str) -> String {
@@ -195,7 +199,7 @@ fn a_csv_file_is_a_signal_and_its_errors_name_line_and_column() {
     let read = |content: &str, more: &str| {
         fs::write(folder.path().join("a.csv"), content).unwrap();
         let text = with(&format!("[inputs]\na = {{ csv = \"a.csv\", column = \"b\"{more} }}"));
-        let scenario = Scenario::parse("test.toml", &text, folder.path(), Path::new(""));
+        let scenario = Scenario::parse("test.toml", &text, folder.path(), Path::new(""), no_maps);
         scenario.map(|scenario| scenario.inputs[0].signal.clone()).map_err(|error| format!("{error:#}"))
     };
     let good = "# measured\ntime, a, b\n0, 9, 1\n1.5, 9, -2e3\n";
@@ -228,6 +232,7 @@ fn a_csv_signal_has_its_time_in_seconds() {
     fs::write(folder.path().join("a.csv"), "time (min),a\n0,1\n").unwrap();
     let text = "stop_time = 1\nstep = 0.5\nfmu = [{ name = \"a\", file = \"a\" }]\n\
                 inputs.a = { csv = \"a.csv\", column = \"a\" }";
-    let refusal = Scenario::parse("a.toml", text, folder.path(), folder.path()).unwrap_err().to_string();
+    let refusal =
+        Scenario::parse("a.toml", text, folder.path(), folder.path(), no_maps).unwrap_err().to_string();
     assert!(refusal.ends_with("a.csv: its time is in min, not in s"), "{refusal}");
 }

@@ -1,8 +1,9 @@
 //! The plot of a record: which of its variables share a panel, and how each is drawn.
 
-use crate::numbers;
-use crate::plot::{Figure, Line, Panel, color};
-use crate::record::{Column, Record};
+use fmu_record::numbers;
+use fmu_record::{Column, Record};
+
+use crate::figure::{Figure, Line, Panel, color};
 
 /// Quantities of one unit share a panel up to this ratio of their greatest values.
 const LIKE_SIZE: f64 = 10.0;

@@ -9,8 +9,7 @@ use std::sync::Arc;
 use std::thread;
 
 use anyhow::Result;
-use boost_interface::Translation;
-use fmu_package::{FmuDescription, Linear, Value};
+use fmu_package::{FmuDescription, Linear, Translation, Value};
 
 use self::careless::DESCRIPTION;
 use super::{CallFailed, Fmu, Instance, Status};
@@ -69,9 +68,9 @@ fn a_translated_fmu_has_other_names_and_values() {
     let own = opened();
     let description = DESCRIPTION.replace("name=\"level\"", "name=\"pressure\"");
     // pressure = 2 level + 1
-    let to_interface = [("pressure".to_owned(), Linear { factor: 2.0, offset: 1.0 })].into();
+    let conversions = [("pressure".to_owned(), Linear { factor: 2.0, offset: 1.0 })].into();
     let description = FmuDescription::parse(&description).unwrap();
-    let seen = own.translated(Translation { description, to_interface });
+    let seen = own.translated(Translation { description, conversions });
     let mut instance = started(&seen).unwrap();
     let mut selections =
         [own.select(["input", "level"]).unwrap(), seen.select(["input", "pressure"]).unwrap()];

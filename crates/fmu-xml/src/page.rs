@@ -5,7 +5,7 @@ use quick_xml::escape::escape;
 
 /// The style sheet of the pages, by day and by night. Its colours are properties of `:root`, each defined for the day
 /// first.
-pub const STYLE: &str = include_str!("document/style.css");
+pub const STYLE: &str = include_str!("page/style.css");
 
 /// A page that needs no other file.
 #[derive(Clone, Copy, Debug, Default)]
@@ -29,12 +29,12 @@ impl Document<'_> {
     #[must_use]
     pub fn html(&self) -> String {
         let navigation = format!(
-            include_str!("document/navigation.html"),
+            include_str!("page/navigation.html"),
             contents = self.contents,
-            script = include_str!("document/navigation.js"),
+            script = include_str!("page/navigation.js"),
         );
         format!(
-            include_str!("document/document.html"),
+            include_str!("page/document.html"),
             title = escape(self.title),
             style = STYLE.to_owned() + self.style,
             header = self.header,

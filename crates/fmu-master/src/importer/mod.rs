@@ -24,18 +24,18 @@ use std::sync::Arc;
 use self::c_boundary::{Functions, Handle, NumberType, Numbers};
 pub use self::folder::extract;
 pub use self::messages::{CallFailed, Message, Status};
+use crate::name_map::NameMap;
 use anyhow::{Context, Result, bail};
-use boost_interface::Translation;
 use fmu_export::fmi2::c_types::{FmuState, ValueReference};
 use fmu_package::library::refuse_cut_short;
 use fmu_package::temporary::Folder;
 use fmu_package::terminal::number;
 use fmu_package::{
-    Element, FmuDescription, FmuVariable, Linear, ParameterSet, Platform, Value, like, reading,
+    Element, FmuDescription, FmuVariable, Linear, ParameterSet, Platform, Translation, Value, like, reading,
 };
 
 /// The capability flag for a single instance per process.
-pub(crate) const ONLY_ONCE: &str = "canBeInstantiatedOnlyOncePerProcess";
+pub const ONLY_ONCE: &str = "canBeInstantiatedOnlyOncePerProcess";
 
 /// What to do about a missing file.
 pub fn remedy(path: &Path) -> String {
@@ -67,6 +67,14 @@ impl Fmu {
     /// Extracts an FMU, reads its description and loads its library.
     pub fn open(path: &Path) -> Result<Arc<Self>> {
         Self::open_anonymous(path).with_context(|| format!("cannot import {}", path.display())).map(Arc::new)
+    }
+
+    /// The same, with other names and units if there is a map.
+    pub fn open_with(path: &Path, map: Option<&dyn NameMap>) -> Result<Arc<Self>> {
+        let fmu = Self::open(path)?;
+        let Some(map) = map else { return Ok(fmu) };
+        let translation = map.translation(&fmu.description).with_context(|| path.display().to_string())?;
+        Ok(fmu.translated(translation))
     }
 
     fn open_anonymous(path: &Path) -> Result<Self> {
@@ -108,7 +116,7 @@ impl Fmu {
 
     /// The FMU in other names and units, which replace its own from here on.
     pub fn translated(&self, translation: Translation) -> Arc<Self> {
-        let mut conversions = translation.to_interface;
+        let mut conversions = translation.conversions;
         conversions.retain(|_, conversion| *conversion != Linear::IDENTITY);
         Arc::new(Self {
             path: self.path.clone(),

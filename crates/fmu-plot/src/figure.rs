@@ -9,8 +9,8 @@ mod picture;
 use std::collections::HashSet;
 
 pub use self::interactive::script;
-use fmu_export_build::document::STYLE;
 use fmu_package::terminal::printable;
+use fmu_xml::page::STYLE;
 
 /// A colour, which the style sheet has by day and by night under this name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,8 +1,8 @@
 //! The reports: HTML pages in the look of the FMUs' own, which need no other file.
 
-use fmu_export_build::document::Document;
+use fmu_xml::page::Document;
 
-use crate::plot;
+use crate::figure;
 
 /// What the reports have in addition to the FMUs' pages: figures by plotly. Where no pointer hovers, plots always show their
 /// toolbars, which otherwise may lie over the legend; paper needs none.
@@ -33,7 +33,7 @@ pub fn page(title: &str, style: &str, body: &str) -> String {
     }
     let style = STYLE.to_owned() + style;
     let header = format!("{heading}</h1>");
-    let scripts = plot::script();
+    let scripts = figure::script();
     Document { title, style: &style, header: &header, contents: &contents, main: &main, scripts: &scripts }
         .html()
 }

@@ -16,9 +16,8 @@ use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 
 use crate::importer::{Fmu, Instance, Message, Selection};
-use crate::mapping;
-use crate::record::{Column, Record};
 use crate::scenario::{Assignment, Input, Member, Noise, Scenario, Signal, Stepping};
+use fmu_record::{Column, Record};
 
 /// Exchanges of outputs and inputs in initialization: a plant that settles at the controller's outputs returns
 /// its measured supply, which changes these.
@@ -34,11 +33,11 @@ impl LoadedFmus {
     }
 
     pub fn get(&mut self, member: &Member) -> Result<Arc<Fmu>> {
-        let key = (member.file.clone(), member.map.as_ref().map(mapping::setting).transpose()?);
+        let key = (member.file.clone(), member.map.as_ref().map(|map| map.text()));
         if let Some(fmu) = self.0.get(&key) {
             return Ok(Arc::clone(fmu));
         }
-        let fmu = member.location.locate(mapping::open(&member.file, member.map.as_ref()))?;
+        let fmu = member.location.locate(Fmu::open_with(&member.file, member.map.as_deref()))?;
         self.0.insert(key, Arc::clone(&fmu));
         Ok(fmu)
     }

@@ -1,18 +1,13 @@
 //! Recorded variables over time.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
-use std::panic;
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use fmu_package::reading;
-use parquet::basic::Type as PhysicalType;
-use parquet::column::reader::get_typed_column_reader;
-use parquet::data_type::DoubleType;
-use parquet::file::reader::{FileReader, SerializedFileReader};
 
-use crate::table::{Cells, Table, TableColumn, TableFormat, UNITS, expect_seconds, name_and_unit};
+use crate::parquet;
+use crate::table::{Cells, Table, TableColumn, TableFormat, expect_seconds, name_and_unit};
 
 /// The name of the first column.
 const TIME: &str = "time";
@@ -79,7 +74,7 @@ impl Record {
     pub fn read(path: &Path) -> Result<Self> {
         let columns = match TableFormat::of(path)? {
             TableFormat::Csv => csv_columns(&reading::text(path)?),
-            TableFormat::Parquet => without_panic(|| parquet_columns(path)),
+            TableFormat::Parquet => parquet::read(path),
         };
         columns.and_then(Self::of_columns).with_context(|| format!("cannot read {}", path.display()))
     }
@@ -110,15 +105,6 @@ impl Record {
     }
 }
 
-/// The library for Parquet panics on some damaged files.
-fn without_panic<T>(read: impl FnOnce() -> Result<T> + panic::UnwindSafe) -> Result<T> {
-    let hook = panic::take_hook();
-    panic::set_hook(Box::new(|_| ()));
-    let read = panic::catch_unwind(read);
-    panic::set_hook(hook);
-    read.unwrap_or_else(|_| bail!("it is damaged"))
-}
-
 fn csv_columns(text: &str) -> Result<Vec<Column>> {
     let mut reader =
         csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
@@ -140,35 +126,9 @@ fn csv_columns(text: &str) -> Result<Vec<Column>> {
     Ok(columns)
 }
 
-fn parquet_columns(path: &Path) -> Result<Vec<Column>> {
-    let reader = SerializedFileReader::new(File::open(path)?)?;
-    let metadata = reader.metadata().file_metadata();
-    let units = metadata.key_value_metadata().into_iter().flatten().find(|pair| pair.key == UNITS);
-    let units = units.and_then(|pair| pair.value.as_deref()).unwrap_or("{}");
-    let mut units: BTreeMap<String, String> =
-        serde_json::from_str(units).with_context(|| format!("its metadata {UNITS}"))?;
-    let schema = metadata.schema_descr();
-    let mut columns = vec![];
-    for (index, description) in schema.columns().iter().enumerate() {
-        let name = description.name().to_owned();
-        if description.physical_type() != PhysicalType::DOUBLE || description.max_def_level() > 0 {
-            bail!("{name} is not a column of numbers without gaps");
-        }
-        let mut values = vec![];
-        for group in 0..reader.num_row_groups() {
-            let group = reader.get_row_group(group)?;
-            let rows = usize::try_from(group.metadata().num_rows())?;
-            let mut column = get_typed_column_reader::<DoubleType>(group.get_column_reader(index)?);
-            column.read_records(rows, None, None, &mut values)?;
-        }
-        columns.push(Column { unit: units.remove(&name).unwrap_or_default(), name, values });
-    }
-    Ok(columns)
-}
-
 #[cfg(test)]
 mod tests {
-    use std::fs;
+    use std::fs::{self, File};
     use std::io::Write;
 
     use super::*;

@@ -1,18 +1,19 @@
 //! Scenarios: TOML files of coupled FMUs, their start, their inputs and what is recorded. docs/laboratory.md
 //! describes every key.
 
-pub(crate) mod document;
+pub mod document;
 mod signal;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use boost_interface::NameMap;
 use fmu_package::terminal::number;
 use fmu_package::{Linear, ParameterSet, Value, reading};
 use toml::de::DeValue;
 
 use crate::importer::Fmu;
+use crate::name_map::{NameMap, ReadMap};
 
 pub use self::document::Location;
 use self::document::{Document, Node, TomlTable};
@@ -69,7 +70,7 @@ pub struct Member {
     pub name: String,
     pub file: PathBuf,
     /// From other names and units to the interface.
-    pub map: Option<NameMap>,
+    pub map: Option<Arc<dyn NameMap>>,
     pub location: Location,
     /// Parameter sets, applied before initialization.
     pub parameters: Vec<(ParameterSet, Location)>,
@@ -142,16 +143,16 @@ pub struct Recorded {
 
 impl Scenario {
     /// Reads a file. Paths are relative to its folder, those of FMUs to `fmus`.
-    pub fn read(path: &Path, fmus: &Path) -> Result<Self> {
+    pub fn read(path: &Path, fmus: &Path, maps: ReadMap) -> Result<Self> {
         let text = reading::text(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        let mut scenario = Self::parse(&path.to_string_lossy(), &text, folder, fmus)?;
+        let mut scenario = Self::parse(&path.to_string_lossy(), &text, folder, fmus, maps)?;
         scenario.files.push(path.to_owned());
         Ok(scenario)
     }
 
     /// Reads the text of a file, whose name is for messages. Paths are relative to `folder`, those of FMUs to `fmus`.
-    pub fn parse(file: &str, text: &str, folder: &Path, fmus: &Path) -> Result<Self> {
+    pub fn parse(file: &str, text: &str, folder: &Path, fmus: &Path, maps: ReadMap) -> Result<Self> {
         let document = Document::parse(file, text)?;
         let root = document.root();
         let title = root.title()?.map(str::to_owned);
@@ -179,7 +180,7 @@ impl Scenario {
                     _ => Err(node.unexpected(EXPECTED)),
                 }
             })?,
-            fmus: read_members(&root, step, folder, fmus)?,
+            fmus: read_members(&root, step, [folder, fmus], maps)?,
             inputs: root.optional("inputs").map_or(Ok(vec![]), |node| read_inputs(&node, folder))?,
             connections: None,
             has_replaced_fmus: false,
@@ -280,18 +281,24 @@ fn count(duration: f64, step: f64) -> Result<u32> {
     Ok(count as u32)
 }
 
-fn read_members(root: &TomlTable<'_>, step: f64, folder: &Path, fmus: &Path) -> Result<Vec<Member>> {
+fn read_members(root: &TomlTable<'_>, step: f64, folders: [&Path; 2], maps: ReadMap) -> Result<Vec<Member>> {
     const EXPECTED: &str = "a table [[fmu]] for each FMU, in the order of stepping";
     let list = root.required("fmu", EXPECTED)?;
     let mut members: Vec<Member> = vec![];
     for node in list.list(EXPECTED)? {
-        members.push(read_member(&node, step, folder, fmus, &members)?);
+        members.push(read_member(&node, step, folders, maps, &members)?);
     }
     if members.is_empty() { Err(list.unexpected(EXPECTED)) } else { Ok(members) }
 }
 
 /// Reads an FMU that comes after others.
-fn read_member(node: &Node<'_>, step: f64, folder: &Path, fmus: &Path, others: &[Member]) -> Result<Member> {
+fn read_member(
+    node: &Node<'_>,
+    step: f64,
+    [folder, fmus]: [&Path; 2],
+    maps: ReadMap,
+    others: &[Member],
+) -> Result<Member> {
     let table = node.table("a table [[fmu]]")?;
     let name_node = table.required("name", "the FMU's name in the scenario")?;
     let name = name_node.string("a text")?.to_owned();
@@ -304,7 +311,7 @@ fn read_member(node: &Node<'_>, step: f64, folder: &Path, fmus: &Path, others: &
     let member = Member {
         name,
         file: file.path("the FMU's path", fmus)?,
-        map: table.optional("map").map(|node| read_map(&node, folder)).transpose()?,
+        map: table.optional("map").map(|node| read_map(&node, folder, maps)).transpose()?,
         location: file.location().clone(),
         parameters: table.optional("parameters").map_or(Ok(vec![]), |node| {
             const EXPECTED: &str = "a list of paths of parameter sets (.ssv)";
@@ -318,9 +325,9 @@ fn read_member(node: &Node<'_>, step: f64, folder: &Path, fmus: &Path, others: &
     Ok(member)
 }
 
-fn read_map(node: &Node<'_>, folder: &Path) -> Result<NameMap> {
+fn read_map(node: &Node<'_>, folder: &Path, maps: ReadMap) -> Result<Arc<dyn NameMap>> {
     let path = node.path("the path of a map (.json)", folder)?;
-    node.location().locate(NameMap::read(&path))
+    node.location().locate(maps(&path))
 }
 
 fn read_parameters(node: &Node<'_>, folder: &Path, expected: &str) -> Result<(ParameterSet, Location)> {
@@ -334,7 +341,7 @@ fn read_values(node: &Node<'_>) -> Result<Vec<Assignment>> {
     table.entries().map(|(name, node)| read_value(name, &node)).collect()
 }
 
-pub(crate) fn read_value(name: &str, node: &Node<'_>) -> Result<Assignment> {
+pub fn read_value(name: &str, node: &Node<'_>) -> Result<Assignment> {
     const EXPECTED: &str = "a number, true, false or a text";
     let value = match node.value() {
         DeValue::Integer(_) if node.integer::<i32>(EXPECTED).is_ok() => {

@@ -1,0 +1,23 @@
+//! FMUs under other names and units.
+
+use std::fmt;
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Result;
+use fmu_package::{FmuDescription, Translation};
+
+/// Gives an FMU other names and units.
+pub trait NameMap: fmt::Debug + Send + Sync {
+    /// The FMU in these names and units.
+    ///
+    /// # Errors
+    /// When the FMU is not the one that the map is for.
+    fn translation(&self, fmu: &FmuDescription) -> Result<Translation>;
+
+    /// The map as a text, the same for equal maps.
+    fn text(&self) -> String;
+}
+
+/// Reads the file of a map, which a scenario names.
+pub type ReadMap = fn(&Path) -> Result<Arc<dyn NameMap>>;

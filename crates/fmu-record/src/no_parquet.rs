@@ -1,0 +1,19 @@
+//! In the place of Parquet where the feature `parquet` is off.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use anyhow::{Result, bail};
+
+use crate::record::Column;
+use crate::table::Table;
+
+const REASON: &str = "this program is compiled without Parquet; use a file that ends with .csv";
+
+pub(crate) fn read(_path: &Path) -> Result<Vec<Column>> {
+    bail!(REASON)
+}
+
+pub(crate) fn write(_table: &Table<'_>, _writer: impl Write + Send) -> io::Result<()> {
+    Err(io::Error::other(REASON))
+}

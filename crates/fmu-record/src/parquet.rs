@@ -1,0 +1,140 @@
+//! Parquet, which keeps types, missing values and units.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, Write};
+use std::panic;
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail};
+use parquet::basic::{ConvertedType, Repetition, Type as PhysicalType};
+use parquet::column::reader::get_typed_column_reader;
+use parquet::column::writer::ColumnWriter;
+use parquet::data_type::{ByteArray, DoubleType};
+use parquet::file::metadata::KeyValue;
+use parquet::file::properties::WriterProperties;
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::types::Type;
+
+use crate::record::Column;
+use crate::table::{Cells, Table};
+
+/// The key in a Parquet file's metadata under which the columns' units are, as a JSON object.
+const UNITS: &str = "units";
+
+/// The columns of a file.
+pub(crate) fn read(path: &Path) -> Result<Vec<Column>> {
+    without_panic(|| parquet_columns(path))
+}
+
+/// The library for Parquet panics on some damaged files.
+fn without_panic<T>(read: impl FnOnce() -> Result<T> + panic::UnwindSafe) -> Result<T> {
+    let hook = panic::take_hook();
+    panic::set_hook(Box::new(|_| ()));
+    let read = panic::catch_unwind(read);
+    panic::set_hook(hook);
+    read.unwrap_or_else(|_| bail!("it is damaged"))
+}
+
+fn parquet_columns(path: &Path) -> Result<Vec<Column>> {
+    let reader = SerializedFileReader::new(File::open(path)?)?;
+    let metadata = reader.metadata().file_metadata();
+    let units = metadata.key_value_metadata().into_iter().flatten().find(|pair| pair.key == UNITS);
+    let units = units.and_then(|pair| pair.value.as_deref()).unwrap_or("{}");
+    let mut units: BTreeMap<String, String> =
+        serde_json::from_str(units).with_context(|| format!("its metadata {UNITS}"))?;
+    let schema = metadata.schema_descr();
+    let mut columns = vec![];
+    for (index, description) in schema.columns().iter().enumerate() {
+        let name = description.name().to_owned();
+        if description.physical_type() != PhysicalType::DOUBLE || description.max_def_level() > 0 {
+            bail!("{name} is not a column of numbers without gaps");
+        }
+        let mut values = vec![];
+        for group in 0..reader.num_row_groups() {
+            let group = reader.get_row_group(group)?;
+            let rows = usize::try_from(group.metadata().num_rows())?;
+            let mut column = get_typed_column_reader::<DoubleType>(group.get_column_reader(index)?);
+            column.read_records(rows, None, None, &mut values)?;
+        }
+        columns.push(Column { unit: units.remove(&name).unwrap_or_default(), name, values });
+    }
+    Ok(columns)
+}
+
+/// Writes doubles, 32-bit integers, Booleans and UTF-8 texts.
+pub(crate) fn write(table: &Table<'_>, writer: impl Write + Send) -> io::Result<()> {
+    write_all(table, writer).map_err(|error| io::Error::other(format!("{error:#}")))
+}
+
+fn write_all(table: &Table<'_>, writer: impl Write + Send) -> Result<()> {
+    let fields = table.0.iter().map(|column| {
+        let (physical, converted, repetition) = parquet_type(&column.cells);
+        let field = Type::primitive_type_builder(&column.name, physical)
+            .with_converted_type(converted)
+            .with_repetition(repetition);
+        Ok(Arc::new(field.build()?))
+    });
+    let fields = fields.collect::<Result<_>>()?;
+    let schema = Arc::new(Type::group_type_builder("table").with_fields(fields).build()?);
+    let units = table.0.iter().filter(|column| !column.unit.is_empty());
+    let units: BTreeMap<_, _> = units.map(|column| (&column.name, &column.unit)).collect();
+    let units = KeyValue::new(UNITS.to_owned(), serde_json::to_string(&units)?);
+    let properties = WriterProperties::builder().set_key_value_metadata(Some(vec![units]));
+    let properties = Arc::new(properties.build());
+    let mut file = SerializedFileWriter::new(writer, schema, properties)?;
+    let mut rows = file.next_row_group()?;
+    for column in &table.0 {
+        let mut writer = rows.next_column()?.context("fewer columns than in the schema")?;
+        write_cells(&column.cells, writer.untyped())?;
+        writer.close()?;
+    }
+    rows.close()?;
+    file.close()?;
+    Ok(())
+}
+
+fn parquet_type(cells: &Cells<'_>) -> (PhysicalType, ConvertedType, Repetition) {
+    match cells {
+        Cells::Numbers(_) => (PhysicalType::DOUBLE, ConvertedType::NONE, Repetition::REQUIRED),
+        Cells::Number(_) => (PhysicalType::DOUBLE, ConvertedType::NONE, Repetition::OPTIONAL),
+        Cells::Whole(_) => (PhysicalType::INT32, ConvertedType::NONE, Repetition::OPTIONAL),
+        Cells::Truth(_) => (PhysicalType::BOOLEAN, ConvertedType::NONE, Repetition::OPTIONAL),
+        Cells::Text(_) => (PhysicalType::BYTE_ARRAY, ConvertedType::UTF8, Repetition::OPTIONAL),
+    }
+}
+
+fn write_cells(cells: &Cells<'_>, writer: &mut ColumnWriter<'_>) -> Result<()> {
+    match (cells, writer) {
+        (Cells::Numbers(cells), ColumnWriter::DoubleColumnWriter(writer)) => {
+            writer.write_batch(cells, None, None)?;
+        }
+        (Cells::Number(cells), ColumnWriter::DoubleColumnWriter(writer)) => {
+            let (values, levels) = split(cells);
+            writer.write_batch(&values, Some(&levels), None)?;
+        }
+        (Cells::Whole(cells), ColumnWriter::Int32ColumnWriter(writer)) => {
+            let (values, levels) = split(cells);
+            writer.write_batch(&values, Some(&levels), None)?;
+        }
+        (Cells::Truth(cells), ColumnWriter::BoolColumnWriter(writer)) => {
+            let (values, levels) = split(cells);
+            writer.write_batch(&values, Some(&levels), None)?;
+        }
+        (Cells::Text(cells), ColumnWriter::ByteArrayColumnWriter(writer)) => {
+            let (texts, levels) = split(cells);
+            let values: Vec<_> = texts.iter().map(|text| ByteArray::from(text.as_str())).collect();
+            writer.write_batch(&values, Some(&levels), None)?;
+        }
+        _ => bail!("the column's type is not the schema's"),
+    }
+    Ok(())
+}
+
+/// The present values, and for each cell 1 if its value is present (Parquet's definition levels).
+fn split<T: Clone>(cells: &[Option<T>]) -> (Vec<T>, Vec<i16>) {
+    let levels = cells.iter().map(|cell| i16::from(cell.is_some())).collect();
+    (cells.iter().flatten().cloned().collect(), levels)
+}
