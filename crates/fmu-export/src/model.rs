@@ -484,11 +484,14 @@ impl<'a> Context<'a> {
     ///
     /// # Errors
     /// Where that is not finite.
+    #[inline]
     pub(crate) fn end(&self) -> Result<Option<f64>, Error> {
+        #[cold]
+        fn refused(end: f64) -> Error {
+            Error::new(format!("the model asks for the end at {} s", Shown(end)))
+        }
         match self.end {
-            Some(end) if !end.is_finite() => {
-                Err(Error::new(format!("the model asks for the end at {} s", Shown(end))))
-            }
+            Some(end) if !end.is_finite() => Err(refused(end)),
             end => Ok(end),
         }
     }
