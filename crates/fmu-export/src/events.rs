@@ -1,5 +1,7 @@
 //! Event indicators and time events: when a model has an event, and why.
 
+use core::mem;
+
 use crate::error::{Error, Shown};
 use crate::model::time_rounding;
 use crate::persistence::{Archive, Persistent};
@@ -192,8 +194,9 @@ impl Events {
         self.sharp += u32::from(is_sharp);
         self.turning += u32::from(turns);
         self.places = [self.places[1], place];
+        // The oldest are computed over.
         self.last.swap(0, 1);
-        self.last[1].copy_from_slice(&self.indicators);
+        mem::swap(&mut self.last[1], &mut self.indicators);
     }
 
     /// In how many places the search has looked.
@@ -225,6 +228,12 @@ impl Events {
             ))),
             None => Ok(()),
         }
+    }
+
+    /// Notes the indicators in the last place of the search, and those that were computed since, as the sides of a crossing.
+    pub(crate) fn note_crossing(&mut self) {
+        self.sides[Side::Before as usize].copy_from_slice(&self.last[1]);
+        self.note(Side::After);
     }
 
     /// Notes the indicators that were computed last as those on a side of a crossing.

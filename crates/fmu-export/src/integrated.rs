@@ -382,7 +382,10 @@ impl<E: Equations> Integrated<E> {
             } else if is_at_end {
                 break;
             } else {
-                let target = due.map_or(step.size, |due| (due - step.start).min(step.size));
+                // One that rounding puts before the end is at the end.
+                let last = step.size - ROOT_MARGIN * f64::EPSILON * end.abs();
+                let due = due.map(|due| due - step.start).filter(|due| *due < last);
+                let target = due.unwrap_or(step.size);
                 let mut system = Equated {
                     equations: &self.equations,
                     variables: &mut *variables,
@@ -454,7 +457,6 @@ impl<E: Equations> Integrated<E> {
         }
         let (mut before, mut after) = loop {
             let (mut before, mut after) = (begin, None);
-            self.events.note(Side::Before);
             self.events.begin_search(begin);
             let mut last = places;
             for place in 1..=places {
@@ -468,17 +470,15 @@ impl<E: Equations> Integrated<E> {
                     Err(_) if after.is_some() => break,
                     has_changed => has_changed?,
                 };
-                self.events.look(elapsed);
-                if after.is_some() {
-                    // Whether it was the first crossing depends on how the indicators change.
-                } else if has_changed {
-                    self.events.note(Side::After);
+                // Whether a crossing was the first depends on how the indicators change.
+                if after.is_none() && has_changed {
+                    self.events.note_crossing();
                     after = Some(elapsed);
                     last = if places == SEARCHED { SEARCHED } else { place + CONFIRMED };
-                } else {
-                    self.events.note(Side::Before);
+                } else if after.is_none() {
                     before = elapsed;
                 }
+                self.events.look(elapsed);
             }
             // A long search costs what trials of the integrator do.
             *trials += self.events.looked().saturating_sub(1) / SEARCHED;

@@ -178,6 +178,9 @@ pub(crate) struct Integrator {
     pivots: Vec<usize>,
     stages: [Vec<f64>; STAGES],
     moved: Vec<f64>,
+    /// The polynomials of the dense output, once they are asked for.
+    dense: Vec<[f64; DENSE.len()]>,
+    has_dense: bool,
     /// The position of the state with the largest error in the last trial.
     decisive: usize,
 }
@@ -206,6 +209,8 @@ impl Integrator {
             pivots: vec![0; size],
             stages: core::array::from_fn(|_| vector()),
             moved: vector(),
+            dense: vec![[0.0; DENSE.len()]; size],
+            has_dense: false,
             decisive: 0,
         }
     }
@@ -231,7 +236,7 @@ impl Integrator {
         system.linearize(time, states, &mut self.jacobian, &mut self.by_time);
         let left = end - time;
         if self.next <= 0.0 {
-            self.next = self.first_step(tolerance, left);
+            self.next = self.first_step(tolerance);
         }
         let mut rejected = false;
         loop {
@@ -251,6 +256,7 @@ impl Integrator {
                 // A step that was cut short by the end, with hardly an error, says little about longer ones.
                 self.next = if by_error >= most { allowed.max(self.next) } else { allowed };
                 self.length = length;
+                self.has_dense = false;
                 return Ok(if length >= left { end } else { time + length });
             }
             rejected = true;
@@ -267,31 +273,38 @@ impl Integrator {
     }
 
     /// The states at a time in the last step.
-    pub(crate) fn states_at(&self, time: f64, states: &mut [f64]) {
+    pub(crate) fn states_at(&mut self, time: f64, states: &mut [f64]) {
         let share = (time - self.begin) / self.length;
         if share >= 1.0 {
             return states.copy_from_slice(&self.to);
         }
-        for (i, state) in states.iter_mut().enumerate() {
-            let [first, second, third] = DENSE.map(|weights| {
-                weights.iter().zip(&self.stages).map(|(weight, stage)| weight * stage[i]).sum::<f64>()
-            });
+        if !self.has_dense {
+            for (i, dense) in self.dense.iter_mut().enumerate() {
+                *dense = DENSE.map(|weights| {
+                    weights.iter().zip(&self.stages).map(|(weight, stage)| weight * stage[i]).sum::<f64>()
+                });
+            }
+            self.has_dense = true;
+        }
+        let ends = self.from.iter().zip(&self.to);
+        for ((state, [first, second, third]), (from, to)) in states.iter_mut().zip(&self.dense).zip(ends) {
             let bulge = first + share * (second + share * third);
-            *state = (1.0 - share) * self.from[i] + share * (self.to[i] + (1.0 - share) * bulge);
+            *state = (1.0 - share) * from + share * (to + (1.0 - share) * bulge);
         }
     }
 
     /// The length of a first step: that in which the states change by a hundredth, by their derivatives (Hairer,
-    /// Nørsett and Wanner, Solving Ordinary Differential Equations I, section II.4).
-    fn first_step(&self, tolerance: &Tolerance<'_>, left: f64) -> f64 {
+    /// Nørsett and Wanner, Solving Ordinary Differential Equations I, section II.4). The end does not limit it, as steps after
+    /// that would be as short.
+    fn first_step(&self, tolerance: &Tolerance<'_>) -> f64 {
         let norm = |values: &[f64]| {
             let scaled =
                 values.iter().enumerate().map(|(i, value)| (value / tolerance.scale(i, self.from[i])).abs());
             scaled.fold(0.0, f64::max)
         };
         let (states, slopes) = (norm(&self.from), norm(&self.slopes));
-        let length = if slopes > 0.0 { 0.01 * states.max(1.0) / slopes } else { left };
-        if length.is_finite() && length > 0.0 { length.min(left) } else { left }
+        let length = 0.01 * states.max(1.0) / slopes;
+        if length > 0.0 { length } else { f64::INFINITY }
     }
 
     /// Makes `stages` and `to` for a step of a length.
@@ -404,12 +417,12 @@ mod tests {
         integrator.next = length;
         let tolerance = Tolerance { relative: 1.0, nominals: &[1.0; 2] };
         integrator.step(&mut Nonlinear, (1.0, 1.0 + length), &exact(1.0), &tolerance, &mut 0).unwrap();
-        let error_at = |time: f64| {
+        let estimate = [integrator.stages[STAGES - 1][0], integrator.stages[STAGES - 1][1]];
+        let mut error_at = |time: f64| {
             let mut states = [0.0; 2];
             integrator.states_at(time, &mut states);
             [states[0] - exact(time)[0], states[1] - exact(time)[1]]
         };
-        let estimate = [integrator.stages[STAGES - 1][0], integrator.stages[STAGES - 1][1]];
         [error_at(1.0 + length), estimate, error_at(1.0 + 0.5 * length)]
     }
 

@@ -91,7 +91,7 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     /// The inputs, to be replaced for a while.
     fn inputs_mut(&mut self) -> &mut Self::Inputs;
     /// The variables as an evaluation sees them: what it may only read by shared references.
-    fn evaluation<T: Number>(variables: &mut Self::Of<T>) -> Self::Evaluation<'_, T>;
+    fn evaluation<'a, T: Number + 'a>(variables: &'a mut Self::Of<T>) -> Self::Evaluation<'a, T>;
     /// These variables over another number type: each number from this one's and the other's.
     fn combined<T: Number>(&self, other: &Self, number: impl FnMut(f64, f64) -> T) -> Self::Of<T>;
     /// The reverse: each number from one of another number type, and from another's.
@@ -484,11 +484,14 @@ impl<'a> Context<'a> {
     ///
     /// # Errors
     /// Where that is not finite.
+    #[inline]
     pub(crate) fn end(&self) -> Result<Option<f64>, Error> {
+        #[cold]
+        fn refused(end: f64) -> Error {
+            Error::new(format!("the model asks for the end at {} s", Shown(end)))
+        }
         match self.end {
-            Some(end) if !end.is_finite() => {
-                Err(Error::new(format!("the model asks for the end at {} s", Shown(end))))
-            }
+            Some(end) if !end.is_finite() => Err(refused(end)),
             end => Ok(end),
         }
     }

@@ -234,7 +234,7 @@ impl ::fmu_export::Variables for Variables {
         numbers.combine(other, &mut number)
     }
 
-    fn evaluation<T: ::fmu_export::Number>(variables: &mut Self::Of<T>) -> Self::Evaluation<'_, T> {
+    fn evaluation<'a, T: ::fmu_export::Number + 'a>(variables: &'a mut Self::Of<T>) -> Self::Evaluation<'a, T> {
         let Variables { parameters, inputs, states, derivatives, locals, outputs, .. } = variables;
         Evaluation { parameters, inputs, states, derivatives, locals, outputs }
     }
