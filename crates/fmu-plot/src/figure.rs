@@ -51,11 +51,12 @@ impl Color {
         self.0
     }
 
+    /// In the light.
     pub fn day(self) -> [u8; 3] {
         self.defined(0)
     }
 
-    #[cfg(test)]
+    /// In the dark.
     pub fn night(self) -> [u8; 3] {
         self.defined(1)
     }
