@@ -20,7 +20,6 @@
 #![deny(unsafe_code)]
 
 mod command;
-mod compare;
 mod identify;
 mod journal;
 mod live;

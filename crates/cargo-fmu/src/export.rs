@@ -25,7 +25,7 @@ use super::target::{Build, Made, Target, WebAssembly};
 use super::{licenses, of_platform, sources, validate};
 
 /// Compile the models of this workspace and write their .fmu files
-#[derive(Args, Debug)]
+#[derive(Args, Debug, Default)]
 #[group(skip)]
 pub struct Export {
     /// Identifiers of the models to export [default: all in the workspace]

@@ -13,6 +13,8 @@ mod merge;
 mod new;
 mod parameter_binding;
 mod parameters;
+#[cfg(feature = "simulate")]
+pub mod run;
 mod sources;
 mod target;
 mod validate;
@@ -102,6 +104,18 @@ Examples:
 Example:
   cargo fmu parameters target/fmu/decay.fmu --out slow.ssv")]
     Parameters(Parameters),
+    #[cfg(feature = "simulate")]
+    #[command(after_help = "\
+Examples:
+  cargo fmu simulate --plot ball.html                   # exports the model of this folder, and runs it
+  cargo fmu simulate decay.fmu --set k=2 --out decay.csv
+  cargo fmu simulate motor.fmu --input voltage.csv --stop-time 1 --plot motor.svg")]
+    Simulate(Box<run::Simulate>),
+    #[cfg(feature = "simulate")]
+    #[command(after_help = "\
+Example:
+  cargo fmu compare decay.csv reference.csv --plot decay.html")]
+    Compare(run::Compare),
     /// Print shell completions
     #[command(after_help = "\
 Example:
@@ -135,6 +149,10 @@ pub fn main() -> ExitCode {
             Command::Info(info) => info.run(),
             Command::Validate(validate) => return validate.run(),
             Command::Parameters(parameters) => parameters.run(),
+            #[cfg(feature = "simulate")]
+            Command::Simulate(simulate) => simulate.run(&run::Maps::NONE, None),
+            #[cfg(feature = "simulate")]
+            Command::Compare(compare) => compare.run(),
             Command::Completions { shell } => {
                 let mut command = Arguments::command();
                 // Shells complete the program that cargo runs.

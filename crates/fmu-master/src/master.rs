@@ -170,7 +170,8 @@ impl<'a> Master<'a> {
                 signals: inputs.iter().map(|(_, input, _)| input.signal.clone()).collect(),
                 conversions: inputs.iter().map(|(.., conversion)| *conversion).collect(),
             };
-            let instance = member.location.locate(fmu.instantiate(&member.name))?;
+            let mut instance = member.location.locate(fmu.instantiate(&member.name))?;
+            instance.set_tolerance(scenario.tolerance);
             members.push(Coupled { member, instance, driven, wires });
         }
         let noise = noise(scenario, &members)?;

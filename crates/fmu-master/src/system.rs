@@ -50,6 +50,7 @@ impl Times {
             step,
             start_time: start,
             stop_time: stop,
+            tolerance: None,
             steps: 0,
             stepping: Stepping::InTurn,
             fmus: vec![],

@@ -4,8 +4,10 @@
 //! plot in a [`page`]. [`panels`] chooses what a plot of a record shows together.
 
 mod figure;
+mod format;
 mod page;
 pub mod panels;
 
 pub use figure::{Color, Figure, Line, Panel, color, escaped};
+pub use format::PlotFormat;
 pub use page::page;

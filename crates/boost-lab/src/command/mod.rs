@@ -1,27 +1,23 @@
 //! The command line's arguments, and the module that runs each command.
 
-mod compare;
 mod identify;
 mod live;
 mod reproduce;
 mod show;
-mod simulate;
 mod study;
 mod sweep;
 mod tune;
 
-use std::fs;
 use std::io::Write;
-use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use crate::mapping;
-use anyhow::{Context, Result, bail};
+use anyhow::Result;
+use cargo_fmu::run::{self, Maps, make_folder, number_in, positive, progress_bar};
 use clap::{Args, Parser, Subcommand};
 use fmu_master::scenario::Scenario;
 use fmu_package::terminal::print;
 use fmu_package::writing;
-use indicatif::{ProgressBar, ProgressStyle};
 
 /// Where `boost-fmu export` writes FMUs.
 const FMUS: &str = "target/fmu";
@@ -47,9 +43,9 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     /// Run a scenario, a system, or one FMU
-    Simulate(Box<simulate::Arguments>),
+    Simulate(Simulate),
     /// Compare records: over each other in one plot, and their differences as numbers
-    Compare(compare::Arguments),
+    Compare(run::Compare),
     /// Run scenarios, and show them on one page
     Show {
         /// The scenarios, which docs/laboratory.md describes
@@ -110,67 +106,45 @@ enum Command {
     },
 }
 
-/// Which FMUs a scenario runs.
+/// `simulate` with maps of names.
+#[derive(Args)]
+struct Simulate {
+    #[command(flatten)]
+    simulate: Box<run::Simulate>,
+    #[command(flatten)]
+    maps: MapArguments,
+}
+
+/// Which FMUs a scenario runs, and under which names.
 #[derive(Args)]
 struct FmuArguments {
-    /// The folder of the FMUs
-    #[arg(long = "fmus", value_name = "DIR", default_value = FMUS)]
-    folder: PathBuf,
-    /// Another file for an FMU of the scenario, by its name there
-    #[arg(long = "fmu", value_name = "NAME=FILE.fmu", value_parser = name_and_path)]
-    files: Vec<(String, PathBuf)>,
+    #[command(flatten)]
+    fmus: run::FmuArguments,
+    #[command(flatten)]
+    maps: MapArguments,
+}
+
+/// Maps of names.
+#[derive(Args)]
+struct MapArguments {
     /// Maps for FMUs with other names and units, as `boost-fmu check --write-map` writes them
     #[arg(long = "map", value_name = "FILE.json")]
     maps: Vec<PathBuf>,
 }
 
+impl MapArguments {
+    fn maps(&self) -> Maps<'_> {
+        Maps { read: mapping::read, files: &self.maps, give: mapping::give }
+    }
+}
+
 impl FmuArguments {
-    /// Puts the files in the places of a scenario's FMUs, by their names there, and gives it the maps.
     fn give(&self, scenario: &mut Scenario) -> Result<()> {
-        for (index, (name, file)) in self.files.iter().enumerate() {
-            if self.files[..index].iter().any(|(other, _)| other == name) {
-                bail!("duplicate FMU: --fmu names {name} twice");
-            }
-            let Some(member) = scenario.fmus.iter_mut().find(|member| member.name == *name) else {
-                let names: Vec<_> = scenario.fmus.iter().map(|member| member.name.as_str()).collect();
-                bail!("the scenario has no FMU {name}: there are {}", names.join(", "));
-            };
-            member.file.clone_from(file);
-            scenario.has_replaced_fmus = true;
-        }
-        for member in &scenario.fmus {
-            if !member.file.exists() {
-                return Err(member.location.error(format!(
-                    "there is no {}: {}, --fmus DIR names another folder and --fmu {}=FILE.fmu another file",
-                    member.file.display(),
-                    fmu_master::remedy(&member.file),
-                    member.name
-                )));
-            }
-        }
-        mapping::give(scenario, &self.maps)
+        self.fmus.give(scenario, &self.maps.maps())
     }
 
-    /// Refuses other files for FMUs.
-    fn refuse_files(&self, subject: &str) -> Result<()> {
-        match self.files.first() {
-            Some((name, file)) => bail!("--fmu {name}={}: {subject} has its own", file.display()),
-            None => Ok(()),
-        }
-    }
-
-    /// Refuses maps.
-    fn refuse_maps(&self, reason: &str) -> Result<()> {
-        match self.maps.first() {
-            Some(map) => bail!("--map {}: {reason}", map.display()),
-            None => Ok(()),
-        }
-    }
-
-    /// All files that a run of the scenario depends on.
     fn inputs(&self, scenario: &Scenario) -> Vec<PathBuf> {
-        let members = scenario.fmus.iter().map(|member| member.file.clone());
-        members.chain(scenario.files.clone()).chain(self.maps.clone()).collect()
+        run::inputs(scenario, &self.maps.maps())
     }
 }
 
@@ -183,8 +157,11 @@ enum Identify {
 /// Runs the command. Returns false when the statements of `reproduce` or the criteria of `study` do not all hold.
 pub fn run() -> Result<bool> {
     match Arguments::parse().command {
-        Command::Simulate(arguments) => simulate::run(&arguments).map(|()| true),
-        Command::Compare(arguments) => compare::run(&arguments).map(|()| true),
+        Command::Simulate(Simulate { simulate, maps }) => {
+            let out = |name: &str| format!("{name}.csv").into();
+            simulate.run(&maps.maps(), Some(&out)).map(|()| true)
+        }
+        Command::Compare(compare) => compare.run().map(|()| true),
         Command::Show { scenarios, fmus, title, out } => {
             show::run(&scenarios, &fmus, &title, &out).map(|()| true)
         }
@@ -199,23 +176,12 @@ pub fn run() -> Result<bool> {
     }
 }
 
-/// Makes a folder for results.
-fn make_folder(folder: &Path) -> Result<()> {
-    fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))
-}
-
 /// Refuses results that would destroy an input. A folder that is yet to be made holds none.
 fn refuse_overlap(folder: &Path, results: &[PathBuf], inputs: &[PathBuf]) -> Result<()> {
     if folder.is_dir() {
         writing::refuse_overlap(results, inputs)?;
     }
     Ok(())
-}
-
-/// A progress bar, which is drawn only if standard error is a terminal.
-fn progress_bar(length: u64, progress: &str) -> Result<ProgressBar> {
-    let style = ProgressStyle::with_template(&format!("{{wide_bar}} {progress}  {{eta}} left"));
-    Ok(ProgressBar::new(length).with_style(style.context("no progress bar")?))
 }
 
 /// Writes texts into a folder by their names, and says where.
@@ -226,41 +192,4 @@ fn write<'a>(folder: &Path, texts: impl IntoIterator<Item = (&'a str, String)>) 
         print(&format!("{}\n", path.display()))?;
     }
     Ok(())
-}
-
-/// Reads a number in a range, whose ends are finite.
-fn number_in(
-    range: RangeInclusive<f64>,
-    expected: &'static str,
-) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
-    move |text| {
-        let number = text.parse().ok().filter(|number| range.contains(number));
-        number.ok_or_else(|| format!("expected {expected}"))
-    }
-}
-
-/// Reads a finite number.
-fn finite() -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
-    number_in(f64::MIN..=f64::MAX, "a finite number")
-}
-
-/// Reads a finite number above 0.
-fn positive() -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
-    number_in(f64::MIN_POSITIVE..=f64::MAX, "a finite number above 0")
-}
-
-fn name_and_value(text: &str) -> Result<(String, String)> {
-    match text.split_once('=') {
-        Some((name, value)) if !name.is_empty() && !value.is_empty() => {
-            Ok((name.to_owned(), value.to_owned()))
-        }
-        _ => bail!("expected NAME=VALUE"),
-    }
-}
-
-fn name_and_path(text: &str) -> Result<(String, PathBuf)> {
-    match text.split_once('=') {
-        Some((name, path)) if !name.is_empty() && !path.is_empty() => Ok((name.to_owned(), path.into())),
-        _ => bail!("expected NAME=FILE.fmu"),
-    }
 }

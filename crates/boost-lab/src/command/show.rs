@@ -24,7 +24,7 @@ pre { font-size: 0.8em; background: var(--shade); padding: 0.8em; overflow-x: au
 pub fn run(paths: &[PathBuf], fmus: &super::FmuArguments, title: &str, out: &Path) -> Result<()> {
     let mut scenarios = vec![];
     for path in paths {
-        let mut scenario = Scenario::read(path, &fmus.folder, crate::mapping::read)?;
+        let mut scenario = Scenario::read(path, &fmus.fmus.folder, crate::mapping::read)?;
         fmus.give(&mut scenario).with_context(|| path.display().to_string())?;
         writing::refuse_overlap(&[out.to_path_buf()], &fmus.inputs(&scenario))?;
         scenarios.push((path, scenario));

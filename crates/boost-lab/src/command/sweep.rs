@@ -17,7 +17,7 @@ pub fn run(
     units: bool,
     threads: Option<usize>,
 ) -> Result<()> {
-    let mut study = Study::read(path, &fmus.folder)?;
+    let mut study = Study::read(path, &fmus.fmus.folder)?;
     fmus.give(&mut study.scenario)?;
     super::refuse_overlap(out, &study.outputs(out), &fmus.inputs(&study.scenario))?;
     let study = study.load()?;

@@ -458,6 +458,8 @@ pub struct Handle {
     receiver: Box<Receiver>,
     /// When the experiment starts and stops (s), which FMI 3.0 takes with the initialization.
     experiment: Cell<(f64, Option<f64>)>,
+    /// The relative tolerance that the FMU is given, if it is.
+    pub(super) tolerance: Cell<Option<f64>>,
     /// In FMI 3.0, what the last step said.
     last_step: Cell<LastStep>,
     /// Whether `Terminate` is due before the instance is freed.
@@ -529,6 +531,7 @@ impl Handle {
             functions: Arc::clone(functions),
             receiver,
             experiment: Cell::default(),
+            tolerance: Cell::default(),
             last_step: Cell::default(),
             steps: Cell::new(false),
             is_dead: Cell::new(false),
@@ -561,7 +564,9 @@ impl Handle {
         let (is_defined, stop_time) = stop_time.map_or((FALSE, 0.0), |time| (TRUE, time));
         // SAFETY: the component is alive.
         self.call(|component| unsafe {
-            setup_experiment(component, FALSE, 0.0, start_time, is_defined, stop_time)
+            let (has_tolerance, tolerance) =
+                self.tolerance.get().map_or((FALSE, 0.0), |tolerance| (TRUE, tolerance));
+            setup_experiment(component, has_tolerance, tolerance, start_time, is_defined, stop_time)
         })
     }
 
@@ -573,8 +578,8 @@ impl Handle {
                 OfVersion::Two { enter_initialization_mode, .. } => enter_initialization_mode(component),
                 OfVersion::Three { enter_initialization_mode, .. } => enter_initialization_mode(
                     component,
-                    false,
-                    0.0,
+                    self.tolerance.get().is_some(),
+                    self.tolerance.get().unwrap_or(0.0),
                     start_time,
                     stop_time.is_some(),
                     stop_time.unwrap_or(0.0),

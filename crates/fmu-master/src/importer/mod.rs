@@ -366,6 +366,11 @@ impl Instance {
         });
     }
 
+    /// Sets the relative tolerance of the FMU's integrator, before [`Instance::set_up`].
+    pub fn set_tolerance(&mut self, tolerance: Option<f64>) {
+        self.handle.tolerance.set(tolerance);
+    }
+
     /// Sets the experiment's times (s); values may be set before.
     pub fn set_up(&mut self, start_time: f64, stop_time: Option<f64>) -> Result<()> {
         let status = self.handle.setup_experiment(start_time, stop_time);

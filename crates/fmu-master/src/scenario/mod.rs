@@ -17,7 +17,7 @@ use crate::name_map::{NameMap, ReadMap};
 
 pub use self::document::Location;
 use self::document::{Document, Node, TomlTable};
-pub use self::signal::Signal;
+pub use self::signal::{Signal, read_signals};
 
 /// An experiment with coupled FMUs.
 #[derive(Clone, Debug)]
@@ -32,6 +32,8 @@ pub struct Scenario {
     pub start_time: f64,
     /// When it ends (s).
     pub stop_time: f64,
+    /// The relative tolerance of the FMUs' integrators; theirs if none is given.
+    pub tolerance: Option<f64>,
     /// The number of communication steps.
     pub steps: u32,
     pub stepping: Stepping,
@@ -171,6 +173,7 @@ impl Scenario {
             step,
             start_time,
             stop_time,
+            tolerance: None,
             steps: stop.location().locate(count(stop_time - start_time, step))?,
             stepping: root.optional("stepping").map_or(Ok(Stepping::InTurn), |node| {
                 const EXPECTED: &str = "\"in_turn\" or \"at_once\"";

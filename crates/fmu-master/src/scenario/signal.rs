@@ -9,7 +9,7 @@ use fmu_package::terminal::number as shown;
 use toml::de::DeValue;
 
 use super::document::{Node, TomlTable};
-use fmu_record::{expect_seconds, name_and_unit};
+use fmu_record::{Record, expect_seconds, name_and_unit};
 
 /// A time may be before an instant by so much (s), since communication points are rounded multiples of the step.
 const ROUNDING: f64 = 1e-9;
@@ -157,6 +157,19 @@ fn read_csv(table: &TomlTable<'_>, file: &Node<'_>, folder: &Path) -> Result<Sig
     let points = csv_column(&text, name).with_context(|| format!("cannot read {}", path.display()));
     let points = file.location().locate(points)?;
     Ok(if hold { Signal::Steps(points) } else { Signal::Lines(points) })
+}
+
+/// The columns of a CSV file after its first one, the time (s), each over that. Two rows of one time are a jump.
+///
+/// # Errors
+/// When it cannot be read, or has other things than numbers.
+pub fn read_signals(path: &Path) -> Result<Vec<(String, Vec<(f64, f64)>)>> {
+    let record = Record::read(path)?;
+    let columns = record.columns().iter().map(|column| {
+        let points = record.time().iter().copied().zip(column.values.iter().copied());
+        (column.name.clone(), points.collect())
+    });
+    Ok(columns.collect())
 }
 
 /// A column over the first one, which is the time (s).

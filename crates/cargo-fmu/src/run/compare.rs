@@ -1,0 +1,67 @@
+//! `compare`: records over each other, and their differences as numbers.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use super::comparison::Comparison;
+use anyhow::Result;
+use clap::Args;
+use fmu_package::terminal::{complain, print};
+use fmu_package::writing;
+use fmu_plot::PlotFormat;
+use fmu_record::Record;
+use super::make_folder;
+
+/// Where the plot is by default.
+const PLOT: &str = "target/comparison.html";
+
+/// Compare records: over each other in one plot, and their differences as numbers
+#[derive(Args, Debug)]
+#[group(skip)]
+pub struct Compare {
+    /// The records, the first of which the others are compared with
+    #[arg(value_name = "RECORD.csv|parquet", num_args = 2.., required = true)]
+    records: Vec<PathBuf>,
+    /// The variables to compare [default: all that the records have in common]
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    variables: Option<Vec<String>>,
+    /// Draw all records over each other, and the differences; a page has the numbers, too
+    #[arg(long, value_name = "FILE.svg|png|html", default_value = PLOT)]
+    plot: PathBuf,
+}
+
+impl Compare {
+    /// Compares.
+    ///
+    /// # Errors
+    /// When records cannot be compared, or a file cannot be read or written.
+    pub fn run(&self) -> Result<()> {
+        let Self { records: files, variables, plot } = self;
+        let format = PlotFormat::of(plot)?;
+        if plot == Path::new(PLOT) {
+            make_folder(plot.parent().unwrap_or(Path::new("")))?;
+        }
+        writing::refuse_overlap(std::slice::from_ref(plot), files)?;
+        let names = short(files);
+        let records: Vec<_> = names
+            .into_iter()
+            .zip(files)
+            .map(|(name, file)| Ok((name, Record::read(file)?)))
+            .collect::<Result<_>>()?;
+        let comparison = Comparison::new(&records, variables.as_deref())?;
+        for note in &comparison.notes {
+            complain(&format!("note: {note}"));
+        }
+        print(&comparison.text())?;
+        let drawn = format.drawn(&comparison.draw(), "Records compared", &comparison.html())?;
+        writing::write(plot, |writer| writer.write_all(&drawn))?;
+        Ok(print(&format!("{}\n", plot.display()))?)
+    }
+}
+
+/// The files' names, or their paths where two have the same name.
+fn short(files: &[PathBuf]) -> Vec<String> {
+    let of = |file: &PathBuf| file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let is_unique = files.iter().all(|file| files.iter().filter(|other| of(file) == of(other)).count() == 1);
+    files.iter().map(|file| if is_unique { of(file) } else { file.display().to_string() }).collect()
+}

@@ -1,0 +1,166 @@
+//! The commands that run FMUs and show what comes out, for `cargo fmu` and others.
+
+mod compare;
+mod comparison;
+mod simulate;
+
+use std::fs;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use fmu_master::scenario::Scenario;
+use fmu_master::{NameMap, ReadMap};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::sync::Arc;
+
+pub use compare::Compare;
+pub use simulate::Simulate;
+
+/// Where `export` writes FMUs in a workspace.
+const FMUS: &str = "target/fmu";
+
+/// Maps of names, for commands that have them.
+#[derive(Clone, Copy)]
+pub struct Maps<'a> {
+    /// Reads the file that a scenario names.
+    pub read: ReadMap,
+    /// The files of the command line.
+    pub files: &'a [PathBuf],
+    /// Gives each of these to the FMUs of a scenario that it is for.
+    pub give: fn(&mut Scenario, &[PathBuf]) -> Result<()>,
+}
+
+impl Maps<'_> {
+    /// No maps.
+    pub const NONE: Self = Self { read: refuse_map, files: &[], give: |_, _| Ok(()) };
+
+    /// Refuses maps.
+    fn refuse(&self, reason: &str) -> Result<()> {
+        match self.files.first() {
+            Some(map) => bail!("--map {}: {reason}", map.display()),
+            None => Ok(()),
+        }
+    }
+}
+
+fn refuse_map(path: &Path) -> Result<Arc<dyn NameMap>> {
+    bail!("{}: this command has no maps of names", path.display())
+}
+
+/// Which FMUs a scenario runs.
+#[derive(Args, Debug)]
+#[group(skip)]
+pub struct FmuArguments {
+    /// The folder of the FMUs
+    #[arg(long = "fmus", value_name = "DIR", default_value = FMUS)]
+    pub folder: PathBuf,
+    /// Another file for an FMU of the scenario, by its name there
+    #[arg(long = "fmu", value_name = "NAME=FILE.fmu", value_parser = name_and_path)]
+    pub files: Vec<(String, PathBuf)>,
+}
+
+impl FmuArguments {
+    /// Puts the files in the places of a scenario's FMUs, by their names there, and gives it the maps.
+    ///
+    /// # Errors
+    /// When the scenario has no such FMU, or there is no file.
+    pub fn give(&self, scenario: &mut Scenario, maps: &Maps<'_>) -> Result<()> {
+        for (index, (name, file)) in self.files.iter().enumerate() {
+            if self.files[..index].iter().any(|(other, _)| other == name) {
+                bail!("duplicate FMU: --fmu names {name} twice");
+            }
+            let Some(member) = scenario.fmus.iter_mut().find(|member| member.name == *name) else {
+                let names: Vec<_> = scenario.fmus.iter().map(|member| member.name.as_str()).collect();
+                bail!("the scenario has no FMU {name}: there are {}", names.join(", "));
+            };
+            member.file.clone_from(file);
+            scenario.has_replaced_fmus = true;
+        }
+        for member in &scenario.fmus {
+            if !member.file.exists() {
+                return Err(member.location.error(format!(
+                    "there is no {}: {}, --fmus DIR names another folder and --fmu {}=FILE.fmu another file",
+                    member.file.display(),
+                    fmu_master::remedy(&member.file),
+                    member.name
+                )));
+            }
+        }
+        (maps.give)(scenario, maps.files)
+    }
+
+    /// Refuses other files for FMUs.
+    fn refuse_files(&self, subject: &str) -> Result<()> {
+        match self.files.first() {
+            Some((name, file)) => bail!("--fmu {name}={}: {subject} has its own", file.display()),
+            None => Ok(()),
+        }
+    }
+}
+
+/// All files that a run of the scenario depends on.
+#[must_use]
+pub fn inputs(scenario: &Scenario, maps: &Maps<'_>) -> Vec<PathBuf> {
+    let members = scenario.fmus.iter().map(|member| member.file.clone());
+    members.chain(scenario.files.clone()).chain(maps.files.iter().cloned()).collect()
+}
+
+/// Makes a folder for results.
+///
+/// # Errors
+/// When it cannot be made.
+pub fn make_folder(folder: &Path) -> Result<()> {
+    fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))
+}
+
+/// A progress bar, which is drawn only if standard error is a terminal.
+///
+/// # Errors
+/// When the template of the progress is wrong.
+pub fn progress_bar(length: u64, progress: &str) -> Result<ProgressBar> {
+    let style = ProgressStyle::with_template(&format!("{{wide_bar}} {progress}  {{eta}} left"));
+    Ok(ProgressBar::new(length).with_style(style.context("no progress bar")?))
+}
+
+/// Reads a number in a range, whose ends are finite.
+pub fn number_in(
+    range: RangeInclusive<f64>,
+    expected: &'static str,
+) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
+    move |text| {
+        let number = text.parse().ok().filter(|number| range.contains(number));
+        number.ok_or_else(|| format!("expected {expected}"))
+    }
+}
+
+/// Reads a finite number.
+pub fn finite() -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
+    number_in(f64::MIN..=f64::MAX, "a finite number")
+}
+
+/// Reads a finite number above 0.
+pub fn positive() -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
+    number_in(f64::MIN_POSITIVE..=f64::MAX, "a finite number above 0")
+}
+
+/// Reads `NAME=VALUE`.
+///
+/// # Errors
+/// When it is nothing of the kind.
+pub fn name_and_value(text: &str) -> Result<(String, String)> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.is_empty() && !value.is_empty() => {
+            Ok((name.to_owned(), value.to_owned()))
+        }
+        _ => bail!("expected NAME=VALUE"),
+    }
+}
+
+fn name_and_path(text: &str) -> Result<(String, PathBuf)> {
+    match text.split_once('=') {
+        Some((name, path)) if !name.is_empty() && !path.is_empty() => Ok((name.to_owned(), path.into())),
+        _ => bail!("expected NAME=FILE.fmu"),
+    }
+}

@@ -1,0 +1,387 @@
+//! `simulate`: a model of this folder, an FMU, a system or a scenario, to a summary, a record and a plot.
+
+use std::ffi::OsStr;
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use super::{FmuArguments, Maps, finite, inputs, name_and_value, positive, progress_bar};
+use crate::Export;
+use anyhow::{Context, Error, Result, bail};
+use clap::Args;
+use fmu_master::scenario::{Assignment, Input, Location, Member, Recorded, Scenario, Signal, read_signals};
+use fmu_master::system::{self, Times};
+use fmu_master::{LoadedFmus, Master};
+use fmu_package::temporary::Folder;
+use fmu_package::terminal::{complain, number, print};
+use fmu_package::{FmuVariable, ParameterSet, Value, ValueType, like, writing};
+use fmu_plot::{PlotFormat, panels};
+use fmu_record::numbers::quantity;
+use fmu_record::{Column, Header, Record, TableFormat};
+
+/// Steps between two updates of the progress bar.
+const STEPS_PER_LOOK: u32 = 256;
+
+/// Run an FMU, a system or a scenario, or the model of this folder
+#[derive(Args, Debug)]
+#[group(skip)]
+pub struct Simulate {
+    /// An FMU, a system, or a scenario, which docs/laboratory.md describes [default: the model of this folder, exported
+    /// first]
+    #[arg(value_name = "FILE.fmu|SYSTEM.ssp|SCENARIO.toml")]
+    subject: Option<PathBuf>,
+    #[command(flatten)]
+    fmus: FmuArguments,
+    /// A value of a variable before initialization, or of an input all the time, in its unit or with another one:
+    /// tank.volume=0.002, plant:tank.volume=2e-3, "throttle=50 %"
+    #[arg(long = "set", value_name = "[FMU:]NAME=VALUE", value_parser = name_and_value)]
+    values: Vec<(String, String)>,
+    /// A parameter set, for the FMU that has its parameters; may be given several times
+    #[arg(long, value_name = "FILE.ssv")]
+    parameters: Vec<PathBuf>,
+    /// Another end (s)
+    #[arg(long, value_name = "SECONDS", value_parser = finite())]
+    stop_time: Option<f64>,
+    /// Another communication step of a system or an FMU alone (s)
+    #[arg(long, value_name = "SECONDS", value_parser = positive())]
+    step: Option<f64>,
+    /// Relative tolerance of the FMUs' integrators [default: their own]
+    #[arg(long, value_name = "NUMBER", value_parser = positive())]
+    tolerance: Option<f64>,
+    /// Inputs over time, in columns under their names after the time (s): on lines between rows, or held if discrete
+    #[arg(long, value_name = "FILE.csv")]
+    input: Option<PathBuf>,
+    /// What to record instead, as in a scenario
+    #[arg(long, value_name = "[FMU:]NAME,...", value_delimiter = ',')]
+    record: Option<Vec<String>>,
+    /// The record to write, or a folder to write it to
+    #[arg(long, value_name = "FILE.csv|parquet|DIR")]
+    out: Option<PathBuf>,
+    /// Write units to the header of a CSV file: `name (unit)`. A Parquet file always has them in its metadata
+    #[arg(long)]
+    units: bool,
+    /// Draw what is recorded, in the panels of the scenario
+    #[arg(long, value_name = "FILE.svg|png|html")]
+    plot: Option<PathBuf>,
+}
+
+impl Simulate {
+    /// Runs it; `out` is where the record goes if the command line does not say, in the folder at hand.
+    ///
+    /// # Errors
+    /// When it cannot be run, or a file cannot be read or written.
+    pub fn run(&self, maps: &Maps<'_>, out: Option<&dyn Fn(&str) -> PathBuf>) -> Result<()> {
+        let subject = match &self.subject {
+            Some(subject) => subject.clone(),
+            None => model_of_this_folder()?,
+        };
+        let (scenario, folder) = self.scenario(&subject, maps)?;
+        self.simulate(&subject, scenario, maps, out).map_err(|error| match &folder {
+            Some(folder) => system::named(&error, &subject, folder),
+            None => error,
+        })
+    }
+
+    fn simulate(
+        &self,
+        subject: &Path,
+        mut scenario: Scenario,
+        maps: &Maps<'_>,
+        out: Option<&dyn Fn(&str) -> PathBuf>,
+    ) -> Result<()> {
+        let name = subject.file_stem().unwrap_or_default().to_string_lossy();
+        let out = match &self.out {
+            Some(out) if out.is_dir() => Some(out.join(format!("{name}.csv"))),
+            Some(out) => Some(out.clone()),
+            None => out.map(|out| out(&name)),
+        };
+        let out = out.map(|out| Ok::<_, Error>((TableFormat::of(&out)?, out))).transpose()?;
+        let plot =
+            self.plot.as_ref().map(|plot| Ok::<_, Error>((plot, PlotFormat::of(plot)?))).transpose()?;
+        let outputs = out.iter().map(|(_, out)| out).chain(plot.map(|(plot, _)| plot));
+        let files = [inputs(&scenario, maps), self.parameters.clone(), self.input.iter().cloned().collect()];
+        writing::refuse_overlap(&outputs.cloned().collect::<Vec<_>>(), &files.concat())?;
+        let mut loaded = LoadedFmus::default();
+        scenario.tolerance = self.tolerance;
+        if let Some(path) = &self.input {
+            let location = Location::argument(&format!("--input {}", path.display()));
+            take_inputs(&mut scenario, &mut loaded, path, &location)?;
+        }
+        for (name, value) in &self.values {
+            let location = Location::argument(&format!("--set {name}={value}"));
+            set(&mut scenario, &mut loaded, name, value, &location)?;
+        }
+        for path in &self.parameters {
+            let location = Location::argument(&format!("--parameters {}", path.display()));
+            let set = ParameterSet::read(path)?;
+            let member = location.locate(owner(&mut scenario, &mut loaded, &set))?;
+            member.parameters.push((set, location));
+        }
+        let master = Master::new(&scenario, &mut loaded)?;
+        for note in master.notes() {
+            complain(&format!("note: {note}"));
+        }
+        let bar = progress_bar(u64::from(scenario.steps), "{percent} %")?;
+        let begin = Instant::now();
+        let run = master.run(|step| {
+            if step % STEPS_PER_LOOK == 0 {
+                bar.set_position(u64::from(step));
+            }
+        });
+        bar.finish_and_clear();
+        let run = run?;
+        let taken = begin.elapsed();
+        for (name, message) in &run.warnings {
+            complain(&format!("warning: {name}: {}", message.text));
+        }
+
+        let header = if self.units { Header::NamesAndUnits } else { Header::Names };
+        match &out {
+            Some((format, path)) => {
+                writing::write(path, |writer| run.record.table().write(*format, header, writer))?;
+                print(&format!("{}  {} rows\n", path.display(), run.record.time().len()))?;
+            }
+            None => print(&summary(&name, &scenario, &run.record, taken))?,
+        }
+        if let Some((path, format)) = plot {
+            let title = scenario.title.as_deref().unwrap_or(&name);
+            let figure = panels::draw(&run.record, title, scenario.panel_names().as_deref());
+            let drawn = format.drawn(&figure, title, "")?;
+            writing::write(path, |writer| writer.write_all(&drawn))?;
+            print(&format!("{}\n", path.display()))?;
+        }
+        Ok(())
+    }
+
+    /// What is to be run, and the folder of a system's FMUs, which lasts until the run ends.
+    fn scenario(&self, subject: &Path, maps: &Maps<'_>) -> Result<(Scenario, Option<Folder>)> {
+        let Self { fmus, stop_time, step, .. } = self;
+        let times = Times { start: None, stop: *stop_time, step: *step };
+        let ending = subject.extension().map(OsStr::to_ascii_lowercase).unwrap_or_default();
+        let (mut scenario, folder) = match ending.to_str() {
+            Some("fmu") => {
+                fmus.refuse_files("an FMU alone")?;
+                (system::alone(subject, times)?, None)
+            }
+            Some("ssp") => {
+                fmus.refuse_files("a system")?;
+                maps.refuse("a system has its own conversions")?;
+                let (scenario, folder) = system::read(subject, times)?;
+                (scenario, Some(folder))
+            }
+            _ => {
+                if step.is_some() {
+                    bail!("--step is for a system or an FMU alone; {} has its own", subject.display());
+                }
+                let mut scenario = Scenario::read(subject, &fmus.folder, maps.read)?;
+                if let Some(stop_time) = stop_time {
+                    let end = scenario.end_at(*stop_time);
+                    Location::argument(&format!("--stop-time {stop_time}")).locate(end)?;
+                }
+                fmus.give(&mut scenario, maps)?;
+                (scenario, None)
+            }
+        };
+        if ending == "fmu" {
+            fmus.give(&mut scenario, maps)?;
+        }
+        if let Some(names) = &self.record {
+            let location = Location::argument("--record");
+            let recorded = |name: &String| Recorded { name: name.clone(), location: location.clone() };
+            scenario.record = Some(names.iter().map(recorded).collect());
+            scenario.panels = None;
+        }
+        Ok((scenario, folder))
+    }
+}
+
+/// The FMU of the model in this folder, which is exported.
+fn model_of_this_folder() -> Result<PathBuf> {
+    let mut fmus = Export::default().plan()?.run(&[], &[])?;
+    match fmus.len() {
+        1 => Ok(fmus.remove(0)),
+        _ => {
+            let names: Vec<_> = fmus.iter().map(|fmu| fmu.display().to_string()).collect();
+            bail!("this folder has several models; name one: {}", names.join(", "))
+        }
+    }
+}
+
+/// What ran, how long, and where each variable began and ended.
+fn summary(name: &str, scenario: &Scenario, record: &Record, taken: Duration) -> String {
+    let mut text = format!(
+        "{name}: {} steps of {} s to {} s, in {} ms\n",
+        scenario.steps,
+        number(scenario.step),
+        number(scenario.stop_time),
+        taken.as_millis()
+    );
+    let width = record.columns().iter().map(|column| column.name.len()).max().unwrap_or_default();
+    for Column { name, unit, values } in record.columns() {
+        let [first, last] =
+            [values.first(), values.last()].map(|value| quantity(*value.unwrap_or(&f64::NAN), unit));
+        let _ = writeln!(text, "  {name:width$}  {first} to {last}");
+    }
+    text
+}
+
+/// Drives inputs by the columns of a file.
+fn take_inputs(
+    scenario: &mut Scenario,
+    loaded: &mut LoadedFmus,
+    path: &Path,
+    location: &Location,
+) -> Result<()> {
+    for (name, points) in location.locate(read_signals(path))? {
+        let mut known = vec![];
+        let mut signal = None;
+        for member in &scenario.fmus {
+            let fmu = loaded.get(member)?;
+            let inputs = || fmu.description().of_causality("input");
+            if let Some(variable) = inputs().find(|variable| variable.name == name) {
+                let is_held = variable.variability == "discrete" || variable.value_type() != ValueType::Real;
+                signal =
+                    Some(if is_held { Signal::Steps(points.clone()) } else { Signal::Lines(points.clone()) });
+            }
+            known.extend(inputs().map(|variable| variable.name.clone()));
+        }
+        let Some(signal) = signal else {
+            let like = like(&name, known.iter().map(String::as_str));
+            return Err(location.error(format!("no FMU has an input {name}{like}")));
+        };
+        scenario.inputs.retain(|input| input.name != name);
+        scenario.inputs.push(Input { name, signal, location: location.clone() });
+    }
+    Ok(())
+}
+
+/// Gives a variable another value before initialization, or an input another signal.
+fn set(
+    scenario: &mut Scenario,
+    loaded: &mut LoadedFmus,
+    name: &str,
+    text: &str,
+    location: &Location,
+) -> Result<()> {
+    let mut found = vec![];
+    for (index, member) in scenario.fmus.iter().enumerate() {
+        let fmu = loaded.get(member)?;
+        let own = name.strip_prefix(&format!("{}:", member.name));
+        // Of a system the inputs have the names of its connectors.
+        let driven = scenario.inputs_of(member, &fmu, name).into_iter().next().filter(|_| own.is_none());
+        let wanted = own.or(driven.map(|(input, _)| input)).unwrap_or(name);
+        let Some(variable) = fmu.description().variable(wanted).filter(|variable| variable.is_settable())
+        else {
+            continue;
+        };
+        let value = location.locate(value(variable, text).and_then(|value| {
+            let fitted = value.fit(variable, &[], fmu.description())?;
+            fitted.check_range(variable)?;
+            Ok(fitted)
+        }))?;
+        found.push((index, variable.clone(), value, driven.map(|(_, conversion)| conversion)));
+    }
+    let [(index, variable, value, conversion), others @ ..] = &found[..] else {
+        return Err(location.error(not_found(scenario, loaded, name)?));
+    };
+    let number = match value {
+        Value::Real(number, _) => Some(*number),
+        Value::Integer(number) => Some(f64::from(*number)),
+        Value::Boolean(value) => Some(f64::from(u8::from(*value))),
+        Value::String(_) | Value::Enumeration(_) => None,
+    };
+    if let (Some(conversion), Some(number)) = (conversion, number) {
+        // A plain number is in the signal's own unit.
+        let signal = Signal::Constant(text.parse().unwrap_or_else(|_| conversion.inverse().apply(number)));
+        let input = Input { name: name.to_owned(), signal, location: location.clone() };
+        for member in &mut scenario.fmus {
+            member.inputs.retain(|input| input.name != name);
+        }
+        scenario.inputs.retain(|input| input.name != name);
+        scenario.inputs.push(input);
+        return Ok(());
+    }
+    if !others.is_empty() {
+        let names = found.iter().map(|(index, ..)| format!("{}:{name}", scenario.fmus[*index].name));
+        return Err(location.error(format!("which one? {}", names.collect::<Vec<_>>().join(" or "))));
+    }
+    let member = &mut scenario.fmus[*index];
+    if let (true, Some(number)) = (variable.causality == "input", number) {
+        member.inputs.retain(|input| input.name != variable.name);
+        let signal = Signal::Constant(number);
+        member.inputs.push(Input { name: variable.name.clone(), signal, location: location.clone() });
+        return Ok(());
+    }
+    let mut in_run_in = member.run_in.iter().flat_map(|run_in| run_in.during.iter().chain(&run_in.after));
+    if in_run_in.any(|assignment| assignment.name == variable.name) {
+        return Err(
+            location.error(format!("the scenario sets {} in the run_in of {}", variable.name, member.name))
+        );
+    }
+    member.values.retain(|assignment| assignment.name != variable.name);
+    let (name, value) = (variable.name.clone(), value.clone());
+    member.values.push(Assignment { name, value, location: location.clone() });
+    Ok(())
+}
+
+fn not_found(scenario: &Scenario, loaded: &mut LoadedFmus, name: &str) -> Result<String> {
+    let mut known = vec![];
+    for member in &scenario.fmus {
+        let fmu = loaded.get(member)?;
+        let settable = fmu.description().variables.iter().filter(|variable| variable.is_settable());
+        for variable in settable {
+            known.push(variable.name.clone());
+            known.push(format!("{}:{}", member.name, variable.name));
+        }
+    }
+    let like = like(name, known.iter().map(String::as_str));
+    Ok(format!("no FMU has a variable {name} that can be set{like}"))
+}
+
+/// The value of a text for a variable: a number may have a unit after a space.
+fn value(variable: &FmuVariable, text: &str) -> Result<Value> {
+    let number = |text: &str| text.parse().ok().filter(|number: &f64| number.is_finite());
+    Ok(match variable.value_type() {
+        ValueType::Real => match text.split_once(' ') {
+            Some((value, unit)) => {
+                let value = number(value).context("expected a number and its unit")?;
+                Value::Real(value, Some(unit.trim().to_owned()))
+            }
+            None => Value::Real(number(text).context("expected a number")?, None),
+        },
+        ValueType::Integer => Value::Integer(text.parse().ok().context("expected a whole number")?),
+        ValueType::Boolean => match text {
+            "true" | "1" => Value::Boolean(true),
+            "false" | "0" => Value::Boolean(false),
+            _ => bail!("expected true or false"),
+        },
+        ValueType::Enumeration => {
+            text.parse().map_or_else(|_| Value::Enumeration(text.to_owned()), Value::Integer)
+        }
+        _ => Value::String(text.to_owned()),
+    })
+}
+
+/// The FMU that a parameter set is for: the one that has its parameters.
+fn owner<'a>(
+    scenario: &'a mut Scenario,
+    loaded: &mut LoadedFmus,
+    set: &ParameterSet,
+) -> Result<&'a mut Member> {
+    let mut counts = vec![];
+    for member in &scenario.fmus {
+        let fmu = loaded.get(member)?;
+        let has = |name: &str| fmu.description().variable(name).is_some();
+        counts.push(set.parameters.iter().filter(|parameter| has(&parameter.name)).count());
+    }
+    let most = counts.iter().copied().max().filter(|most| *most > 0);
+    let most = most.with_context(|| format!("no FMU has a parameter of the set {}", set.name))?;
+    let owners: Vec<_> = counts.iter().enumerate().filter(|(_, count)| **count == most).collect();
+    let [(index, _)] = owners[..] else {
+        let names = owners.iter().map(|(index, _)| scenario.fmus[*index].name.as_str());
+        let names = names.collect::<Vec<_>>().join(" and ");
+        bail!("{names} have its parameters: give it to one of them in a scenario, by the key parameters");
+    };
+    Ok(&mut scenario.fmus[index])
+}

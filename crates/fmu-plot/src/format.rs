@@ -1,0 +1,45 @@
+//! Plots as files.
+
+use std::ffi::OsStr;
+use std::path::Path;
+
+use anyhow::{Result, bail};
+
+use crate::figure::{Figure, escaped};
+use crate::page::page;
+
+/// What a plot is written as.
+#[derive(Clone, Copy)]
+pub enum PlotFormat {
+    /// A drawing.
+    Svg,
+    /// A picture.
+    Png,
+    /// An interactive page.
+    Html,
+}
+
+impl PlotFormat {
+    /// By the ending of a file's name.
+    pub fn of(path: &Path) -> Result<Self> {
+        match path.extension().map(OsStr::to_ascii_lowercase).unwrap_or_default().to_str() {
+            Some("svg") => Ok(Self::Svg),
+            Some("png") => Ok(Self::Png),
+            Some("html") => Ok(Self::Html),
+            _ => bail!("{}: a plot is written to a file that ends with .svg, .png or .html", path.display()),
+        }
+    }
+
+    /// The file's content; a page has further HTML below the figure.
+    pub fn drawn(self, figure: &Figure, title: &str, below: &str) -> Result<Vec<u8>> {
+        match self {
+            Self::Svg => Ok(figure.svg()?.into_bytes()),
+            Self::Png => figure.png(),
+            Self::Html => {
+                let heading = escaped(title);
+                let body = format!("<h1>{heading}</h1>\n<figure>\n{}</figure>\n{below}", figure.html());
+                Ok(page(title, "", &body).into_bytes())
+            }
+        }
+    }
+}
