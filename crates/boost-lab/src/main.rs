@@ -21,13 +21,10 @@
 
 mod command;
 mod identify;
-mod journal;
 mod live;
 mod mapping;
-mod measure;
 mod reproduce;
 mod study;
-mod sweep;
 mod tune;
 
 use std::process::ExitCode;

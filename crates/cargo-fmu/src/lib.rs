@@ -116,6 +116,11 @@ Examples:
 Example:
   cargo fmu compare decay.csv reference.csv --plot decay.html")]
     Compare(run::Compare),
+    #[cfg(feature = "simulate")]
+    #[command(after_help = "\
+Example:
+  cargo fmu sweep study.toml --out target/study")]
+    Sweep(run::Sweep),
     /// Print shell completions
     #[command(after_help = "\
 Example:
@@ -153,6 +158,8 @@ pub fn main() -> ExitCode {
             Command::Simulate(simulate) => simulate.run(&run::Maps::NONE, None),
             #[cfg(feature = "simulate")]
             Command::Compare(compare) => compare.run(),
+            #[cfg(feature = "simulate")]
+            Command::Sweep(sweep) => sweep.run(&run::Maps::NONE),
             Command::Completions { shell } => {
                 let mut command = Arguments::command();
                 // Shells complete the program that cargo runs.

@@ -2,6 +2,7 @@
 
 mod importer;
 mod master;
+pub mod measure;
 mod name_map;
 pub mod scenario;
 pub mod system;

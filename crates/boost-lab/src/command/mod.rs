@@ -5,19 +5,15 @@ mod live;
 mod reproduce;
 mod show;
 mod study;
-mod sweep;
 mod tune;
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use crate::mapping;
 use anyhow::Result;
-use cargo_fmu::run::{self, Maps, make_folder, number_in, positive, progress_bar};
+use cargo_fmu::run::{self, Maps, make_folder, number_in, positive, progress_bar, refuse_overlap, write};
 use clap::{Args, Parser, Subcommand};
 use fmu_master::scenario::Scenario;
-use fmu_package::terminal::print;
-use fmu_package::writing;
 
 /// Where `boost-fmu export` writes FMUs.
 const FMUS: &str = "target/fmu";
@@ -78,23 +74,7 @@ enum Command {
     Live(live::Arguments),
     /// Tune the controller's gain schedule to a plant
     Tune(tune::Arguments),
-    /// Run a scenario for many values of parameters, on all cores; goes on where it was interrupted
-    Sweep {
-        /// The study, which docs/laboratory.md describes
-        #[arg(value_name = "STUDY.toml")]
-        study: PathBuf,
-        #[command(flatten)]
-        fmus: FmuArguments,
-        /// The folder for report.html, results.csv, results.parquet, the journal and the records
-        #[arg(long, value_name = "DIR", default_value = "target/sweep")]
-        out: PathBuf,
-        /// Write units to the header of results.csv: `name (unit)`
-        #[arg(long)]
-        units: bool,
-        /// How many runs there are at once [default: one on each core]
-        #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
-        threads: Option<u16>,
-    },
+    Sweep(Sweep),
     /// Judge a controller on random plants, days and manoeuvres; goes on where it was interrupted
     ///
     /// Exits with 0 when all criteria hold, and with 1 when one does not.
@@ -111,6 +91,15 @@ enum Command {
 struct Simulate {
     #[command(flatten)]
     simulate: Box<run::Simulate>,
+    #[command(flatten)]
+    maps: MapArguments,
+}
+
+/// `sweep` with maps of names.
+#[derive(Args)]
+struct Sweep {
+    #[command(flatten)]
+    sweep: run::Sweep,
     #[command(flatten)]
     maps: MapArguments,
 }
@@ -170,26 +159,6 @@ pub fn run() -> Result<bool> {
         Command::Tune(arguments) => tune::run(&arguments).map(|()| true),
         Command::Study(arguments) => study::run(&arguments),
         Command::Identify { what: Identify::Actuator(arguments) } => identify::run(arguments).map(|()| true),
-        Command::Sweep { study, fmus, out, units, threads } => {
-            sweep::run(&study, &fmus, &out, units, threads.map(usize::from)).map(|()| true)
-        }
+        Command::Sweep(Sweep { sweep, maps }) => sweep.run(&maps.maps()).map(|()| true),
     }
-}
-
-/// Refuses results that would destroy an input. A folder that is yet to be made holds none.
-fn refuse_overlap(folder: &Path, results: &[PathBuf], inputs: &[PathBuf]) -> Result<()> {
-    if folder.is_dir() {
-        writing::refuse_overlap(results, inputs)?;
-    }
-    Ok(())
-}
-
-/// Writes texts into a folder by their names, and says where.
-fn write<'a>(folder: &Path, texts: impl IntoIterator<Item = (&'a str, String)>) -> Result<()> {
-    for (name, text) in texts {
-        let path = folder.join(name);
-        writing::write(&path, |writer| writer.write_all(text.as_bytes()))?;
-        print(&format!("{}\n", path.display()))?;
-    }
-    Ok(())
 }

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::measure::{greatest, least};
 use anyhow::{Context, Result};
+use fmu_master::measure::{greatest, least};
 use fmu_master::scenario::Scenario;
 use fmu_master::{LoadedFmus, Master, Run};
 use fmu_package::terminal::print;

@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use crate::journal::{Settings, digest};
 use crate::mapping;
 use crate::study::case::{Rig, Source};
 use crate::study::draw::{Cases, known_plants};
 use crate::study::{Report, Study, csv, outside};
 use anyhow::{Result, bail};
 use boost_interface::NameMap;
+use cargo_fmu::run::journal::{Settings, digest};
 use clap::Args;
 use fmu_package::terminal::{complain, print};
 use fmu_package::{ParameterSet, writing};

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use crate::journal::digest;
 use crate::mapping;
 use crate::tune::{CellOrigin, Procedure, Schedule, Strategy, Task, TuningJournal, html, json};
 use anyhow::{Context, Result};
+use cargo_fmu::run::journal::digest;
 use clap::Args;
 use fmu_master::Fmu;
 use fmu_package::ParameterSet;

@@ -21,8 +21,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use serde::Serialize;
 
-use crate::measure;
 use fmu_master::Fmu;
+use fmu_master::measure;
 use fmu_master::scenario::Scenario;
 use fmu_master::{LoadedFmus, Master};
 use fmu_plot::Figure;

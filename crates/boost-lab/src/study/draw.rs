@@ -8,7 +8,7 @@ use fmu_package::{FmuDescription, FmuVariable, ParameterSet, Value};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
-use crate::sweep::design::latin_fractions;
+use cargo_fmu::run::latin_fractions;
 use fmu_master::scenario::Signal;
 
 /// The communication step (s): the controller's sample time.

@@ -7,7 +7,7 @@
 //! - [`optimum`] searches for the best control of a case around its worst moment.
 //! - [`report`] writes the results.
 //!
-//! Each finished case is written to the [journal](crate::journal) at once, from which an interrupted study resumes.
+//! Each finished case is written to the [journal](cargo_fmu::run::journal) at once, from which an interrupted study resumes.
 
 pub mod case;
 pub mod criteria;
@@ -27,7 +27,7 @@ use self::case::{Measures, Rig, Simulated};
 use self::draw::{Case, Cases};
 use self::optimum::Optimum;
 use self::reach::Reach;
-use crate::journal::{Journal, Settings};
+use cargo_fmu::run::journal::{Journal, Settings};
 use fmu_master::ONLY_ONCE;
 
 pub use self::report::{Report, csv};

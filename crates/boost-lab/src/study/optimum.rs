@@ -14,7 +14,7 @@ use super::case::{Measures, Rig, SHAFT, Simulated, point};
 use super::criteria::{FASTEST_AT_REST, NEAR};
 use super::draw::{Case, SETTLING, STEP};
 use super::reach::{OpenLoop, VALVES, Valves};
-use crate::measure::greatest;
+use fmu_master::measure::greatest;
 
 /// The window: from so long (s) before boost leaves the reachable reference, and before the event that precedes its worst
 /// moment, to after that moment.

@@ -7,7 +7,7 @@ use fmu_package::Value;
 
 use super::case::Names;
 use super::draw::{Case, STEP};
-use crate::measure::interpolate;
+use fmu_master::measure::interpolate;
 use fmu_master::scenario::Signal;
 use fmu_master::{Fmu, Instance, Selection};
 

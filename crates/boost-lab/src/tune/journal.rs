@@ -6,7 +6,7 @@ use anyhow::Result;
 use serde::{Deserialize, Serialize};
 
 use super::bench::{Point, Sweep};
-use crate::journal::{self, Settings};
+use cargo_fmu::run::journal::{self, Settings};
 
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -26,7 +26,7 @@ use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::journal::Settings;
+use cargo_fmu::run::journal::Settings;
 use fmu_master::{Fmu, ONLY_ONCE};
 
 use self::bench::Bench;

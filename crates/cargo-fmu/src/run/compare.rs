@@ -4,13 +4,13 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::comparison::Comparison;
+use super::make_folder;
 use anyhow::Result;
 use clap::Args;
 use fmu_package::terminal::{complain, print};
 use fmu_package::writing;
 use fmu_plot::PlotFormat;
 use fmu_record::Record;
-use super::make_folder;
 
 /// Where the plot is by default.
 const PLOT: &str = "target/comparison.html";

@@ -2,9 +2,12 @@
 
 mod compare;
 mod comparison;
+pub mod journal;
 mod simulate;
+mod sweep;
 
 use std::fs;
+use std::io::Write;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
@@ -12,11 +15,15 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use fmu_master::scenario::Scenario;
 use fmu_master::{NameMap, ReadMap};
+use fmu_package::terminal::print;
+use fmu_package::writing;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::Arc;
 
 pub use compare::Compare;
 pub use simulate::Simulate;
+pub use sweep::Sweep;
+pub use sweep::design::latin_fractions;
 
 /// Where `export` writes FMUs in a workspace.
 const FMUS: &str = "target/fmu";
@@ -163,4 +170,28 @@ fn name_and_path(text: &str) -> Result<(String, PathBuf)> {
         Some((name, path)) if !name.is_empty() && !path.is_empty() => Ok((name.to_owned(), path.into())),
         _ => bail!("expected NAME=FILE.fmu"),
     }
+}
+
+/// Refuses results that would destroy an input. A folder that is yet to be made holds none.
+///
+/// # Errors
+/// When one would.
+pub fn refuse_overlap(folder: &Path, results: &[PathBuf], inputs: &[PathBuf]) -> Result<()> {
+    if folder.is_dir() {
+        writing::refuse_overlap(results, inputs)?;
+    }
+    Ok(())
+}
+
+/// Writes texts into a folder by their names, and says where.
+///
+/// # Errors
+/// When one cannot be written.
+pub fn write<'a>(folder: &Path, texts: impl IntoIterator<Item = (&'a str, String)>) -> Result<()> {
+    for (name, text) in texts {
+        let path = folder.join(name);
+        writing::write(&path, |writer| writer.write_all(text.as_bytes()))?;
+        print(&format!("{}\n", path.display()))?;
+    }
+    Ok(())
 }

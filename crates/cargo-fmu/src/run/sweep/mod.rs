@@ -4,12 +4,14 @@
 //! instances, so that runs are independent; each finished run is written to the [journal] at once, from which an
 //! interrupted study resumes. A failed run is a row of the results with the FMU's message.
 
+mod command;
 pub mod design;
 pub mod journal;
 mod measures;
 pub mod report;
 pub mod results;
 
+pub use self::command::Sweep;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -23,8 +25,8 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use self::design::Design;
 use self::journal::{Outcome, StudyJournal};
 use self::measures::Measure;
-use crate::journal::digest;
-use crate::mapping;
+use crate::run::Maps;
+use crate::run::journal::digest;
 use fmu_master::ONLY_ONCE;
 use fmu_master::scenario::document::Document;
 use fmu_master::scenario::{Assignment, Location, Noise, Recorded, Scenario};
@@ -75,7 +77,7 @@ pub struct Loaded {
 
 impl Study {
     /// Reads a file, and the scenario that it names, relative to its folder. Paths of FMUs are relative to `fmus`.
-    pub fn read(path: &Path, fmus: &Path) -> Result<Self> {
+    pub fn read(path: &Path, fmus: &Path, maps: &Maps<'_>) -> Result<Self> {
         let text = reading::text(path)?;
         let document = Document::parse(&path.to_string_lossy(), &text)?;
         let root = document.root();
@@ -83,7 +85,7 @@ impl Study {
         let folder = path.parent().unwrap_or(Path::new(""));
         let file = scenario.path("the path of a scenario", folder)?;
         // The scenario's messages have their own locations.
-        let mut scenario = Scenario::read(&file, fmus, mapping::read)?;
+        let mut scenario = Scenario::read(&file, fmus, maps.read)?;
         scenario.files.push(path.to_owned());
         let title = root.title()?.map(str::to_owned);
         let keeps_records = root.optional("records").map_or(Ok(false), |node| {

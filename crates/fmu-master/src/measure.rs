@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result};
 
-use fmu_master::scenario::Signal;
+use crate::scenario::Signal;
 use fmu_record::Record;
 
 /// The tolerance of a communication point, computed as a multiple of the step (s).

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
-use crate::journal::{self, Settings};
+use crate::run::journal::{self, Settings};
 
 /// The file in the folder of a study's results.
 pub(super) const NAME: &str = "journal.jsonl";

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 use fmu_package::terminal::number;
 
-use crate::measure::{Following, between, greatest, least};
+use fmu_master::measure::{Following, between, greatest, least};
 use fmu_master::scenario::document::{Node, TomlTable};
 use fmu_master::scenario::{Location, Scenario, Signal};
 use fmu_record::Record;

@@ -1,0 +1,76 @@
+//! `sweep`: a parameter study, to report.html, results.csv and results.parquet.
+
+use std::path::PathBuf;
+
+use super::journal::StudyJournal;
+use super::{Study, report, results};
+use crate::run::{FmuArguments, Maps, inputs, progress_bar, refuse_overlap, write};
+use anyhow::Result;
+use clap::Args;
+use fmu_package::terminal::{complain, print};
+use fmu_package::writing;
+use fmu_record::{Header, TableFormat};
+
+/// Run a scenario for many values of parameters, on all cores; an interrupted study resumes
+#[derive(Args, Debug)]
+#[group(skip)]
+pub struct Sweep {
+    /// The study, which docs/laboratory.md describes
+    #[arg(value_name = "STUDY.toml")]
+    study: PathBuf,
+    #[command(flatten)]
+    fmus: FmuArguments,
+    /// The folder for report.html, results.csv, results.parquet, the journal and the records
+    #[arg(long, value_name = "DIR", default_value = "target/sweep")]
+    out: PathBuf,
+    /// Write units to the header of results.csv: `name (unit)`
+    #[arg(long)]
+    units: bool,
+    /// How many runs there are at once [default: one on each core]
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+}
+
+impl Sweep {
+    /// Runs a study, or what is left of it.
+    ///
+    /// # Errors
+    /// When it cannot be run, or a file cannot be read or written; a failed run is a row of the results.
+    pub fn run(&self, maps: &Maps<'_>) -> Result<()> {
+        let Self { study, fmus, out, units, threads } = self;
+        let mut study = Study::read(study, &fmus.folder, maps)?;
+        fmus.give(&mut study.scenario, maps)?;
+        refuse_overlap(out, &study.outputs(out), &inputs(&study.scenario, maps))?;
+        let study = study.load()?;
+        for note in &study.notes {
+            complain(&format!("note: {note}"));
+        }
+        let journal = StudyJournal::open(out, &study.settings()?)?;
+        let taken_up = journal.len();
+        if taken_up > 0 {
+            print(&format!("{taken_up} of {} runs are in the journal\n", study.runs()))?;
+        }
+        let available = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        let threads = threads.map_or(available, usize::from);
+        let bar = progress_bar(study.runs() as u64, "{pos} of {len} runs")?.with_position(taken_up as u64);
+        let outcomes = study.run(journal, threads, |outcome| {
+            if let Some(error) = &outcome.error {
+                bar.suspend(|| complain(&format!("run {}: {error}", outcome.run)));
+            }
+            bar.inc(1);
+        });
+        bar.finish_and_clear();
+        let outcomes = outcomes?;
+
+        let table = results::table(&study, &outcomes);
+        let header = if *units { Header::NamesAndUnits } else { Header::Names };
+        for (name, format) in [(results::CSV, TableFormat::Csv), (results::PARQUET, TableFormat::Parquet)] {
+            let file = out.join(name);
+            writing::write(&file, |writer| table.write(format, header, writer))?;
+            print(&format!("{}\n", file.display()))?;
+        }
+        write(out, [(report::HTML, report::html(&study, &outcomes))])?;
+        let failed = outcomes.iter().filter(|outcome| outcome.error.is_some()).count();
+        Ok(print(&format!("{} runs, {failed} of them failed\n", outcomes.len()))?)
+    }
+}
