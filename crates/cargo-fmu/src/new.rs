@@ -62,18 +62,15 @@ struct Files {
     source: &'static str,
     /// Further files by their names.
     others: &'static [(&'static str, &'static str)],
-    /// The variables to plot.
-    plotted: &'static str,
 }
 
 /// The files in a template's folder.
 macro_rules! files {
-    ($folder:literal, plot $plotted:literal $(, $other:literal)*) => {
+    ($folder:literal $(, $other:literal)*) => {
         Files {
             declaration: include_str!(concat!("../templates/", $folder, "/model.json")),
             source: include_str!(concat!("../templates/", $folder, "/lib.rs")),
             others: &[$(($other, include_str!(concat!("../templates/", $folder, "/", $other))))*],
-            plotted: $plotted,
         }
     };
 }
@@ -81,17 +78,17 @@ macro_rules! files {
 impl Template {
     fn files(self) -> Files {
         match self {
-            Self::Dahlquist => files!("dahlquist", plot "x"),
-            Self::VanDerPol => files!("van_der_pol", plot "x0 x1"),
-            Self::BouncingBall => files!("bouncing_ball", plot "h"),
-            Self::StickSlip => files!("stick_slip", plot "position speed"),
-            Self::Stair => files!("stair", plot "counter"),
-            Self::Feedthrough => files!("feedthrough", plot "Float64_continuous_output"),
-            Self::Feedthrough3 => files!("feedthrough_3", plot "Float64_continuous_output"),
-            Self::StateSpace => files!("state_space", plot "y"),
-            Self::Clocks => files!("clocks", plot "totalInClockTicks"),
-            Self::Resource => files!("resource", plot "y", "resources/y.txt"),
-            Self::Sampled => files!("sampled", plot "command"),
+            Self::Dahlquist => files!("dahlquist"),
+            Self::VanDerPol => files!("van_der_pol"),
+            Self::BouncingBall => files!("bouncing_ball"),
+            Self::StickSlip => files!("stick_slip"),
+            Self::Stair => files!("stair"),
+            Self::Feedthrough => files!("feedthrough"),
+            Self::Feedthrough3 => files!("feedthrough_3"),
+            Self::StateSpace => files!("state_space"),
+            Self::Clocks => files!("clocks"),
+            Self::Resource => files!("resource", "resources/y.txt"),
+            Self::Sampled => files!("sampled"),
         }
     }
 }
@@ -166,8 +163,7 @@ impl New {
         }
         let readme = include_str!("../templates/README.md")
             .replace("{name}", name)
-            .replace("{identifier}", identifier)
-            .replace("{outputs}", files.plotted);
+            .replace("{identifier}", identifier);
         write("README.md", &readme)
     }
 }
