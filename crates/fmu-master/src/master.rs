@@ -23,15 +23,20 @@ use fmu_record::{Column, Record};
 /// its measured supply, which changes these.
 const INITIAL_EXCHANGES: usize = 2;
 
-/// The FMUs of experiments, each loaded once, by their paths and maps.
+/// The FMUs of experiments, each loaded once, by their paths and maps. Clones share them.
 #[derive(Clone, Default)]
 pub struct LoadedFmus(BTreeMap<(PathBuf, Option<String>), Arc<Fmu>>);
 
 impl LoadedFmus {
+    /// All that are loaded, in the order of their paths.
     pub fn iter(&self) -> impl Iterator<Item = &Fmu> {
         self.0.values().map(Arc::as_ref)
     }
 
+    /// The FMU of a scenario's member; loads it on first use.
+    ///
+    /// # Errors
+    /// Those of [`Fmu::open_with`], with the member's location.
     pub fn get(&mut self, member: &Member) -> Result<Arc<Fmu>> {
         let key = (member.file.clone(), member.map.as_ref().map(|map| map.text()));
         if let Some(fmu) = self.0.get(&key) {
@@ -43,7 +48,8 @@ impl LoadedFmus {
     }
 }
 
-/// Coupled instances.
+/// The coupled instances of a scenario. [`Master::run`] runs it to the end; [`Master::initialize`] and [`Master::step`]
+/// go step by step.
 pub struct Master<'a> {
     scenario: &'a Scenario,
     members: Vec<Coupled<'a>>,
@@ -121,7 +127,9 @@ enum Source {
     Instance { member: usize, position: usize },
 }
 
+/// The result of a complete run.
 pub struct Run {
+    /// A row for the start and for the end of each communication step.
     pub record: Record,
     /// The instances' warnings, with their names.
     pub warnings: Vec<(String, Message)>,
@@ -129,6 +137,10 @@ pub struct Run {
 
 impl<'a> Master<'a> {
     /// Instantiates and couples the FMUs of a scenario.
+    ///
+    /// # Errors
+    /// When an FMU cannot be loaded or instantiated, or the scenario does not fit its FMUs: no FMU has an input or
+    /// recorded variable, two FMUs have the output for one input, or units do not convert. The message names the line.
     pub fn new(scenario: &'a Scenario, fmus: &mut LoadedFmus) -> Result<Self> {
         let loaded: Vec<_> = scenario.fmus.iter().map(|member| fmus.get(member)).collect::<Result<_>>()?;
         let mut notes = vec![];
@@ -179,28 +191,34 @@ impl<'a> Master<'a> {
         Ok(Self { scenario, members, noise, recorder, notes, steps_done: 0 })
     }
 
-    /// What is recorded.
+    /// The columns of the record; their values are those recorded so far.
     pub fn recorded(&self) -> impl Iterator<Item = &Column> {
         self.recorder.record.columns().iter()
     }
 
-    /// The signals of the scenario that drive nothing, because an FMU was replaced.
+    /// The signals of the scenario that drive nothing, because an FMU was replaced; one message each.
+    #[must_use]
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
     /// An instance, by its name in the scenario.
+    ///
+    /// # Errors
+    /// When the scenario has no FMU of this name.
     pub fn instance(&mut self, name: &str) -> Result<&mut Instance> {
         let coupled = self.members.iter_mut().find(|coupled| coupled.member.name == name);
         Ok(&mut coupled.with_context(|| format!("the scenario has no FMU {name}"))?.instance)
     }
 
     /// What is recorded so far.
+    #[must_use]
     pub fn record(&self) -> &Record {
         &self.recorder.record
     }
 
     /// The current communication point (s).
+    #[must_use]
     pub fn time(&self) -> f64 {
         self.scenario.start_time + f64::from(self.steps_done) * self.scenario.step
     }
@@ -208,6 +226,10 @@ impl<'a> Master<'a> {
     /// Initializes all instances at the scenario's start.
     ///
     /// Instances without a run-in are initialized together; then those with a run-in, with the outputs of the others.
+    /// The values at the start are recorded.
+    ///
+    /// # Errors
+    /// When a value does not fit its variable, or a call fails.
     pub fn initialize(&mut self) -> Result<()> {
         let start_time = self.scenario.start_time;
         let (late, prompt): (Vec<_>, Vec<_>) =
@@ -239,7 +261,10 @@ impl<'a> Master<'a> {
         self.recorder.take(start_time, &mut self.members)
     }
 
-    /// Makes a communication step and records its end.
+    /// Makes a communication step and records its end, even past the scenario's end.
+    ///
+    /// # Errors
+    /// When a call fails.
     pub fn step(&mut self) -> Result<()> {
         let (time, size) = (self.time(), self.scenario.step);
         for coupled in &mut self.members {
@@ -266,7 +291,10 @@ impl<'a> Master<'a> {
         self.recorder.take(time, &mut self.members)
     }
 
-    /// Runs a scenario from its start to its end; `progress` is called after each step.
+    /// Runs a scenario from its start to its end. Before each step, `progress` gets the number of those done.
+    ///
+    /// # Errors
+    /// Those of [`Master::initialize`] and [`Master::step`].
     pub fn run(mut self, mut progress: impl FnMut(u32)) -> Result<Run> {
         self.initialize()?;
         for index in 0..self.scenario.steps {

@@ -21,8 +21,11 @@ const STEPS: f64 = 500.0;
 /// When a run begins and ends, and its communication step (s); none where nobody says.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Times {
+    /// The start; by default 0.
     pub start: Option<f64>,
+    /// The end.
     pub stop: Option<f64>,
+    /// The communication step; by default a 500th of the run.
     pub step: Option<f64>,
 }
 
@@ -81,7 +84,10 @@ fn member(name: &str, file: &Path, location: Location) -> Member {
     }
 }
 
-/// One FMU alone, with the times of its default experiment where no others are given.
+/// One FMU alone, with the times of its default experiment where no others are given. Its outputs are recorded.
+///
+/// # Errors
+/// When its modelDescription.xml cannot be read, no stop time is given, or the run is not a whole number of steps.
 pub fn alone(path: &Path, times: Times) -> Result<Scenario> {
     let description = FmuDescription::read(path)?;
     let time = |name: &str| {
@@ -96,7 +102,11 @@ pub fn alone(path: &Path, times: Times) -> Result<Scenario> {
     Ok(scenario)
 }
 
-/// The system of a package, and the folder with its FMUs.
+/// The system in an SSP package (`.ssp`), and the temporary folder with its FMUs: keep it while the scenario is in use.
+///
+/// # Errors
+/// When the package or an FMU in it cannot be read, connected units do not convert, a parameter set of
+/// the system sets something other than its inputs, no stop time is given, or the run is not a whole number of steps.
 pub fn read(path: &Path, times: Times) -> Result<(Scenario, Folder)> {
     let folder = extract(path).with_context(|| format!("cannot read {}", path.display()))?;
     let scenario =
@@ -106,7 +116,8 @@ pub fn read(path: &Path, times: Times) -> Result<(Scenario, Folder)> {
     Ok((scenario, folder))
 }
 
-/// An error in which the package stands for the folder that it was extracted to.
+/// An error of a system's run, in which the package's path replaces that of the folder it was extracted to.
+#[must_use]
 pub fn named(error: &Error, package: &Path, folder: &Folder) -> Error {
     let [package, folder] = [package, folder.path()].map(|path| path.display().to_string());
     Error::msg(format!("{error:#}").replace(&folder, &package))

@@ -3,12 +3,14 @@
 //!
 //! The colours are those of the pages' style sheet, which the colour-blind tell apart.
 
+#[cfg(feature = "html")]
 mod interactive;
 mod picture;
 
 use std::collections::HashSet;
 
-pub use self::interactive::script;
+#[cfg(feature = "html")]
+pub(crate) use self::interactive::script;
 use fmu_package::terminal::printable;
 use fmu_xml::page::STYLE;
 
@@ -16,6 +18,7 @@ use fmu_xml::page::STYLE;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Color(&'static str);
 
+/// The colours of figures, colour-blind safe.
 pub mod color {
     use super::Color;
 
@@ -27,8 +30,9 @@ pub mod color {
     pub const RULE: Color = Color("--rule");
     /// For secondary texts.
     pub const FAINT: Color = Color("--faint");
-    /// The least and the greatest value of a map, behind texts.
+    /// For the least value of a map, behind texts.
     pub const LOW: Color = Color("--low");
+    /// For the greatest value of a map, behind texts.
     pub const HIGH: Color = Color("--high");
     /// For references and texts.
     pub const INK: Color = Color("--ink");
@@ -38,25 +42,33 @@ pub mod color {
     pub const BLUE: Color = Color("--first");
     /// For comparison.
     pub const VERMILION: Color = Color("--second");
+    /// For additional curves.
     pub const GREEN: Color = Color("--green");
+    /// For additional curves.
     pub const PURPLE: Color = Color("--purple");
+    /// For additional curves.
     pub const SKY: Color = Color("--sky");
+    /// For additional curves.
     pub const ORANGE: Color = Color("--orange");
+    /// The colours of a panel's curves, in order.
     pub const CYCLE: [Color; 6] = [BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE];
 }
 
 impl Color {
-    /// In the style sheet.
+    /// The name of its CSS variable in the style sheet, such as `--first`.
+    #[must_use]
     pub fn name(self) -> &'static str {
         self.0
     }
 
-    /// In the light.
+    /// Red, green and blue (sRGB) in light mode, as in pictures.
+    #[must_use]
     pub fn day(self) -> [u8; 3] {
         self.defined(0)
     }
 
-    /// In the dark.
+    /// Red, green and blue (sRGB) in dark mode.
+    #[must_use]
     pub fn night(self) -> [u8; 3] {
         self.defined(1)
     }
@@ -71,16 +83,18 @@ impl Color {
     }
 }
 
-/// Panels in rows.
+/// Panels in rows, one below the other; those of a row are side by side. Pictures are 900 CSS pixels wide.
 #[derive(Clone, Debug, Default)]
+#[must_use]
 pub struct Figure {
     title: String,
     rows: Vec<Vec<Panel>>,
     shares_x: bool,
 }
 
-/// A frame with its axes and what is drawn in it.
+/// A frame with linear axes and what is drawn in it.
 #[derive(Clone, Debug)]
+#[must_use]
 pub struct Panel {
     title: Option<String>,
     x: Axis,
@@ -97,8 +111,9 @@ struct Axis {
     range: Option<(f64, f64)>,
 }
 
-/// A line through points.
+/// A line through points, in the units of its panel's axes. Values that are not finite are gaps.
 #[derive(Clone, Debug)]
+#[must_use]
 pub struct Line {
     points: Vec<(f64, f64)>,
     label: Option<String>,
@@ -108,6 +123,7 @@ pub struct Line {
     is_held: bool,
     marks: Marks,
     /// Whose values these are, and the factor to them, where the page that shows the plot draws further points.
+    #[cfg_attr(not(feature = "html"), allow(dead_code))]
     source: Option<(String, f64)>,
 }
 
@@ -128,6 +144,7 @@ struct Band {
 }
 
 impl Figure {
+    /// A figure without panels.
     pub fn new() -> Self {
         Self::default()
     }
@@ -138,18 +155,22 @@ impl Figure {
         self
     }
 
+    /// Adds a row below the others; ignores a row without panels.
     pub fn row(mut self, panels: impl IntoIterator<Item = Panel>) -> Self {
-        self.rows.push(panels.into_iter().collect());
+        let panels: Vec<_> = panels.into_iter().collect();
+        if !panels.is_empty() {
+            self.rows.push(panels);
+        }
         self
     }
 
-    /// Panels in a column share one horizontal axis.
+    /// Panels in a column share one horizontal axis: only the lowest is labelled, and in HTML they zoom together.
     pub fn shared_x(mut self) -> Self {
         self.shares_x = true;
         self
     }
 
-    /// The figure for points that are yet to come.
+    /// The figure without its points, for a page whose script adds them; see [`Line::source`].
     pub fn without_points(mut self) -> Self {
         let panels = self.rows.iter_mut().flatten();
         panels.flat_map(|panel| &mut panel.lines).for_each(|line| line.points.clear());
@@ -163,7 +184,7 @@ impl Figure {
 }
 
 impl Panel {
-    /// A panel with its axes' labels, which include the units.
+    /// An empty panel with its axes' labels, which include the units: `time (s)`. Its axes fit its lines.
     pub fn new(x_label: &str, y_label: &str) -> Self {
         Self {
             title: None,
@@ -175,27 +196,31 @@ impl Panel {
         }
     }
 
+    /// The title above the frame.
     pub fn title(mut self, title: &str) -> Self {
         self.title = Some(title.to_owned());
         self
     }
 
-    /// The height of the frame, in CSS pixels.
+    /// The height of the frame in CSS pixels, by default 170.
     pub fn height(mut self, height: u32) -> Self {
         self.height = height;
         self
     }
 
+    /// The range of the horizontal axis; points outside are not drawn.
     pub fn x_range(mut self, from: f64, to: f64) -> Self {
         self.x.range = Some((from, to));
         self
     }
 
+    /// The range of the vertical axis.
     pub fn y_range(mut self, from: f64, to: f64) -> Self {
         self.y.range = Some((from, to));
         self
     }
 
+    /// Adds a line, drawn over the others.
     pub fn line(mut self, line: Line) -> Self {
         self.lines.push(line);
         self
@@ -236,7 +261,7 @@ impl Panel {
 }
 
 impl Line {
-    /// A line through points, in blue.
+    /// A solid blue line through the points (x, y), as many as the shorter of the two has.
     pub fn new(x: &[f64], y: impl IntoIterator<Item = f64>) -> Self {
         Self {
             points: x.iter().copied().zip(y).collect(),
@@ -250,28 +275,32 @@ impl Line {
         }
     }
 
-    /// The variable whose values these are, and the factor from them.
+    /// The variable whose values these are, and the factor from its unit to the axis'. A page's script finds the line
+    /// by plotly's `meta`: `0.001 boost_pressure`. Pictures ignore it.
     pub fn source(mut self, name: &str, factor: f64) -> Self {
         self.source = Some((name.to_owned(), factor));
         self
     }
 
-    /// Its entry in the legend.
+    /// Its name in the legend, which omits lines without one.
     pub fn label(mut self, label: &str) -> Self {
         self.label = Some(label.to_owned());
         self
     }
 
+    /// Sets its colour.
     pub fn color(mut self, color: Color) -> Self {
         self.color = color;
         self
     }
 
+    /// Draws it thinner: 1 CSS pixel instead of 1.5.
     pub fn thin(mut self) -> Self {
         self.width = 1.0;
         self
     }
 
+    /// Draws it dashed.
     pub fn dashed(mut self) -> Self {
         self.is_dashed = true;
         self
@@ -343,7 +372,8 @@ fn extent(lines: &[Line], value: impl Fn(&(f64, f64)) -> f64) -> (f64, f64) {
     if least <= most { (least - half, most + half) } else { (-half, half) }
 }
 
-/// A text escaped for HTML.
+/// A text escaped for HTML, in elements and attributes; control characters are made visible.
+#[must_use]
 pub fn escaped(text: &str) -> String {
     // Control characters are not allowed.
     printable(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
@@ -410,12 +440,14 @@ mod tests {
     }
 
     /// The data of a panel in HTML.
+    #[cfg(feature = "html")]
     fn data(html: &str, panel: usize) -> serde_json::Value {
         let text = html.split("<script type=\"application/json\">").nth(panel + 1).unwrap();
         let plot: serde_json::Value = serde_json::from_str(text.split("</script>").next().unwrap()).unwrap();
         plot["data"].clone()
     }
 
+    #[cfg(feature = "html")]
     #[test]
     fn html_has_the_numbers_of_the_lines_with_their_extremes() {
         let html = figure().html();
@@ -436,6 +468,7 @@ mod tests {
     }
 
     /// Every colour by its name in the style sheet, since it differs by night.
+    #[cfg(feature = "html")]
     #[test]
     fn html_names_colours_that_the_style_sheet_has() {
         let html = figure().html();
@@ -447,6 +480,7 @@ mod tests {
     }
 
     /// The library apart, in which addresses of services stand that these figures do not use.
+    #[cfg(feature = "html")]
     #[test]
     fn the_script_is_one_library_and_our_own() {
         let script = script();
@@ -487,9 +521,15 @@ mod tests {
     #[test]
     fn figures_without_panels_and_with_endless_names_are_drawn() {
         let line = Line::new(&[], []).label(&"long_name_".repeat(50));
-        for figure in [Figure::new().title("Empty"), Figure::new().row([Panel::new("x", "y").line(line)])] {
+        let figures = [
+            Figure::new().title("Empty"),
+            Figure::new().row([]),
+            Figure::new().row([Panel::new("x", "y").line(line)]),
+        ];
+        for figure in figures {
             assert!(figure.svg().unwrap().starts_with("<svg"));
             assert!(figure.png().unwrap().len() > 100);
+            #[cfg(feature = "html")]
             assert_eq!(figure.html().matches("<div class=\"panel\"").count(), figure.rows.len());
         }
     }

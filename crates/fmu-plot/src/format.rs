@@ -9,7 +9,7 @@ use crate::figure::{Figure, escaped};
 use crate::page::page;
 
 /// What a plot is written as.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub enum PlotFormat {
     /// A drawing.
     Svg,
@@ -21,6 +21,9 @@ pub enum PlotFormat {
 
 impl PlotFormat {
     /// By the ending of a file's name.
+    ///
+    /// # Errors
+    /// When it is none of these.
     pub fn of(path: &Path) -> Result<Self> {
         match path.extension().map(OsStr::to_ascii_lowercase).unwrap_or_default().to_str() {
             Some("svg") => Ok(Self::Svg),
@@ -31,6 +34,9 @@ impl PlotFormat {
     }
 
     /// The file's content; a page has further HTML below the figure.
+    ///
+    /// # Errors
+    /// When the figure cannot be drawn.
     pub fn drawn(self, figure: &Figure, title: &str, below: &str) -> Result<Vec<u8>> {
         match self {
             Self::Svg => Ok(figure.svg()?.into_bytes()),

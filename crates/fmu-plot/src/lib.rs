@@ -1,13 +1,52 @@
-//! Draws records of simulations.
+//! Draws records of simulations, and other curves, as SVG, PNG and interactive HTML.
 //!
-//! A [`Figure`] has rows of [`Panel`]s with [`Line`]s. It becomes an SVG or a PNG, and with the feature `html` an interactive
-//! plot in a [`page`]. [`panels`] chooses what a plot of a record shows together.
+//! [`panels::draw`] draws a record: quantities of one unit and of like size share a panel.
+//!
+//! ```
+//! use fmu_plot::panels;
+//! use fmu_record::Record;
+//!
+//! # fn main() -> anyhow::Result<()> {
+//! let mut record = Record::new([("h".to_owned(), "m".to_owned()), ("v".to_owned(), "m/s".to_owned())]);
+//! for step in 0..=40 {
+//!     let time = 0.01 * f64::from(step);
+//!     record.push(time, &[1.0 - 4.905 * time * time, -9.81 * time]);
+//! }
+//! let svg = panels::draw(&record, "A falling ball", None).svg()?;
+//! assert!(svg.starts_with("<svg"));
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Build any other [`Figure`] from rows of [`Panel`]s with [`Line`]s:
+//!
+//! ```
+//! use fmu_plot::{Figure, Line, Panel, color};
+//!
+//! # fn main() -> anyhow::Result<()> {
+//! let time = [0.0, 1.0, 2.0];
+//! let reference = Line::new(&time, [1.0, 2.0, 2.0]).held().color(color::INK).label("reference");
+//! let level = Line::new(&time, [1.0, 1.4, 1.9]).label("level");
+//! let panel = Panel::new("time (s)", "level (m)").line(reference).line(level);
+//! let figure = Figure::new().title("A tank").row([panel]);
+//! let png: Vec<u8> = figure.png()?;
+//! # assert!(png.starts_with(b"\x89PNG"));
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! With the feature `html`, [`Figure::html`] draws a figure for a [`page`]: a self-contained file whose plots zoom and
+//! switch lines on and off.
 
 mod figure;
+#[cfg(feature = "html")]
 mod format;
+#[cfg(feature = "html")]
 mod page;
 pub mod panels;
 
 pub use figure::{Color, Figure, Line, Panel, color, escaped};
+#[cfg(feature = "html")]
 pub use format::PlotFormat;
+#[cfg(feature = "html")]
 pub use page::page;

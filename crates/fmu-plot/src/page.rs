@@ -15,8 +15,19 @@ const STYLE: &str = "
 td.number { white-space: nowrap; } .caption { color: var(--faint); font-size: .9rem; }
 ";
 
-/// A page with a title, additional style sheet rules and a body of HTML, which begins with an `<h1>`; the page's contents
-/// are its `<h2>`.
+/// A self-contained HTML page, with the scripts that draw its [figures](crate::Figure::html). `title` is plain text,
+/// `style` adds rules to the style sheet, and `body` is HTML that begins with an `<h1>`; its `<h2>` become the table of
+/// contents.
+///
+/// ```
+/// use fmu_plot::{Figure, Line, Panel, page};
+///
+/// let line = Line::new(&[0.0, 1.0], [1.0, 0.5]).label("h");
+/// let figure = Figure::new().row([Panel::new("time (s)", "h (m)").line(line)]);
+/// let html = page("Ball", "", &format!("<h1>Ball</h1>\n<figure>\n{}</figure>", figure.html()));
+/// assert!(html.contains("<title>Ball</title>"));
+/// ```
+#[must_use]
 pub fn page(title: &str, style: &str, body: &str) -> String {
     let (heading, sections) = body.split_once("</h1>").unwrap_or(("", body));
     let mut contents = String::new();

@@ -12,8 +12,8 @@ const MOST_LINES: usize = color::CYCLE.len();
 /// The words of a name that make it a reference for the variables whose names begin with the words before.
 const REFERENCES: [&str; 4] = ["reference", "setpoint", "target", "desired"];
 
-/// The record over time. `panels` are the names in each panel; by default quantities of one unit and of like size are
-/// together, and a reference is with what follows it.
+/// The record over time. `panels` are the names in each panel; names that are not recorded are ignored. By default,
+/// quantities of one unit and of like size are together, and a reference is with what follows it.
 pub fn draw(record: &Record, title: &str, panels: Option<&[Vec<String>]>) -> Figure {
     let panels = match panels {
         Some(panels) => {
@@ -91,7 +91,9 @@ fn panel(time: &[f64], columns: &[&Column]) -> Panel {
     lines.into_iter().fold(Panel::new("time (s)", label).height(height), Panel::line)
 }
 
-/// The unit of the plot for values of a size, and the factor to it.
+/// The unit in which values up to a size are plotted, and the factor to it: that of [`numbers::shown`], but kPa from 1
+/// kPa on.
+#[must_use]
 pub fn shown(unit: &str, size: f64) -> (String, f64) {
     match unit {
         "Pa" if (1e3..1e4).contains(&size) => ("kPa".to_owned(), 1e-3),
@@ -159,6 +161,7 @@ mod tests {
     }
 
     /// For pages that draw further points: the variable of each line, and the factor to the axis' unit.
+    #[cfg(feature = "html")]
     #[test]
     fn lines_name_their_variables_without_points() {
         let record = record(&[("boost_pressure", "Pa", 2000.0), ("duty", "%", 40.0)]);
@@ -171,6 +174,7 @@ mod tests {
     }
 
     /// What is drawn: names, the axis' unit and values in it.
+    #[cfg(feature = "html")]
     #[test]
     fn panels_are_drawn_as_the_scenario_says() {
         let record = record(&[("a", "Pa", 2000.0), ("b", "Pa", 3000.0), ("c", "V", 12.0)]);

@@ -1,7 +1,30 @@
-//! Records of simulations: variables over time.
+//! Records of simulations: variables over time, as CSV and Parquet.
 //!
-//! A [`Record`] is read from and written to CSV and, with the feature `parquet`, Parquet files, whose numbers read back bit
-//! for bit. A [`Table`] has other types of cells, too. [`numbers`] writes numbers and their units for readers.
+//! A [`Record`] has the time in s and a column of doubles for each variable, with its unit. It is written to and read
+//! from CSV files and, with the feature `parquet`, Parquet files; every double reads back bit for bit. A [`Table`] also
+//! writes integers, Booleans, texts and missing values. [`numbers`] formats numbers and their units for readers.
+//!
+//! ```
+//! use std::fs::File;
+//!
+//! use fmu_record::{Header, Record, TableFormat};
+//!
+//! # fn main() -> anyhow::Result<()> {
+//! let mut record = Record::new([("h".to_owned(), "m".to_owned()), ("v".to_owned(), "m/s".to_owned())]);
+//! record.push(0.0, &[1.0, 0.0]);
+//! record.push(0.1, &[0.951, -0.981]);
+//!
+//! let folder = tempfile::tempdir()?;
+//! let path = folder.path().join("ball.csv");
+//! record.table().write(TableFormat::Csv, Header::NamesAndUnits, File::create(&path)?)?;
+//!
+//! let read = Record::read(&path)?;
+//! assert_eq!(read.time(), [0.0, 0.1]);
+//! assert_eq!(read.get("h")?, [1.0, 0.951]);
+//! assert_eq!(read.columns()[1].unit, "m/s");
+//! # Ok(())
+//! # }
+//! ```
 
 pub mod numbers;
 #[cfg_attr(not(feature = "parquet"), path = "no_parquet.rs")]

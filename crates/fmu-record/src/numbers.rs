@@ -1,4 +1,12 @@
 //! Numbers for readers, with the digits that mean something; files have them as they are.
+//!
+//! ```
+//! use fmu_record::numbers::{estimate, number, quantity};
+//!
+//! assert_eq!(number(71.875), "71.9");
+//! assert_eq!(quantity(125_300.0, "Pa"), "125\u{202f}kPa");
+//! assert_eq!(estimate(19.002_34, 0.004_13), "19.0023 ± 0.0041");
+//! ```
 
 /// The significant digits of a number, unless it has more before the point.
 const DIGITS: i32 = 3;
@@ -12,14 +20,18 @@ const PREFIXES: [(&str, i32); 7] =
 /// Numbers in this range need no prefix.
 const HANDY: std::ops::Range<f64> = 0.01..1e4;
 
-/// A number with its unit, which has a prefix where that saves zeros.
+/// A number with its unit, which has an SI prefix where that saves zeros: `125 kPa`. A narrow no-break space separates
+/// them; the unit `1` is left out.
+#[must_use]
 pub fn quantity(value: f64, unit: &str) -> String {
     let (unit, factor) = shown(unit, value);
     let space = if unit.is_empty() { "" } else { "\u{202f}" };
     format!("{}{space}{unit}", number(factor * value))
 }
 
-/// The unit in which a value is shown, and the factor to it.
+/// The unit in which a value is shown, and the factor to it: `("kPa", 1e-3)` for 125300 Pa. Units that take no prefix
+/// stay.
+#[must_use]
 pub fn shown(unit: &str, value: f64) -> (String, f64) {
     let (base, scale) = match unit {
         "1" => return (String::new(), 1.0),
@@ -39,7 +51,9 @@ pub fn shown(unit: &str, value: f64) -> (String, f64) {
     (format!("{prefix}{base}"), 10_f64.powi(scale - exponent))
 }
 
-/// A number with a few significant digits; up to a million with all digits before the point.
+/// A number with three significant digits, or all those before the point; from a million on and below 0.001, with a
+/// power of ten.
+#[must_use]
 pub fn number(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();
@@ -52,7 +66,8 @@ pub fn number(value: f64) -> String {
     minus(if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text })
 }
 
-/// A value and its standard error, which has two digits and limits those of the value.
+/// A value and its standard error, in the same unit. The error has two digits and limits those of the value.
+#[must_use]
 pub fn estimate(value: f64, error: f64) -> String {
     if !(value.is_finite() && error.is_finite() && error > 0.0) {
         return format!("{} ± {}", number(value), number(error));

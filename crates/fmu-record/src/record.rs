@@ -12,32 +12,38 @@ use crate::table::{Cells, Table, TableColumn, TableFormat, expect_seconds, name_
 /// The name of the first column.
 const TIME: &str = "time";
 
-/// Variables at the communication points.
+/// Variables at the communication points: the times, and a column of values for each variable.
 #[derive(Clone, Debug, Default)]
 pub struct Record {
     time: Vec<f64>,
     columns: Vec<Column>,
 }
 
+/// A recorded variable.
 #[derive(Clone, Debug)]
 pub struct Column {
     /// In the header of the CSV file.
     pub name: String,
     /// Its unit, as its FMU declares it; empty where there is none.
     pub unit: String,
+    /// One for each time, in the unit.
     pub values: Vec<f64>,
 }
 
 impl Record {
-    /// An empty record of variables with their units.
+    /// An empty record of variables, each a name and a unit, which may be empty.
     pub fn new(columns: impl IntoIterator<Item = (String, String)>) -> Self {
         let columns = columns.into_iter();
         let columns = columns.map(|(name, unit)| Column { name, unit, values: vec![] }).collect();
         Self { time: vec![], columns }
     }
 
-    /// Appends a row: one value for each column.
+    /// Appends a row: the time (s) and one value for each column.
+    ///
+    /// # Panics
+    /// When there are more or fewer values than columns.
     pub fn push(&mut self, time: f64, values: &[f64]) {
+        assert_eq!(values.len(), self.columns.len(), "one value for each column");
         self.time.push(time);
         for (column, &value) in self.columns.iter_mut().zip(values) {
             column.values.push(value);
@@ -45,21 +51,28 @@ impl Record {
     }
 
     /// The communication points (s).
+    #[must_use]
     pub fn time(&self) -> &[f64] {
         &self.time
     }
 
     /// The recorded variables, in the order of the columns.
+    #[must_use]
     pub fn columns(&self) -> &[Column] {
         &self.columns
     }
 
+    /// The values of a variable, one for each time.
+    ///
+    /// # Errors
+    /// When it is not recorded.
     pub fn get(&self, name: &str) -> Result<&[f64]> {
         let column = self.columns.iter().find(|column| column.name == name);
         Ok(&column.with_context(|| format!("{name} is not recorded"))?.values)
     }
 
-    /// The time and the variables.
+    /// The record as a table to write: the column `time` in s, then the variables.
+    #[must_use]
     pub fn table(&self) -> Table<'_> {
         let column = |name: &str, unit: &str, values| TableColumn {
             name: name.to_owned(),
@@ -70,7 +83,13 @@ impl Record {
         Table([column(TIME, "s", &self.time)].into_iter().chain(columns).collect())
     }
 
-    /// Reads a file whose first column is the time. Of a CSV file the header may have units: `name (unit)`.
+    /// Reads a `.csv` or `.parquet` file whose first column is `time`. The header of a CSV file may have units, as in
+    /// `name (unit)`; its lines that begin with `#` are comments.
+    ///
+    /// # Errors
+    /// When the file cannot be read, is Parquet while the feature `parquet` is off, or is not a record: its first
+    /// column is not `time` in s, a time is not finite or decreases, a cell is not a number, or two columns have the
+    /// same name.
     pub fn read(path: &Path) -> Result<Self> {
         let columns = match TableFormat::of(path)? {
             TableFormat::Csv => csv_columns(&reading::text(path)?),
@@ -145,9 +164,9 @@ mod tests {
     #[test]
     fn a_record_is_read_back_to_the_last_bit() {
         let folder = tempfile::tempdir().unwrap();
-        for (name, header) in
-            [("a.csv", Header::Names), ("b.csv", Header::NamesAndUnits), ("c.Parquet", Header::Names)]
-        {
+        let files =
+            [("a.csv", Header::Names), ("b.csv", Header::NamesAndUnits), ("c.Parquet", Header::Names)];
+        for (name, header) in files.into_iter().take(if cfg!(feature = "parquet") { 3 } else { 2 }) {
             let path = folder.path().join(name);
             let format = TableFormat::of(&path).unwrap();
             record().table().write(format, header, File::create(&path).unwrap()).unwrap();
@@ -166,6 +185,18 @@ mod tests {
         }
         let text = fs::read_to_string(folder.path().join("b.csv")).unwrap();
         assert!(text.starts_with("time (s),boost pressure (Pa),ratio (of two)\n"), "{text}");
+    }
+
+    #[test]
+    fn columns_of_different_lengths_are_refused() {
+        let cells = [[1.0, 2.0].as_slice(), &[1.0]];
+        let column =
+            |cells| TableColumn { name: "a".into(), unit: String::new(), cells: Cells::Numbers(cells) };
+        let table = Table(cells.map(column).into());
+        for format in [TableFormat::Csv, TableFormat::Parquet] {
+            let refusal = table.write(format, Header::Names, vec![]).unwrap_err();
+            assert_eq!(refusal.to_string(), "the columns have different numbers of rows");
+        }
     }
 
     #[test]
@@ -189,6 +220,7 @@ mod tests {
     }
 
     /// Whatever byte is wrong; the library for Parquet panics at some.
+    #[cfg(feature = "parquet")]
     #[test]
     fn a_damaged_parquet_file_is_read_or_refused_by_name() {
         let folder = tempfile::tempdir().unwrap();

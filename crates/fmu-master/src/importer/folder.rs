@@ -11,6 +11,7 @@ use fmu_package::temporary::Folder;
 /// No other folder begins with it: those that killed processes left are removed.
 const PREFIX: &str = ".unpacked-by-boost-lab-";
 
+/// The extracted archive, which is removed when dropped.
 pub fn extract(path: &Path) -> Result<Folder> {
     let file = File::open(path).context("it cannot be opened")?;
     let mut archive = archive::open(BufReader::new(file))?;

@@ -11,12 +11,17 @@ use fmu_package::{FmuDescription, FmuVariable};
 pub struct Status(pub c_int);
 
 impl Status {
+    /// The call succeeded.
     pub const OK: Self = Self(0);
+    /// The call succeeded with a warning.
     pub const WARNING: Self = Self(1);
+    /// The FMU refused the call, or completed only part of a step; the instance stays usable.
     pub const DISCARD: Self = Self(2);
+    /// The instance is no longer usable.
     pub const FATAL: Self = Self(4);
 
-    /// Whether the call succeeded.
+    /// Whether the call succeeded, with a warning or without.
+    #[must_use]
     pub fn succeeded(self) -> bool {
         // fmi2OK or fmi2Warning.
         matches!(self.0, 0 | 1)
@@ -35,6 +40,7 @@ impl Status {
 /// A logged message.
 #[derive(Clone, Debug)]
 pub struct Message {
+    /// The status that the FMU gave the message.
     pub status: Status,
     /// The text, as the FMU formatted it.
     pub text: String,
@@ -94,6 +100,7 @@ pub(super) fn with_names(message: Message, description: &FmuDescription) -> Mess
 /// A failed call with the FMU's messages.
 #[derive(Debug)]
 pub struct CallFailed {
+    /// The name of the instance.
     pub instance: String,
     /// The C function of FMI.
     pub function: String,

@@ -22,7 +22,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use self::c_boundary::{Functions, Handle, NumberType, Numbers};
-pub use self::folder::extract;
+pub(crate) use self::folder::extract;
 pub use self::messages::{CallFailed, Message, Status};
 use crate::name_map::NameMap;
 use anyhow::{Context, Result, bail};
@@ -34,10 +34,11 @@ use fmu_package::{
     Element, FmuDescription, FmuVariable, Linear, ParameterSet, Platform, Translation, Value, like, reading,
 };
 
-/// The capability flag for a single instance per process.
+/// The capability flag of FMUs with a single instance per process, for [`FmuDescription::has_capability`].
 pub const ONLY_ONCE: &str = "canBeInstantiatedOnlyOncePerProcess";
 
-/// What to do about a missing file.
+/// What to do about a missing FMU: how this repository's are exported, and the file beside it whose name is nearest.
+#[must_use]
 pub fn remedy(path: &Path) -> String {
     let others = path.parent().and_then(|folder| folder.read_dir().ok()).into_iter().flatten().flatten();
     let others =
@@ -52,7 +53,8 @@ pub fn remedy(path: &Path) -> String {
     )
 }
 
-/// An FMU, extracted and loaded.
+/// An FMU for co-simulation (FMI 2.0 or 3.0), extracted to a temporary folder and loaded. Its folder and library stay
+/// until it and its instances are dropped.
 pub struct Fmu {
     path: PathBuf,
     description: FmuDescription,
@@ -65,11 +67,18 @@ pub struct Fmu {
 
 impl Fmu {
     /// Extracts an FMU, reads its description and loads its library.
+    ///
+    /// # Errors
+    /// When there is no such file, it is not an FMU, it is not for co-simulation or for this platform, its version of
+    /// FMI is neither 2.0 nor 3.0, or its library cannot be loaded; the message names the file.
     pub fn open(path: &Path) -> Result<Arc<Self>> {
         Self::open_anonymous(path).with_context(|| format!("cannot import {}", path.display())).map(Arc::new)
     }
 
     /// The same, with other names and units if there is a map.
+    ///
+    /// # Errors
+    /// Those of [`Fmu::open`] and of the map.
     pub fn open_with(path: &Path, map: Option<&dyn NameMap>) -> Result<Arc<Self>> {
         let fmu = Self::open(path)?;
         let Some(map) = map else { return Ok(fmu) };
@@ -114,7 +123,8 @@ impl Fmu {
         })
     }
 
-    /// The FMU in other names and units, which replace its own from here on.
+    /// The FMU in other names and units, which replace its own from here on. Both share the loaded library.
+    #[must_use]
     pub fn translated(&self, translation: Translation) -> Arc<Self> {
         let mut conversions = translation.conversions;
         conversions.retain(|_, conversion| *conversion != Linear::IDENTITY);
@@ -127,10 +137,16 @@ impl Fmu {
         })
     }
 
+    /// Its modelDescription.xml: variables, units, capabilities, default experiment. Elements of arrays are variables.
+    #[must_use]
     pub fn description(&self) -> &FmuDescription {
         &self.description
     }
 
+    /// A variable, by its name.
+    ///
+    /// # Errors
+    /// When there is none; the message has the nearest name.
     pub fn variable(&self, name: &str) -> Result<&FmuVariable> {
         self.description.variable(name).with_context(|| {
             let names = self.description.variables.iter().map(|variable| variable.name.as_str());
@@ -138,12 +154,16 @@ impl Fmu {
         })
     }
 
-    /// The names of the variables of a causality, in the FMU's order.
+    /// The names of the variables of a causality, such as `input` or `output`, in the FMU's order.
     pub fn names<'a>(&'a self, causality: &'a str) -> impl Iterator<Item = &'a str> {
         self.description.of_causality(causality).map(|variable| variable.name.as_str())
     }
 
-    /// Resolves variables.
+    /// Resolves numeric variables for [`Instance::get`] and [`Instance::set`]: Reals, Integers, Booleans, Enumerations,
+    /// and their types in FMI 3.0.
+    ///
+    /// # Errors
+    /// When there is no variable of a name, it is not a number, or its value reference is not one.
     pub fn select<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Result<Selection> {
         let mut selection = Selection::default();
         for name in names {
@@ -173,6 +193,10 @@ impl Fmu {
         Ok(selection)
     }
 
+    /// Creates an instance, with logging on. An FMU with the flag [`ONLY_ONCE`] allows one per process.
+    ///
+    /// # Errors
+    /// When the FMU refuses, as a [`CallFailed`] with its messages, or `name` holds a zero byte.
     pub fn instantiate(self: &Arc<Self>, name: &str) -> Result<Instance> {
         let resources = self.folder.path().join("resources");
         let (function, resources) = if self.description.is_fmi3() {
@@ -214,7 +238,8 @@ fn reference(variable: &FmuVariable) -> Result<ValueReference> {
     })
 }
 
-/// Resolved numeric variables.
+/// Numeric variables of an [`Fmu`], resolved by [`Fmu::select`]. Their values are doubles in the order of the names, in
+/// the units that the FMU declares. Booleans are 0 and 1; Enumerations are the numbers of their items.
 #[derive(Default)]
 pub struct Selection {
     names: Vec<String>,
@@ -299,11 +324,20 @@ const BOOLEAN: &str = "Boolean";
 
 impl Selection {
     /// The names of the selected variables, in their order.
+    #[must_use]
     pub fn names(&self) -> &[String] {
         &self.names
     }
 }
 
+/// An instance of an [`Fmu`], bound to the thread that created it. Dropping it terminates and frees it.
+///
+/// The order of calls is that of FMI: [`set_up`](Self::set_up), [`enter_initialization`](Self::enter_initialization),
+/// [`exit_initialization`](Self::exit_initialization), and then [`step`](Self::step) for each communication step.
+/// Values may be set at any point that the variable allows.
+///
+/// Each call fails with a [`CallFailed`] when the FMU does not return `fmi2OK` or `fmi2Warning`. After a fatal error
+/// the FMU is not called again.
 pub struct Instance {
     fmu: Arc<Fmu>,
     name: String,
@@ -326,12 +360,13 @@ impl Drop for SavedState {
 }
 
 impl Instance {
-    /// For messages.
+    /// Its name, with which error messages begin.
+    #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The warnings since the last call of this function.
+    /// The FMU's warnings since the last call of this function, the oldest first.
     pub fn take_warnings(&mut self) -> Vec<Message> {
         self.collect();
         std::mem::take(&mut self.warnings)
@@ -371,7 +406,11 @@ impl Instance {
         self.handle.tolerance.set(tolerance);
     }
 
-    /// Sets the experiment's times (s); values may be set before.
+    /// Sets the experiment's times (s); values may be set before. FMUs of FMI 3.0 get them on
+    /// [entering initialization](Self::enter_initialization).
+    ///
+    /// # Errors
+    /// When the call fails.
     pub fn set_up(&mut self, start_time: f64, stop_time: Option<f64>) -> Result<()> {
         let status = self.handle.setup_experiment(start_time, stop_time);
         self.check(format_args!("SetupExperiment"), &[], status)?;
@@ -379,18 +418,29 @@ impl Instance {
         Ok(())
     }
 
+    /// Begins the initialization, in which outputs can be read and inputs set.
+    ///
+    /// # Errors
+    /// When the call fails.
     pub fn enter_initialization(&mut self) -> Result<()> {
         let status = self.handle.enter_initialization_mode();
         self.check(format_args!("EnterInitializationMode"), &[], status)
     }
 
-    /// Ends the initialization.
+    /// Ends the initialization; steps follow.
+    ///
+    /// # Errors
+    /// When the call fails.
     pub fn exit_initialization(&mut self) -> Result<()> {
         let status = self.handle.exit_initialization_mode();
         self.check(format_args!("ExitInitializationMode"), &[], status)
     }
 
     /// Steps from a time (s) by a size (s).
+    ///
+    /// # Errors
+    /// When the call fails; after a discarded step, [`CallFailed::last_successful_time`] is the time reached. Also
+    /// when an FMU of FMI 3.0 asks to end the simulation, even though the step succeeded.
     pub fn step(&mut self, time: f64, size: f64) -> Result<()> {
         let status = self.handle.do_step(time, size);
         self.check(format_args!("DoStep"), &[], status)?;
@@ -402,6 +452,14 @@ impl Instance {
         Ok(())
     }
 
+    /// Gets variables: writes one value for each name of the selection, which is of this instance's FMU. Allocates
+    /// nothing.
+    ///
+    /// # Errors
+    /// When a call fails.
+    ///
+    /// # Panics
+    /// When there are fewer values than names.
     pub fn get(&mut self, selection: &mut Selection, values: &mut [f64]) -> Result<()> {
         for group in &mut selection.groups {
             self.read(group, &selection.names)?;
@@ -415,7 +473,14 @@ impl Instance {
         self.check(format_args!("Get{}", group.function), names, status)
     }
 
-    /// Sets variables. An Integer becomes the nearest whole number, a Boolean true from 0.5 on.
+    /// Sets variables: one value for each name of the selection, which is of this instance's FMU. An Integer becomes
+    /// the nearest whole number, a Boolean true from 0.5 on. Elements of an array that are not selected stay.
+    ///
+    /// # Errors
+    /// When a call fails.
+    ///
+    /// # Panics
+    /// When there are fewer values than names.
     pub fn set(&mut self, selection: &mut Selection, values: &[f64]) -> Result<()> {
         for group in &mut selection.groups {
             // The elements that are not selected stay.
@@ -429,7 +494,11 @@ impl Instance {
         Ok(())
     }
 
-    /// The current value of a numeric variable.
+    /// The current value of a numeric variable, in the unit that the FMU declares. [`Instance::get`] resolves names
+    /// only once.
+    ///
+    /// # Errors
+    /// When there is no numeric variable of this name, or the call fails.
     pub fn number(&mut self, name: &str) -> Result<f64> {
         let mut value = [0.0];
         let mut selection = self.fmu.select([name])?;
@@ -437,13 +506,21 @@ impl Instance {
         Ok(value[0])
     }
 
-    /// Sets a variable to a value of its type, in its unit or one that converts to it.
+    /// Sets a variable to a value of its type, in its unit or one that converts to it. An Enumeration takes the name of
+    /// an item or its number.
+    ///
+    /// # Errors
+    /// When there is no variable of this name, the value does not fit its type or unit, or the call fails.
     pub fn set_value(&mut self, name: &str, value: &Value) -> Result<()> {
         let fmu = Arc::clone(&self.fmu);
         let variable = fmu.variable(name)?;
         self.set_fitted(variable, &value.fit(variable, &[], &fmu.description)?)
     }
 
+    /// Sets the variables of a parameter set (SSP), converted to their units.
+    ///
+    /// # Errors
+    /// When the set does not [fit](ParameterSet::fit) the FMU, in which case nothing is set, or a call fails.
     pub fn set_parameters(&mut self, set: &ParameterSet) -> Result<()> {
         let fmu = Arc::clone(&self.fmu);
         let fitted =
@@ -481,6 +558,10 @@ impl Instance {
         self.set(&mut selection, &[number])
     }
 
+    /// Saves the state of the FMU.
+    ///
+    /// # Errors
+    /// When the FMU cannot save its state (capability `canGetAndSetFMUstate`), or the call fails.
     pub fn save(&mut self) -> Result<SavedState> {
         let Some((status, state)) = self.handle.get_state() else {
             bail!("{}: the FMU cannot save its state", self.name);
@@ -491,6 +572,9 @@ impl Instance {
     }
 
     /// Restores a state that this instance saved.
+    ///
+    /// # Errors
+    /// When the state is another instance's, the FMU cannot restore states, or the call fails.
     pub fn restore(&mut self, saved: &SavedState) -> Result<()> {
         if !Rc::ptr_eq(&self.handle, &saved.handle) {
             bail!("{}: the state is another instance's", self.name);

@@ -1,4 +1,18 @@
-//! Reads a TOML file value by value. Errors are reported with file, line and key.
+//! Reads a TOML file value by value: a scenario, or a file of your own. Errors are reported with file,
+//! line and key.
+//!
+//! In each function, `expected` says what belongs there, for the message: `a number above 0, in m`.
+//!
+//! ```
+//! use fmu_master::scenario::document::Document;
+//!
+//! let document = Document::parse("study.toml", "runs = 3\nseeds = 1")?;
+//! let root = document.root();
+//! let runs: usize = root.required("runs", "how many runs there are")?.integer("a whole number")?;
+//! assert_eq!(runs, 3);
+//! assert!(root.finish().unwrap_err().to_string().starts_with("study.toml, line 2, seeds: this key is not known"));
+//! # Ok::<(), anyhow::Error>(())
+//! ```
 
 use std::cell::RefCell;
 use std::fmt::Display;
@@ -21,12 +35,14 @@ pub struct Location {
 }
 
 impl Location {
-    /// An argument of the command line.
+    /// An argument of the command line, or any other text for a message to begin with.
+    #[must_use]
     pub fn argument(text: &str) -> Self {
         Self { source: text.into(), place: None }
     }
 
-    /// The line in the file, if it is one.
+    /// The line in the file, from 1 on; none for an argument.
+    #[must_use]
     pub fn line(&self) -> Option<usize> {
         self.place.as_ref().map(|(line, _)| *line)
     }
@@ -39,7 +55,10 @@ impl Location {
         }
     }
 
-    /// Puts the location before an error.
+    /// Puts the location before an error's message. The error no longer downcasts.
+    ///
+    /// # Errors
+    /// That of the result.
     pub fn locate<T>(&self, result: Result<T>) -> Result<T> {
         result.map_err(|error| self.error(format!("{error:#}")))
     }
@@ -65,6 +84,9 @@ pub struct Document<'a> {
 
 impl<'a> Document<'a> {
     /// Reads a text; `file` is its name in messages.
+    ///
+    /// # Errors
+    /// When it is not TOML, or larger than 1 MiB.
     pub fn parse(file: &str, text: &'a str) -> Result<Self> {
         if text.len() > LARGEST {
             bail!("{file} is larger than {LARGEST} bytes; long signals are columns of CSV files");
@@ -77,10 +99,13 @@ impl<'a> Document<'a> {
         Ok(Self { line_breaks, file: file.into(), root, files: RefCell::default() })
     }
 
-    pub fn into_files(self) -> Vec<PathBuf> {
+    /// All paths that were read.
+    pub(crate) fn into_files(self) -> Vec<PathBuf> {
         self.files.into_inner()
     }
 
+    /// The table of the whole file.
+    #[must_use]
     pub fn root(&self) -> TomlTable<'_> {
         let location = Location { source: Arc::clone(&self.file), place: Some((1, "the file".to_owned())) };
         TomlTable {
@@ -113,23 +138,32 @@ pub struct TomlTable<'a> {
 }
 
 impl<'a> TomlTable<'a> {
+    /// Where it is.
+    #[must_use]
     pub fn location(&self) -> &Location {
         &self.location
     }
 
-    /// An optional value.
+    /// A value that may be missing.
+    #[must_use]
     pub fn optional(&self, key: &str) -> Option<Node<'a>> {
         self.known.borrow_mut().push(key.to_owned());
         let (key, value) = self.table.get_key_value(key)?;
         Some(self.node(key.get_ref(), value))
     }
 
-    /// What the file is about.
+    /// The text under the key `title`: what the file is about.
+    ///
+    /// # Errors
+    /// When it is not a text.
     pub fn title(&self) -> Result<Option<&'a str>> {
         self.optional("title").map(|title| title.string("a text")).transpose()
     }
 
     /// A required value. Where it is missing and a similar key is there, that one is misspelt.
+    ///
+    /// # Errors
+    /// When it is missing.
     pub fn required(&self, key: &str, expected: &str) -> Result<Node<'a>> {
         self.optional(key).ok_or_else(|| {
             let known = self.known.borrow();
@@ -157,6 +191,9 @@ impl<'a> TomlTable<'a> {
     }
 
     /// Refuses keys that were not read.
+    ///
+    /// # Errors
+    /// When there is one.
     pub fn finish(self) -> Result<()> {
         let known = self.known.borrow();
         for (key, value) in self.table {
@@ -201,15 +238,20 @@ impl<'a> Node<'a> {
         Self { document, value: value.get_ref(), path, location }
     }
 
+    /// Where it is.
+    #[must_use]
     pub fn location(&self) -> &Location {
         &self.location
     }
 
+    /// The value itself.
+    #[must_use]
     pub fn value(&self) -> &'a DeValue<'a> {
         self.value
     }
 
-    /// An error for an unexpected value.
+    /// The error for an unexpected value: what was expected, and what was found.
+    #[must_use]
     pub fn unexpected(&self, expected: &str) -> Error {
         let found = match self.value {
             DeValue::String(text) => format!("the text \"{text}\""),
@@ -224,6 +266,9 @@ impl<'a> Node<'a> {
     }
 
     /// A finite number.
+    ///
+    /// # Errors
+    /// When it is something else.
     pub fn number(&self, expected: &str) -> Result<f64> {
         let text = match self.value {
             DeValue::Float(number) => number.as_str(),
@@ -235,11 +280,18 @@ impl<'a> Node<'a> {
     }
 
     /// A finite number above zero.
+    ///
+    /// # Errors
+    /// When it is something else.
     pub fn positive(&self, expected: &str) -> Result<f64> {
         let number = self.number(expected)?;
         if number > 0.0 { Ok(number) } else { Err(self.unexpected(expected)) }
     }
 
+    /// A whole decimal number in the range of `T`.
+    ///
+    /// # Errors
+    /// When it is something else.
     pub fn integer<T: std::str::FromStr>(&self, expected: &str) -> Result<T> {
         match self.value {
             DeValue::Integer(number) if number.radix() == 10 => number.as_str().parse().ok(),
@@ -248,12 +300,18 @@ impl<'a> Node<'a> {
         .ok_or_else(|| self.unexpected(expected))
     }
 
-    /// A string.
+    /// A text.
+    ///
+    /// # Errors
+    /// When it is something else.
     pub fn string(&self, expected: &str) -> Result<&'a str> {
         self.value.as_str().ok_or_else(|| self.unexpected(expected))
     }
 
     /// The path of a file, relative to a folder.
+    ///
+    /// # Errors
+    /// When it is not a text.
     pub fn path(&self, expected: &str, folder: &Path) -> Result<PathBuf> {
         let path = folder.join(self.string(expected)?);
         self.document.files.borrow_mut().push(path.clone());
@@ -261,6 +319,9 @@ impl<'a> Node<'a> {
     }
 
     /// A table.
+    ///
+    /// # Errors
+    /// When it is something else.
     pub fn table(&self, expected: &str) -> Result<TomlTable<'a>> {
         let DeValue::Table(table) = self.value else { return Err(self.unexpected(expected)) };
         Ok(TomlTable {
@@ -272,6 +333,10 @@ impl<'a> Node<'a> {
         })
     }
 
+    /// A list; its first value is `[1]` in messages.
+    ///
+    /// # Errors
+    /// When it is something else.
     pub fn list(&self, expected: &str) -> Result<Vec<Node<'a>>> {
         let DeValue::Array(list) = self.value else { return Err(self.unexpected(expected)) };
         let node = |(index, value)| {

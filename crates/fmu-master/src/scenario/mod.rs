@@ -1,5 +1,34 @@
-//! Scenarios: TOML files of coupled FMUs, their start, their inputs and what is recorded. docs/laboratory.md
-//! describes every key.
+//! Scenarios: TOML files of coupled FMUs, their start, their inputs and what is recorded. docs/laboratory.md in the
+//! repository describes every key.
+//!
+//! ```
+//! use std::path::Path;
+//!
+//! use fmu_master::scenario::Scenario;
+//!
+//! let text = r#"
+//!     step = 0.01
+//!     stop_time = 30
+//!     record = ["reference", "level", "controller:valve"]
+//!
+//!     [[fmu]]
+//!     name = "controller"
+//!     file = "Controller.fmu"
+//!     values = { gain = 2.5 }
+//!
+//!     [[fmu]]
+//!     name = "tank"
+//!     file = "Tank.fmu"
+//!
+//!     [inputs]
+//!     reference = { steps = [[0, 1.0], [5, 1.5]] }
+//! "#;
+//! let [folder, fmus] = ["scenarios", "fmus"].map(Path::new);
+//! let scenario = Scenario::parse("tank.toml", text, folder, fmus, |_| anyhow::bail!("there are no maps"))?;
+//! assert_eq!(scenario.steps, 3000);
+//! assert_eq!(scenario.fmus[1].file, Path::new("fmus/Tank.fmu"));
+//! # Ok::<(), anyhow::Error>(())
+//! ```
 
 pub mod document;
 mod signal;
@@ -19,7 +48,7 @@ pub use self::document::Location;
 use self::document::{Document, Node, TomlTable};
 pub use self::signal::{Signal, read_signals};
 
-/// An experiment with coupled FMUs.
+/// An experiment with coupled FMUs. Its methods keep dependent fields consistent, such as `stop_time` and `steps`.
 #[derive(Clone, Debug)]
 pub struct Scenario {
     /// What the scenario is about.
@@ -36,6 +65,7 @@ pub struct Scenario {
     pub tolerance: Option<f64>,
     /// The number of communication steps.
     pub steps: u32,
+    /// The order in which the FMUs step.
     pub stepping: Stepping,
     /// The FMUs, in the order of stepping.
     pub fmus: Vec<Member>,
@@ -66,13 +96,16 @@ pub enum Stepping {
     AtOnce,
 }
 
+/// An FMU of a scenario.
 #[derive(Clone, Debug)]
 pub struct Member {
     /// The name in the scenario.
     pub name: String,
+    /// The path of the `.fmu` file.
     pub file: PathBuf,
-    /// From other names and units to the interface.
+    /// From the FMU's names and units to those of the scenario.
     pub map: Option<Arc<dyn NameMap>>,
+    /// Where the scenario names it.
     pub location: Location,
     /// Parameter sets, applied before initialization.
     pub parameters: Vec<(ParameterSet, Location)>,
@@ -97,18 +130,25 @@ pub struct RunIn {
     pub after: Vec<Assignment>,
 }
 
+/// A value for a variable of an FMU.
 #[derive(Clone, Debug)]
 pub struct Assignment {
+    /// The variable.
     pub name: String,
     /// In the unit that the FMU declares.
     pub value: Value,
+    /// Where the scenario gives it.
     pub location: Location,
 }
 
+/// A signal that drives an input.
 #[derive(Clone, Debug)]
 pub struct Input {
+    /// The input's name.
     pub name: String,
+    /// Its values over time, in the unit that the FMU declares.
     pub signal: Signal,
+    /// Where the scenario gives it.
     pub location: Location,
 }
 
@@ -121,30 +161,40 @@ pub struct Connection {
     pub output: String,
     /// The name of the FMU.
     pub target: String,
+    /// Its input.
     pub input: String,
+    /// From the output's value to the input's.
     pub conversion: Linear,
 }
 
 /// Normally distributed noise on a connection or in the record.
 #[derive(Clone, Debug)]
 pub struct Noise {
+    /// The output, or the recorded variable.
     pub name: String,
     /// In the variable's unit.
     pub standard_deviation: f64,
     /// The same seed gives the same noise.
     pub seed: u64,
+    /// Where the scenario gives it.
     pub location: Location,
 }
 
+/// A recorded variable.
 #[derive(Clone, Debug)]
 pub struct Recorded {
     /// Its name, with its FMU's name and a colon before it if several have it.
     pub name: String,
+    /// Where the scenario names it.
     pub location: Location,
 }
 
 impl Scenario {
-    /// Reads a file. Paths are relative to its folder, those of FMUs to `fmus`.
+    /// Reads a file. Paths are relative to its folder, those of FMUs to `fmus`. `maps` reads the name maps of FMUs. The
+    /// FMUs are not opened.
+    ///
+    /// # Errors
+    /// When a file cannot be read, or the scenario is not valid; the message names line and key, and what was expected.
     pub fn read(path: &Path, fmus: &Path, maps: ReadMap) -> Result<Self> {
         let text = reading::text(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -154,6 +204,9 @@ impl Scenario {
     }
 
     /// Reads the text of a file, whose name is for messages. Paths are relative to `folder`, those of FMUs to `fmus`.
+    ///
+    /// # Errors
+    /// See [`Scenario::read`].
     pub fn parse(file: &str, text: &str, folder: &Path, fmus: &Path, maps: ReadMap) -> Result<Self> {
         let document = Document::parse(file, text)?;
         let root = document.root();
@@ -200,18 +253,21 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// The names in each panel of a plot.
+    /// The names in each panel of a plot, if the scenario has panels.
+    #[must_use]
     pub fn panel_names(&self) -> Option<Vec<Vec<String>>> {
         let names = |panel: &Vec<Recorded>| panel.iter().map(|recorded| recorded.name.clone()).collect();
         self.panels.as_ref().map(|panels| panels.iter().map(names).collect())
     }
 
     /// The signal that drives an input of every FMU that has it.
+    #[must_use]
     pub fn input(&self, name: &str) -> Option<&Signal> {
         self.inputs.iter().find(|input| input.name == name).map(|input| &input.signal)
     }
 
-    /// The inputs of an FMU that a signal of the scenario drives, each with its conversion.
+    /// The inputs of an FMU that a signal of the scenario drives, each with the conversion from the signal's value.
+    #[must_use]
     pub fn inputs_of<'a>(&'a self, member: &Member, fmu: &Fmu, signal: &'a str) -> Vec<(&'a str, Linear)> {
         match &self.connections {
             None => {
@@ -230,6 +286,9 @@ impl Scenario {
     }
 
     /// Lets the scenario end at another time (s).
+    ///
+    /// # Errors
+    /// When the time is not after the start by a whole number of steps.
     pub fn end_at(&mut self, stop_time: f64) -> Result<()> {
         if stop_time <= self.start_time {
             bail!("expected a time after start_time, {} s", number(self.start_time));
@@ -239,7 +298,11 @@ impl Scenario {
         Ok(())
     }
 
-    /// Gives an FMU another value before initialization.
+    /// Gives a variable of an FMU another value before initialization.
+    /// [`Master::initialize`](crate::Master::initialize) checks that it has the variable.
+    ///
+    /// # Errors
+    /// When the scenario has no FMU of this name.
     pub fn set_value(&mut self, fmu: &str, name: &str, value: Value) -> Result<()> {
         let member = self.member_mut(fmu)?;
         member.values.retain(|assignment| assignment.name != name);
@@ -249,13 +312,19 @@ impl Scenario {
     }
 
     /// Gives an input of all FMUs that have it another signal.
+    ///
+    /// # Errors
+    /// When the scenario has no signal for it.
     pub fn set_input(&mut self, name: &str, signal: Signal) -> Result<()> {
         let input = self.inputs.iter_mut().find(|input| input.name == name);
         input.with_context(|| format!("the scenario has no signal for {name}"))?.signal = signal;
         Ok(())
     }
 
-    /// Gives an input of one FMU its own signal.
+    /// Gives an input of one FMU its own signal, which replaces a connection.
+    ///
+    /// # Errors
+    /// When the scenario has no FMU of this name.
     pub fn set_own_input(&mut self, fmu: &str, name: &str, signal: Signal) -> Result<()> {
         let member = self.member_mut(fmu)?;
         member.inputs.retain(|input| input.name != name);
@@ -344,6 +413,10 @@ fn read_values(node: &Node<'_>) -> Result<Vec<Assignment>> {
     table.entries().map(|(name, node)| read_value(name, &node)).collect()
 }
 
+/// A value for a variable: a number, `true`, `false` or a text. A whole number of 32 bits is an Integer.
+///
+/// # Errors
+/// When it is something else.
 pub fn read_value(name: &str, node: &Node<'_>) -> Result<Assignment> {
     const EXPECTED: &str = "a number, true, false or a text";
     let value = match node.value() {

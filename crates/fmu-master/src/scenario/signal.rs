@@ -14,14 +14,16 @@ use fmu_record::{Record, expect_seconds, name_and_unit};
 /// A time may be before an instant by so much (s), since communication points are rounded multiples of the step.
 const ROUNDING: f64 = 1e-9;
 
+/// A value over time. Points are pairs of a time (s) and a value, sorted by time; there is at least one.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Signal {
+    /// The same value at any time.
     Constant(f64),
     /// Each value from its time on; the first also before.
     Steps(Vec<(f64, f64)>),
     /// Straight lines between points; the outermost values before and after.
     Lines(Vec<(f64, f64)>),
-    /// A sine wave: mean, amplitude, frequency in Hz, phase in degrees at time 0.
+    /// A sine wave: mean + amplitude · sin(360° · frequency · time + phase).
     Sine {
         /// In the unit of the variable.
         mean: f64,
@@ -36,6 +38,10 @@ pub enum Signal {
 
 impl Signal {
     /// The value at a time (s).
+    ///
+    /// # Panics
+    /// When there are no points.
+    #[must_use]
     pub fn at(&self, time: f64) -> f64 {
         match self {
             Self::Constant(value) => *value,
@@ -58,7 +64,8 @@ impl Signal {
         }
     }
 
-    /// The instants of jumps and kinks (s).
+    /// The points at which it jumps or bends, each a time (s) and a value; empty for constants and sines.
+    #[must_use]
     pub fn points(&self) -> &[(f64, f64)] {
         match self {
             Self::Steps(points) | Self::Lines(points) => points,

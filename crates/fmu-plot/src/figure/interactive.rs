@@ -35,7 +35,9 @@ pub fn script() -> String {
 }
 
 impl Figure {
-    /// The figure, for the `<figure>` of a page with [`script`].
+    /// The figure in HTML, for a `<figure>` in the body of a [`page`](crate::page), which draws it. Lines are thinned
+    /// to what the screen shows.
+    #[must_use]
     pub fn html(&self) -> String {
         let mut html = String::new();
         let lines: usize = self.rows.iter().flatten().map(|panel| panel.lines.len()).sum();

@@ -37,12 +37,20 @@ const GREATEST: f64 = 1e300;
 const ROOM: f64 = 0.06;
 
 impl Figure {
+    /// The figure as the text of an SVG file, in the colours of light mode.
+    ///
+    /// # Errors
+    /// When a finite value exceeds 1e300 in magnitude; the message names panel and line.
     pub fn svg(&self) -> Result<String> {
         let mut text = String::new();
         self.draw(&SVGBackend::with_string(&mut text, self.size(1)).into_drawing_area(), 1)?;
         Ok(text)
     }
 
+    /// The figure as the bytes of a PNG file, in the colours of light mode, 1800 pixels wide: two for each CSS pixel.
+    ///
+    /// # Errors
+    /// See [`Figure::svg`].
     pub fn png(&self) -> Result<Vec<u8>> {
         let (width, height) = self.size(DENSITY);
         let mut pixels = vec![0; 3 * width as usize * height as usize];
