@@ -51,15 +51,15 @@ pub struct Export {
     /// The interfaces of FMI that the FMUs offer [default: those that the variable `FMU_INTERFACES` names, or cs]
     #[arg(long, value_name = "INTERFACES", value_parser = interfaces())]
     interfaces: Option<Interfaces>,
-    /// The profile of cargo to compile with, as dev, for overflow checks and less time [default: fmu-library, which is
-    /// the release profile where Cargo.toml has none of this name]
+    /// The profile of cargo to compile the libraries with, as dev, which takes less time and checks for overflows
+    /// [default: fmu-library, which is the release profile where Cargo.toml has none of this name]
     #[arg(long, value_name = "PROFILE", default_value = PROFILE, hide_default_value = true)]
     profile: String,
     /// A library that was built elsewhere from the same sources, and its platform
     #[arg(long = "binary", value_name = "PLATFORM=FILE", value_parser = of_platform::<PathBuf>)]
     binaries: Vec<(Platform, PathBuf)>,
     /// Write the models as WebAssembly modules, MODEL.wasm, and no FMUs; docs/wasm.md says how programs run them
-    #[arg(long, conflicts_with_all = ["targets", "binaries", "sources"])]
+    #[arg(long, conflicts_with_all = ["targets", "profile", "binaries", "sources"])]
     wasm: bool,
     /// Include the models as C in the FMUs, for platforms without a library; docs/sources.md says what it takes
     #[arg(long)]

@@ -59,7 +59,8 @@ impl Metadata {
         if let Some(file) = manifest {
             command.arg("--manifest-path").arg(file);
         }
-        let output = command.output().context("cannot run cargo; install Rust, or set CARGO to where it is")?;
+        let output =
+            command.output().context("cannot run cargo; install Rust, or set CARGO to where it is")?;
         if !output.status.success() {
             bail!("{}", String::from_utf8_lossy(&output.stderr).trim());
         }

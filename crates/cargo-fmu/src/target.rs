@@ -112,7 +112,8 @@ pub trait Made {
     /// How the names of its files end.
     fn suffix(&self) -> &'static str;
 
-    /// The command that builds it in cargo's target folder, with a profile; which packages is the caller's.
+    /// The command that builds it in cargo's target folder, with a profile if it is a library; which packages is the
+    /// caller's.
     fn command(&self, target: &Path, profile: &str) -> Command;
 }
 
@@ -198,14 +199,14 @@ impl Made for WebAssembly {
         "wasm"
     }
 
-    fn command(&self, target: &Path, profile: &str) -> Command {
-        let mut command = build_command(profile);
+    fn command(&self, target: &Path, _profile: &str) -> Command {
+        let mut command = build_command(PROFILE);
         command.args(["--target", Self::TRIPLE]);
         // Nothing unwinds there. Optimized for size, the plant's module is a quarter smaller, but its steps, translated
         // to C, take 1.2 times as long, and the controller's 1.9 times.
         let settings = [r#"panic="abort""#, "opt-level=3", r#"lto="fat""#, "codegen-units=1", "strip=true"];
         for setting in settings {
-            command.args(["--config", &format!("profile.{profile}.{setting}")]);
+            command.args(["--config", &format!("profile.{PROFILE}.{setting}")]);
         }
         if let Some(compiler) = Self::compiler() {
             // Cargo would take the modules of two compilers for each other's.
