@@ -1,15 +1,16 @@
 //! Compiles models with cargo, and finds what it made.
 
 use std::collections::BTreeMap;
-use std::io::BufReader;
+use std::ffi::OsStr;
+use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 use anyhow::{Context, Result, bail};
-use cargo_metadata::{CrateType, Message, Metadata, Package};
 use fmu_export_build::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
 use fmu_package::reading;
 
+use super::metadata::{Message, Metadata, Package};
 use super::target::Made;
 
 /// What cargo built.
@@ -51,16 +52,17 @@ impl Compiled {
     }
 }
 
-/// Compiles packages of a workspace, for the version of FMI and the interfaces that are chosen, if any; cargo's progress
+/// Compiles packages of a workspace with a profile, for the version of FMI and the interfaces that are chosen, if any; cargo's progress
 /// shows on stderr.
 pub fn compile<'a>(
     metadata: &Metadata,
     packages: impl Iterator<Item = &'a Package>,
     build: &dyn Made,
+    profile: &str,
     version: Option<Version>,
     interfaces: Option<Interfaces>,
 ) -> Result<Compiled> {
-    let mut command = build.command(metadata.target_directory.as_std_path());
+    let mut command = build.command(&metadata.target_directory, profile);
     command
         .arg("--message-format=json-render-diagnostics")
         .arg("--manifest-path")
@@ -79,24 +81,24 @@ pub fn compile<'a>(
     let mut child = command.spawn().context("cannot run cargo; install Rust, or set CARGO to where it is")?;
     let stdout = child.stdout.take().context("cargo has no output")?;
     let mut compiled = Compiled { libraries: BTreeMap::new(), generated: vec![], folders: BTreeMap::new() };
-    for message in Message::parse_stream(BufReader::new(stdout)) {
-        match message.context("cannot read cargo's messages")? {
-            Message::BuildScriptExecuted(script) => compiled.generated.push(script.out_dir.into()),
-            Message::CompilerArtifact(artifact) => {
-                if artifact.target.crate_types.contains(&CrateType::CDyLib) {
-                    let suffix = Some(build.suffix());
-                    let library = artifact.filenames.iter().find(|file| file.extension() == suffix);
+    for line in BufReader::new(stdout).lines() {
+        match Message::read(&line.context("cannot read cargo's messages")?)? {
+            Message::BuildScriptExecuted { out_dir } => compiled.generated.push(out_dir),
+            Message::CompilerArtifact { package_id, manifest_path, target, filenames } => {
+                if target.is_library() {
+                    let suffix = Some(OsStr::new(build.suffix()));
+                    let library = filenames.into_iter().find(|file| file.extension() == suffix);
                     if let Some(file) = library {
-                        compiled.libraries.insert(artifact.target.name, file.clone().into());
+                        compiled.libraries.insert(target.name, file);
                     }
                 }
-                if let Some(package) = name_and_version(&artifact.package_id.repr)
-                    && let Some(folder) = artifact.manifest_path.parent()
+                if let Some(package) = name_and_version(&package_id)
+                    && let Some(folder) = manifest_path.parent()
                 {
                     compiled.folders.insert(package, folder.into());
                 }
             }
-            _ => {}
+            Message::Other => {}
         }
     }
     if !child.wait().context("cargo did not end")?.success() {

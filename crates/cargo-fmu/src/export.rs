@@ -12,7 +12,6 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use cargo_metadata::{CrateType, Metadata, MetadataCommand, Package};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use fmu_export_build::{Interfaces, Version};
@@ -20,8 +19,9 @@ use fmu_package::terminal::{complain, print};
 use fmu_package::{Fmu, Library, Platform, PlatformList, library, reading, writing};
 
 use super::compile::{Compiled, compile};
+use super::metadata::{Metadata, Package};
 use super::sources::Module;
-use super::target::{Build, Made, Target, WebAssembly};
+use super::target::{Build, Made, PROFILE, Target, WebAssembly};
 use super::{licenses, of_platform, sources, validate};
 
 /// Compile the models of this workspace and write their .fmu files
@@ -51,11 +51,15 @@ pub struct Export {
     /// FMI interfaces [default: the variable `FMU_INTERFACES`, else cs]
     #[arg(long, value_name = "INTERFACES", value_parser = interfaces())]
     interfaces: Option<Interfaces>,
+    /// Cargo profile for the libraries; `dev` compiles faster and checks for overflow [default: fmu-library, or release if
+    /// Cargo.toml has no such profile]
+    #[arg(long, value_name = "PROFILE", default_value = PROFILE, hide_default_value = true)]
+    profile: String,
     /// A library built elsewhere from the same sources, with its platform
     #[arg(long = "binary", value_name = "PLATFORM=FILE", value_parser = of_platform::<PathBuf>)]
     binaries: Vec<(Platform, PathBuf)>,
     /// Write WebAssembly modules, MODEL.wasm, instead of FMUs; see docs/wasm.md
-    #[arg(long, conflicts_with_all = ["targets", "binaries", "sources"])]
+    #[arg(long, conflicts_with_all = ["targets", "profile", "binaries", "sources"])]
     wasm: bool,
     /// Include the models as C in the FMUs, for platforms without a library; see docs/sources.md
     #[arg(long)]
@@ -74,6 +78,7 @@ pub struct Plan {
     /// Nothing where the environment decides.
     versions: Vec<Option<Version>>,
     interfaces: Option<Interfaces>,
+    profile: String,
     binaries: Vec<(Platform, PathBuf)>,
     /// The package of each model.
     models: BTreeMap<String, Package>,
@@ -89,16 +94,11 @@ impl Export {
     pub fn plan(self) -> Result<Plan> {
         let builds = if self.wasm { vec![] } else { builds(&self.targets)? };
         self.check_tools(&builds)?;
-        let mut command = MetadataCommand::new();
-        // Nothing is asked of the dependencies: else cargo would fetch those of members that are not exported.
-        command.no_deps();
-        if let Some(file) = self.manifest_path {
-            command.manifest_path(file);
-        }
-        let metadata = command.exec().context("cargo finds no package here; run this in its folder")?;
+        let metadata = Metadata::of(self.manifest_path.as_deref())
+            .context("cargo finds no package here; run this in its folder")?;
         let models = choose(&metadata, &self.models, &self.packages)?;
-        let out = self.out.unwrap_or_else(|| metadata.target_directory.join("fmu").into());
-        let Self { mut versions, interfaces, binaries, .. } = self;
+        let out = self.out.unwrap_or_else(|| metadata.target_directory.join("fmu"));
+        let Self { mut versions, interfaces, profile, binaries, .. } = self;
         if interfaces == Some(Interfaces::ScheduledExecution) && versions.contains(&Version::Two) {
             bail!("--interfaces se is of FMI 3.0; --fmi names 2");
         }
@@ -107,7 +107,7 @@ impl Export {
         let versions =
             if versions.is_empty() { vec![None] } else { versions.into_iter().map(Some).collect() };
         let Self { wasm, sources, .. } = self;
-        Ok(Plan { metadata, builds, wasm, sources, versions, interfaces, binaries, models, out })
+        Ok(Plan { metadata, builds, wasm, sources, versions, interfaces, profile, binaries, models, out })
     }
 
     /// Refuses to begin with tools missing, and names all of them.
@@ -236,7 +236,7 @@ impl Plan {
         }
         let bytes = reading::bytes(modules.library(model)?)?;
         let version = if is_fmi3(description) { Version::Three } else { Version::Two };
-        let folder = self.metadata.target_directory.as_std_path().join("fmu-sources");
+        let folder = self.metadata.target_directory.join("fmu-sources");
         sources::files(&Module { model: identifier, version, description, bytes: &bytes }, &folder)
     }
 
@@ -260,14 +260,13 @@ impl Plan {
             self.models().collect::<Vec<_>>().join(", "),
             build.name()
         ));
-        compile(&self.metadata, self.models.values(), build, version, self.interfaces).with_context(|| {
-            match version {
+        compile(&self.metadata, self.models.values(), build, &self.profile, version, self.interfaces)
+            .with_context(|| match version {
                 Some(version) if self.versions.first() != Some(&Some(version)) => {
                     format!("nothing was exported of FMI {version}.0")
                 }
                 _ => "nothing was exported".to_owned(),
-            }
-        })
+            })
     }
 
     /// Writes the FMUs of what was built, with libraries that were built elsewhere, says so, and returns their files.
@@ -342,26 +341,24 @@ fn interfaces() -> impl TypedValueParser<Value = Interfaces> {
 
 /// The models that are asked for, by their identifiers.
 fn choose(metadata: &Metadata, names: &[String], packages: &[String]) -> Result<BTreeMap<String, Package>> {
-    let members = metadata.workspace_packages();
+    let members = &metadata.packages;
     for name in packages {
-        if !members.iter().any(|package| package.name == name.as_str()) {
+        if !members.iter().any(|package| package.name == *name) {
             let known: Vec<_> = members.iter().map(|package| package.name.as_str()).collect();
             bail!("the workspace has no package {name}; it has {}", known.join(", "));
         }
     }
     let mut models = BTreeMap::new();
     for package in members {
-        if packages.is_empty() || packages.iter().any(|name| package.name == name.as_str()) {
-            let libraries =
-                package.targets.iter().filter(|target| target.crate_types.contains(&CrateType::CDyLib));
-            models.extend(libraries.map(|target| (target.name.clone(), package.clone())));
+        if packages.is_empty() || packages.contains(&package.name) {
+            models.extend(package.libraries().map(|target| (target.name.clone(), package.clone())));
         }
     }
     if models.is_empty() {
         bail!(
             "there is no model in {}: a model is a package with `crate-type = [\"cdylib\"]` in the [lib] of its \
              Cargo.toml, and its [lib] bears the model identifier as its name",
-            metadata.workspace_root
+            metadata.workspace_root.display()
         );
     }
     let known = models.keys().cloned().collect::<Vec<_>>().join(", ");

@@ -10,6 +10,7 @@ mod export;
 mod info;
 mod licenses;
 mod merge;
+mod metadata;
 mod new;
 mod parameter_binding;
 mod parameters;

@@ -11,11 +11,11 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
-use cargo_metadata::Package;
 use fmu_package::reading;
 
 use super::cargo;
 use super::compile::Compiled;
+use super::metadata::Package;
 use super::target::Build;
 
 /// Where the licenses lie in the archive.

@@ -15,7 +15,7 @@ use fmu_package::Platform;
 use super::{cargo, new};
 
 /// The profile of the libraries. A workspace whose manifest does not define it gets it as its release profile.
-const PROFILE: &str = "fmu-library";
+pub const PROFILE: &str = "fmu-library";
 
 /// What is asked for by `--target`.
 #[derive(Clone, Debug)]
@@ -112,8 +112,9 @@ pub trait Made {
     /// How the names of its files end.
     fn suffix(&self) -> &'static str;
 
-    /// The command that builds it in cargo's target folder; which packages is the caller's.
-    fn command(&self, target: &Path) -> Command;
+    /// The command that builds it in cargo's target folder, with a profile if it is a library; which packages is the
+    /// caller's.
+    fn command(&self, target: &Path, profile: &str) -> Command;
 }
 
 /// WebAssembly modules.
@@ -198,8 +199,8 @@ impl Made for WebAssembly {
         "wasm"
     }
 
-    fn command(&self, target: &Path) -> Command {
-        let mut command = build_command();
+    fn command(&self, target: &Path, _profile: &str) -> Command {
+        let mut command = build_command(PROFILE);
         command.args(["--target", Self::TRIPLE]);
         // Nothing unwinds there. Optimized for size, the plant's module is a quarter smaller, but its steps, translated
         // to C, take 1.2 times as long, and the controller's 1.9 times.
@@ -219,15 +220,17 @@ impl Made for WebAssembly {
 }
 
 /// The beginning of the commands that build, with cargo.
-fn build_command() -> Command {
+fn build_command(profile: &str) -> Command {
     let mut command = cargo();
     command.arg("build");
-    with_profile(command)
+    with_profile(command, profile)
 }
 
-fn with_profile(mut command: Command) -> Command {
-    command.args(["--profile", PROFILE]);
-    command.args(["--config", &format!(r#"profile.{PROFILE}.inherits="release""#)]);
+fn with_profile(mut command: Command, profile: &str) -> Command {
+    command.args(["--profile", profile]);
+    if profile == PROFILE {
+        command.args(["--config", &format!(r#"profile.{PROFILE}.inherits="release""#)]);
+    }
     command
 }
 
@@ -240,13 +243,13 @@ impl Made for Build {
         self.platform.format().suffix()
     }
 
-    fn command(&self, _target: &Path) -> Command {
+    fn command(&self, _target: &Path, profile: &str) -> Command {
         let mut command = if self.links_with_zig() {
             let mut command = Command::new("cargo-zigbuild");
             command.arg("zigbuild");
-            with_profile(command)
+            with_profile(command, profile)
         } else {
-            build_command()
+            build_command(profile)
         };
         if let Some(target) = &self.target {
             command.args(["--target", target]);
@@ -254,7 +257,7 @@ impl Made for Build {
         match self.platform {
             // The library calls itself by its file's name instead of the place where it was built.
             Platform::Darwin64 | Platform::Aarch64Darwin => {
-                command.args(["--config", &format!("profile.{PROFILE}.rpath=true")]);
+                command.args(["--config", &format!("profile.{profile}.rpath=true")]);
             }
             // The run-time library goes into the FMU (FMI 2.0.5, section 2.3: "option MT").
             Platform::Win32 | Platform::Win64 | Platform::Aarch64Windows => {

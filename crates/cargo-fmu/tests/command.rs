@@ -515,7 +515,12 @@ fn fmus_that_do_not_belong_together_are_not_merged() {
     refused(&own, &other, &[&own, &other, "both hold binaries/linux64/Other.so, and these differ"], &[]);
     let same = [("binaries/darwin64/Other.dylib", mach_o(MACH_O_ARM64, "b"))];
     let other = fmu_of("apple_again.fmu", &[(same[0].0, &same[0].1)]);
-    refused(&apple, &other, &["both hold binaries/darwin64/Other.dylib", "duplicated architecture"], &[]);
+    refused(
+        &apple,
+        &other,
+        &["both hold binaries/darwin64/Other.dylib", "two are for the same processor"],
+        &[],
+    );
     let other = fmu_of("wrong_folder.fmu", &[("binaries/win64/Other.dll", &library)]);
     refused(&own, &other, &["the library for win64 in", "wrong_folder.fmu", "it is ELF for x86-64"], &[]);
     let other = fmu_of("other_license.fmu", &[("documentation/license.txt", b"")]);

@@ -6,7 +6,6 @@ use std::collections::BTreeSet;
 use std::fmt::{self, Display};
 use std::io;
 
-use fat_macho::FatWriter;
 use object::read::NameOrOrdinal;
 use object::read::elf::{ElfFile, FileHeader, ProgramHeader};
 use object::read::macho::{FatArch, MachHeader, MachOFatFile32, MachOFatFile64, MachOFile};
@@ -313,14 +312,34 @@ fn macos<Mach: MachHeader>(file: &MachOFile<'_, Mach>) -> object::Result<Option<
 /// # Errors
 /// When one is no such library, or two are for the same processor.
 pub fn join(libraries: &[&[u8]]) -> io::Result<Vec<u8>> {
-    let refused = |error: fat_macho::Error| broken(format!("they cannot be joined: {error}"));
-    let mut writer = FatWriter::new();
+    // Each begins at a page of arm64, the larger ones.
+    const PAGE: u32 = 1 << 14;
+    let mut parts = vec![];
     for &library in libraries {
-        writer.add(library).map_err(refused)?;
+        for part in slices(library).map_err(unreadable)? {
+            let &[0xce | 0xcf, 0xfa, 0xed, 0xfe, a, b, c, d, e, f, g, h, ..] = part else {
+                return Err(broken("they cannot be joined: one is no library of macOS"));
+            };
+            parts.push((u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h]), part));
+        }
     }
-    let mut bytes = vec![];
-    writer.write_to(&mut bytes).map_err(refused)?;
-    Ok(bytes)
+    parts.sort();
+    if parts.windows(2).any(|pair| pair[0].0 == pair[1].0 && pair[0].1 == pair[1].1) {
+        return Err(broken("they cannot be joined: two are for the same processor"));
+    }
+    let too_large = |_| broken("they cannot be joined: they are too large");
+    let number_of = |count: usize| u32::try_from(count).map_err(too_large);
+    let mut header = [macho::FAT_MAGIC, number_of(parts.len())?].map(u32::to_be_bytes).concat();
+    let mut content = vec![];
+    for (processor, kind, part) in parts {
+        content.resize(content.len().next_multiple_of(PAGE as usize), 0);
+        let begin = number_of(PAGE as usize + content.len())?;
+        let entry = [processor, kind, begin, number_of(part.len())?, PAGE.trailing_zeros()];
+        header.extend(entry.map(u32::to_be_bytes).concat());
+        content.extend(part);
+    }
+    header.resize(PAGE as usize, 0);
+    Ok([header, content].concat())
 }
 
 fn unreadable(error: object::Error) -> io::Error {
