@@ -1,8 +1,4 @@
-//! Models of equations, by which the built-in integrator is tested, and the test model of the C interface, for random
-//! calls.
-
-#[path = "../../test-model/src/lib.rs"]
-pub mod test_model;
+//! Models of equations, by which the built-in integrator is tested.
 
 use fmu_export::{Context, Equations, Error, Event, Number, Persistent, VariablesOf};
 
