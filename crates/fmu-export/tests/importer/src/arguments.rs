@@ -118,6 +118,7 @@ impl fmt::Debug for Memory {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.element {
             4.. if !self.texts.is_empty() => write!(formatter, "{:?}", self.texts),
+            1 if self.size > 32 => write!(formatter, "{} bytes", self.size),
             8 => write!(formatter, "{:?}", self.numbers()),
             size => formatter.debug_list().entries(self.content().chunks(size)).finish(),
         }
