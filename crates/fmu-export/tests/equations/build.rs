@@ -7,9 +7,17 @@ use fmu_export_build::{Interfaces, Package, generate_into};
 
 fn main() {
     let out_dir = env::var("OUT_DIR").expect("OUT_DIR is set for build scripts");
-    for model in
-        ["decay", "van_der_pol", "robertson", "hires", "bouncing_ball", "stairs", "undeclared", "draining"]
-    {
+    for model in [
+        "decay",
+        "van_der_pol",
+        "robertson",
+        "hires",
+        "bouncing_ball",
+        "stairs",
+        "undeclared",
+        "draining",
+        "../../../fmu-export-build/tests/generator/vessels",
+    ] {
         let declaration = format!("{model}.json");
         println!("cargo::rerun-if-changed={declaration}");
         let package = Package::of_build_script();

@@ -11,7 +11,8 @@ macro_rules! variables {
     )*};
 }
 variables!(decay: "decay", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
-    bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared", draining: "draining");
+    bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared", draining: "draining",
+    vessels: "Vessels");
 
 /// Exponential decay towards an input and a ramp in time, from a start value and an offset together.
 #[derive(Clone, Debug, Default, Persistent)]
