@@ -249,6 +249,40 @@ fn models_of_equations_survive_calls_in_any_order() {
     }
 }
 
+/// The built-in integrator goes on from each state in the middle of a run to the same bits, in another instance: with state
+/// events, time events in and beside the ends of steps, and steps whose length grows by ten decades.
+#[test]
+#[ignore = "of exported FMUs"]
+fn models_of_equations_go_on_from_states_between_steps() {
+    let equal = |size: f64, steps: u32| (0..steps).map(|step| f64::from(step) * size).collect::<Vec<_>>();
+    let growing = [&[0.0][..], &(-8..3).map(|power| 10_f64.powi(power)).collect::<Vec<_>>()].concat();
+    let runs = [
+        ("BouncingBall", equal(0.1, 26)),
+        ("Stair", equal(0.1, 21)),
+        ("Stair", equal(0.17, 21)),
+        ("VanDerPol", growing),
+    ];
+    for (model, times) in runs {
+        let fmu = Fmu::open(&Fmu::folder(), &format!("ladder/fmu/{model}.fmu"));
+        let step = |instance: &mut Instance<'_>, pair: &[f64]| {
+            let size = Argument::Number(pair[1] - pair[0]);
+            let arguments = [Argument::Number(pair[0]), size, Argument::Whole(1)];
+            assert_eq!(instance.call(fmu.function("DoStep"), &arguments).0, Status::Ok);
+            instance.snapshot()
+        };
+        let mut instance = Instance::in_state(&fmu, Interface::CoSimulation, State::StepComplete).unwrap();
+        let mut states = vec![instance.snapshot()];
+        states.extend(times.windows(2).map(|pair| step(&mut instance, pair)));
+        for begin in 0..states.len() {
+            let mut other = Instance::new(&fmu, Interface::CoSimulation);
+            other.restore(&states[begin]);
+            for (pair, expected) in times.windows(2).zip(&states[1..]).skip(begin) {
+                assert!(step(&mut other, pair) == *expected, "{model}, from {} s", times[begin]);
+            }
+        }
+    }
+}
+
 /// Any bytes as a serialized state.
 fn any_bytes(fmu: &Fmu, interface: Interface, cases: u32) {
     let mut instance = Instance::new(fmu, interface);
