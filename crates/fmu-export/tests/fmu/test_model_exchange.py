@@ -1,5 +1,5 @@
-"""Model Exchange with an importer that breaks the rules or goes to their limits (FMI 2.0.5, chapter 3): wrong
-arguments, failing models, time and state events, and what is read between them."""
+"""Model Exchange with an importer that goes to the limits of the rules (FMI 2.0.5, chapter 3): what is not
+finite, time and state events, and what is read between them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from fmi2 import MODEL_EXCHANGE, STEP, EventInfo, Fmu, Instance, Status, buffer, reals
-from test_panics import NOT_FINITE, TEXTS, expected, without_place
+from test_panics import NOT_FINITE
 
 Make = Callable[..., Instance]
 
@@ -64,25 +64,6 @@ def everything(instance: Instance) -> list[Any]:
 # Failing models
 
 
-PANICS = [
-    ("event", "fmi2NewDiscreteStates"),
-    ("event_indicators", "fmi2ExitInitializationMode"),
-    ("event_indicators", "fmi2NewDiscreteStates"),
-    ("event_indicators", "fmi2GetEventIndicators"),
-    ("next_event", "fmi2ExitInitializationMode"),
-    ("next_event", "fmi2NewDiscreteStates"),
-    ("refresh", "fmi2GetDerivatives"),
-    ("refresh", "fmi2GetEventIndicators"),
-    ("refresh", "fmi2GetContinuousStates"),
-    ("refresh", "fmi2EnterContinuousTimeMode"),
-    ("refresh", "fmi2NewDiscreteStates"),
-    ("check_parameters", "fmi2ExitInitializationMode"),
-    ("check_parameters", "fmi2NewDiscreteStates"),
-    ("check_parameters", "fmi2EnterContinuousTimeMode"),
-]
-"""Places, and functions that meet them."""
-
-
 def arguments_of(function: str) -> list[Any]:
     """Valid arguments."""
     count = 3 if function == "fmi2GetEventIndicators" else 2
@@ -101,58 +82,6 @@ def before_failure(make: Make, place: str, manner: str, function: str) -> Instan
         # A tick is due.
         instance = initialized(make, events__period=0.25)
     return instance.choose(fault__place=place, fault__manner=manner)
-
-
-@pytest.mark.parametrize("manner", TEXTS)
-@pytest.mark.parametrize(("place", "function"), PANICS)
-def test_a_panic(make: Make, fmu: Fmu, place: str, function: str, manner: str) -> None:
-    """An Error with its message; then the instance is in the state `error`, until it is reset."""
-    bystander = running(make)
-    untouched = everything(bystander)
-    instance = before_failure(make, place, manner, function)
-    assert without_place(instance.refuses(function, *arguments_of(function))) == expected(fmu, manner, place)
-    refused = "must not be called in the state error"
-    for name in ("fmi2EnterEventMode", "fmi2EnterContinuousTimeMode", "fmi2Terminate"):
-        assert instance.refuses(name) == refused
-    assert instance.refuses("fmi2SetTime", 1.0) == refused
-    instance.ok("fmi2Reset")
-    instance.initialize()
-    finish_event(instance)
-    assert everything(instance) == untouched == everything(bystander)
-
-
-def test_a_saved_state_leads_back_from_a_panic(make: Make) -> None:
-    """At an event that has begun."""
-    instance, untouched = (initialized(make, events__period=0.25, events__echoes=2) for _ in range(2))
-    for each in (instance, untouched):
-        assert each.new_discrete_states().new_discrete_states_needed
-    state = instance.save()
-    instance.choose(fault__place="event")
-    assert instance.call("fmi2NewDiscreteStates", byref(EventInfo())) == Status.ERROR
-    instance.ok("fmi2SetFMUstate", state)
-    for each in (instance, untouched):
-        assert [info.new_discrete_states_needed for info in finish_event(each)] == [1, 0]
-    assert instance.snapshot() == untouched.snapshot()
-
-
-@pytest.mark.parametrize("place", ["event", "event_indicators", "next_event"])
-def test_an_error_of_the_model(make: Make, place: str) -> None:
-    """`event` returns it; the others cannot, and panic."""
-    instance = before_failure(make, place, "error", "fmi2NewDiscreteStates")
-    text = instance.refuses("fmi2NewDiscreteStates", byref(EventInfo()))
-    panic = "the model panicked: the model's own error; reset the instance"
-    assert text == "the model's own error" if place == "event" else without_place(text) == panic
-    instance.refuses("fmi2NewDiscreteStates", byref(EventInfo()), names=["error"])
-
-
-@pytest.mark.parametrize("manner", NOT_FINITE)
-def test_an_event_to_what_is_not_finite(make: Make, manner: str) -> None:
-    instance = before_failure(make, "event", manner, "fmi2NewDiscreteStates")
-    text = f"the variable tank.level became {NOT_FINITE[manner]} at the time 0 s"
-    assert instance.refuses("fmi2NewDiscreteStates", byref(EventInfo())) == text
-    instance.refuses("fmi2EnterContinuousTimeMode", names=["error"])
-    text = f"the state tank.level is {NOT_FINITE[manner]}"
-    assert instance.refuses("fmi2GetContinuousStates", reals(0.0, 0.0), 2) == text
 
 
 @pytest.mark.parametrize("manner", NOT_FINITE)

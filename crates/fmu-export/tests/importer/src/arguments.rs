@@ -307,7 +307,11 @@ impl Instance<'_> {
             None => ptr::null_mut(),
         };
         let bytes = if name.contains("erialize") { self.serialize(state) } else { vec![] };
-        let states = if function.parameters.iter().any(|(name, _)| ["x", "continuousStates"].contains(name)) {
+        let states = if function
+            .parameters
+            .iter()
+            .any(|(name, kind)| matches!(kind, Kind::In(_)) && ["x", "continuousStates"].contains(name))
+        {
             self.states()
         } else {
             vec![]

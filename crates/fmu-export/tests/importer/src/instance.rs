@@ -373,7 +373,7 @@ impl<'f> Instance<'f> {
             instance.ok("SetupExperiment");
         }
         if !is_fmi3 && state == State::Error {
-            instance.set_number("events.period", 4);
+            instance.set("events.period", 4);
         }
         for function in path {
             instance.ok(function);
@@ -386,7 +386,7 @@ impl<'f> Instance<'f> {
                     Interface::CoSimulation => (4, "DoStep"),
                     _ => (12, "NewDiscreteStates"),
                 };
-                instance.set_number("fault.place", place);
+                instance.set("fault.place", place);
                 assert_eq!(instance.call_with(fails, &mut Whim::none()).0, Status::Error);
                 instance.at.state = State::Error;
             }
@@ -395,7 +395,7 @@ impl<'f> Instance<'f> {
             }
             State::StepFailed => {
                 // The end is asked for within the step.
-                instance.set_number("events.end", 1);
+                instance.set("events.end", 1);
                 assert_eq!(instance.call_with("DoStep", &mut Whim::none()).0, Status::Discard);
             }
             _ => {}
@@ -405,15 +405,22 @@ impl<'f> Instance<'f> {
         Some(instance)
     }
 
-    /// Sets a variable of FMI 2.0: a whole number, or sixteenths.
-    pub fn set_number(&mut self, name: &str, value: i32) {
+    /// Sets a scalar: a whole number, or sixteenths.
+    pub fn set(&mut self, name: &str, value: i32) {
         let variable = self.fmu.description.variable(name).unwrap();
-        let (function, value) = match variable.value_type() {
-            ValueType::Real => ("SetReal", Argument::of(&[f64::from(value) / 16.0])),
-            _ => ("SetInteger", Argument::of(&[value])),
+        let is_fmi3 = self.fmu.description.is_fmi3();
+        let (kind, value) = match (variable.value_type(), is_fmi3) {
+            (ValueType::Real, _) => {
+                (if is_fmi3 { "Float64" } else { "Real" }, Argument::of(&[f64::from(value) / 16.0]))
+            }
+            (ValueType::Enumeration, true) => ("Int64", Argument::of(&[i64::from(value)])),
+            (_, _) => (if is_fmi3 { "Int32" } else { "Integer" }, Argument::of(&[value])),
         };
-        let arguments = [Argument::of(&[reference(variable)]), Argument::Whole(1), value];
-        assert_eq!(self.call(self.fmu.function(function), &arguments).0, Status::Ok);
+        let mut arguments = vec![Argument::of(&[reference(variable)]), Argument::Whole(1), value];
+        if is_fmi3 {
+            arguments.push(Argument::Whole(1));
+        }
+        assert_eq!(self.call(self.fmu.function(&format!("Set{kind}")), &arguments).0, Status::Ok);
     }
 
     /// Calls a function that must succeed, with valid arguments.

@@ -232,7 +232,7 @@ fn the_plant_and_the_controller_survive_calls_in_any_order() {
         let is_plant = fmu.description.variable("initialization.mode").is_some();
         any_order(&fmu, Interface::CoSimulation, cases, &|instance| {
             if is_plant {
-                instance.set_number("initialization.mode", 2);
+                instance.set("initialization.mode", 2);
             }
         });
         any_bytes(&fmu, Interface::CoSimulation, 5000);
