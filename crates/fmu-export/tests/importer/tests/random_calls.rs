@@ -20,7 +20,7 @@ use proptest::sample::Index;
 use proptest::test_runner::{RngSeed, TestRunner};
 
 /// Those that lead on, without the version.
-const USEFUL: [&str; 26] = [
+const USEFUL: [&str; 28] = [
     "EnterInitializationMode",
     "ExitInitializationMode",
     "SetupExperiment",
@@ -31,6 +31,8 @@ const USEFUL: [&str; 26] = [
     "SetFloat64",
     "DoStep",
     "SetRealInputDerivatives",
+    "GetRealOutputDerivatives",
+    "GetOutputDerivatives",
     "EnterEventMode",
     "NewDiscreteStates",
     "UpdateDiscreteStates",
