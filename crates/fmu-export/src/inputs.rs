@@ -213,7 +213,10 @@ impl<I: Inputs> InputSignal<I> {
     /// Notes the inputs and their slopes at the end of a step of a size (s).
     fn note_end(&mut self, size: f64) {
         for real in &mut self.reals {
-            real.reached = real.set + real.rise(self.order, size);
+            // Not of a slope that was set to nothing since: a restored state has forgotten it.
+            if self.moved {
+                real.reached = real.set + real.rise(self.order, size);
+            }
             real.slope = real.slope_at(self.order, size);
             real.derivatives = [0.0; MAX_ORDER];
         }

@@ -3,11 +3,10 @@
 use std::env;
 use std::fs;
 
-use fmu_export::Variables as _;
 use fmu_export::description::Interfaces as Described;
 use fmu_export_build::{Fmi, Generated, Interfaces, Version, generate_into};
 
-use super::{Variables, folder, folder_with_model, package, read, sources};
+use super::{folder, folder_with_model, package, read, sources};
 
 fn generate(interfaces: Interfaces) -> Generated {
     let out_dir = folder(&format!("interfaces {interfaces}"));
@@ -294,7 +293,7 @@ fn clocks_are_described_and_typed() {
 
 #[test]
 fn the_typed_interface_has_the_functions_and_the_table_of_the_interfaces() {
-    let of_co_simulation = read(&sources().join("Vessels/variables.rs"));
+    let of_co_simulation = read(&generate(Interfaces::CoSimulation).variables);
     for (interfaces, functions, co_simulation, model_exchange) in [
         (Interfaces::CoSimulation, "fmi2_co_simulation", true, false),
         (Interfaces::ModelExchange, "fmi2_model_exchange", false, true),
@@ -313,17 +312,6 @@ fn the_typed_interface_has_the_functions_and_the_table_of_the_interfaces() {
         // The macro, the GUID and the interfaces.
         assert_eq!(different, if interfaces == Interfaces::CoSimulation { 0 } else { 3 });
     }
-}
-
-#[test]
-fn the_runtime_is_told_event_indicators_and_states() {
-    assert_eq!(Variables::EVENT_INDICATORS, ["first_is_empty", "second.is_empty"]);
-    let variables = Variables::DESCRIPTION.variables.iter();
-    let mut states: Vec<_> =
-        variables.filter_map(|variable| Some((variable.state?, variable.name))).collect();
-    states.sort_unstable();
-    assert!(states.iter().map(|(position, _)| usize::from(*position)).eq(0..Variables::STATE_NAMES.len()));
-    assert!(states.iter().map(|(_, name)| *name).eq(Variables::STATE_NAMES.iter().copied()));
 }
 
 #[test]

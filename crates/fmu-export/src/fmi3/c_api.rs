@@ -618,8 +618,8 @@ pub unsafe fn get_output_derivatives<M: Model>(
         call::<M>(instance, Function::GetOutputDerivatives, |instance| {
             let references = elements("valueReferences", references, count)?;
             let orders = elements("orders", orders, count)?;
-            let mut spread = Vec::with_capacity(value_count);
-            let mut spread_orders = Vec::with_capacity(value_count);
+            // Not as many as the importer says, which may be any number.
+            let (mut spread, mut spread_orders) = (vec![], vec![]);
             for (&reference, &order) in references.iter().zip(orders.iter()) {
                 let elements = Function::elements::<M::Variables>(reference)?;
                 spread_orders.resize(spread_orders.len() + elements.len(), order);

@@ -153,7 +153,8 @@ functions! {
         let spread = if is_scalar {
             references
         } else {
-            let mut spread = Vec::with_capacity(values);
+            // Not as many as the importer says, which may be any number.
+            let mut spread = vec![];
             for &reference in &*references {
                 spread.extend_from_slice(&Self::elements::<V>(reference)?);
             }

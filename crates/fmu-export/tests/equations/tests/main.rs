@@ -4,5 +4,5 @@ mod event_mode;
 mod intermediate_update;
 mod samples;
 mod solutions;
-mod states;
+mod vessels;
 mod wrong_models;
