@@ -71,7 +71,7 @@ fn variants(name: &str, enumeration: &DataEnum) -> Result<TokenStream, Error> {
             }
         });
     }
-    let refusal = format!("{{variant}} in the serialized state is no variant of {name}");
+    let refusal = format!("{{variant}} in the serialized state is not a variant of {name}");
     Ok(quote! {
         let before: u32 = match self { #(#numbers),* };
         let mut variant = before;

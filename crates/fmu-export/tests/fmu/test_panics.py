@@ -259,7 +259,7 @@ def test_an_initialization_that_is_not_finite(make: Make, manner: str, getting: 
     instance = make().choose(fault__place="initialize", fault__manner=manner)
     instance.enter(1.5)
     call = instance.getting("output") if getting else ("fmi2ExitInitializationMode",)
-    text = f"the variable tank.level became {NOT_FINITE[manner]} at the time 1.5 s"
+    text = f"the variable tank.level became {NOT_FINITE[manner]} at 1.5 s"
     assert instance.refuses(*call) == text
     instance.choose(fault__place="nowhere").ok("fmi2ExitInitializationMode")
     assert instance.step(1.5, STEP) == Status.OK
@@ -271,7 +271,7 @@ def test_a_step_to_what_is_not_finite(make: Make, manner: str) -> None:
     instance = make()
     runs(instance, 2)
     instance.choose(fault__place="step", fault__manner=manner)
-    text = f"the variable tank.level became {NOT_FINITE[manner]} at the time 0.375 s"
+    text = f"the variable tank.level became {NOT_FINITE[manner]} at 0.375 s"
     assert instance.refuses("fmi2DoStep", 2 * STEP, STEP, 1) == text
     # Values that are not finite are not returned.
     value = (c_double * 1)(7.0)
