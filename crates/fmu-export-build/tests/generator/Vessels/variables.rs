@@ -299,13 +299,13 @@ impl StoresStates {
     /// The names of the states, in the order of the arrays.
     pub const NAMES: [&'static str; Self::COUNT] = ["first.mass", "second.mass"];
 
-    /// The states' nominal values; 1 where none is declared.
+    /// The states' nominal values; 1 if undeclared.
     pub const NOMINAL: Self = Self {
             first: VesselStates { mass: 1.0 },
             second: VesselStates { mass: 1.0 }
     };
 
-    /// The smallest values that are declared.
+    /// The declared minimum values.
     pub const MIN: Self = Self {
             first: VesselStates { mass: 0.0 },
             second: VesselStates { mass: 0.0 }
@@ -330,7 +330,7 @@ impl<T: ::core::marker::Copy> StoresStates<T> {
 }
 
 impl<T: ::core::marker::Copy> StoresStates<T> {
-    /// Those among all states.
+    /// This group's states among all states.
     #[must_use]
     pub fn of(states: &States<T>) -> Self {
         Self { first: states.first, second: states.second }
@@ -362,12 +362,12 @@ impl SparePartsStates {
     /// The names of the states, in the order of the arrays.
     pub const NAMES: [&'static str; Self::COUNT] = ["settings.reserve"];
 
-    /// The states' nominal values; 1 where none is declared.
+    /// The states' nominal values; 1 if undeclared.
     pub const NOMINAL: Self = Self {
             settings: SettingsStates { reserve: 4.0 }
     };
 
-    /// The smallest values that are declared.
+    /// The declared minimum values.
     pub const MIN: Self = Self {
             settings: SettingsStates { reserve: f64::NEG_INFINITY }
     };
@@ -390,14 +390,14 @@ impl<T: ::core::marker::Copy> SparePartsStates<T> {
 }
 
 impl<T: ::core::marker::Copy> SparePartsStates<T> {
-    /// Those among all states.
+    /// This group's states among all states.
     #[must_use]
     pub fn of(states: &States<T>) -> Self {
         Self { settings: states.settings }
     }
 }
 
-/// All states by their groups.
+/// All states by group.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StateGroups<T = f64> {
     /// What the vessels hold
@@ -423,7 +423,7 @@ impl<T: ::core::marker::Copy> States<T> {
 pub struct Variables<T = f64> {
     /// The parameters.
     pub parameters: Parameters<T>,
-    /// The inputs as they were set, which may be out of their bounds; a model is given those within.
+    /// The inputs as set, possibly out of bounds; a model receives them within bounds.
     pub inputs: Inputs<T>,
     /// The states' start values, as the importer set them.
     pub start: States<T>,
@@ -664,7 +664,7 @@ impl ::fmu_export::Variables for Variables {
     }
 
     fn first_non_finite(&self) -> ::core::option::Option<fmi::ValueReference> {
-        // Quickly, where their sum is finite; in four parts, which do not wait for each other.
+        // Fast if their sum is finite; in four parts that do not wait for each other.
         let sums: [f64; 4] = [
             0.0 + self.states.first.mass.abs() + self.derivatives.second.mass.abs(),
             0.0 + self.states.second.mass.abs() + self.derivatives.settings.reserve.abs(),
