@@ -303,11 +303,11 @@ fn a_target_without_its_tools_is_refused_with_their_names() {
 fn a_library_of_another_platform_is_refused_before_anything_is_built() {
     let library = scratch("library");
     for (content, folder, reason) in [
-        (elf(ELF_X86_64, ""), "win64", "it is ELF for x86-64; win64 takes PE for x86-64"),
-        (elf(ELF_AARCH64, ""), "linux64", "it is ELF for aarch64; linux64 takes ELF for x86-64"),
-        (elf(ELF_X86_64, ""), "darwin64", "darwin64 takes Mach-O for x86-64 or aarch64"),
-        (elf(20, ""), "linux64", "it is for the processor PowerPc"),
-        (mach_o(MACH_O_X86_64, ""), "aarch64-darwin", "aarch64-darwin takes Mach-O for aarch64"),
+        (elf(ELF_X86_64, ""), "win64", "it is ELF for x86-64; win64 requires PE for x86-64"),
+        (elf(ELF_AARCH64, ""), "linux64", "it is ELF for aarch64; linux64 requires ELF for x86-64"),
+        (elf(ELF_X86_64, ""), "darwin64", "darwin64 requires Mach-O for x86-64 or aarch64"),
+        (elf(20, ""), "linux64", "its processor PowerPc is not supported"),
+        (mach_o(MACH_O_X86_64, ""), "aarch64-darwin", "aarch64-darwin requires Mach-O for aarch64"),
         (b"a text".to_vec(), "linux64", "it is not a shared library"),
     ] {
         fs::write(&library, content).unwrap();
@@ -509,10 +509,10 @@ fn fmus_that_do_not_belong_together_are_not_merged() {
     refused(&own, &other, &["there is no modelDescription.xml in", "no_description.fmu"], &[]);
 
     let other = fmu_of("other_library.fmu", &[(linux64, &elf(ELF_X86_64, "other"))]);
-    refused(&own, &other, &[&own, &other, "both hold binaries/linux64/Other.so, and these differ"], &[]);
+    refused(&own, &other, &[&own, &other, "both contain binaries/linux64/Other.so, which differ"], &[]);
     let same = [("binaries/darwin64/Other.dylib", mach_o(MACH_O_ARM64, "b"))];
     let other = fmu_of("apple_again.fmu", &[(same[0].0, &same[0].1)]);
-    refused(&apple, &other, &["both hold binaries/darwin64/Other.dylib", "duplicated architecture"], &[]);
+    refused(&apple, &other, &["both contain binaries/darwin64/Other.dylib", "duplicated architecture"], &[]);
     let other = fmu_of("wrong_folder.fmu", &[("binaries/win64/Other.dll", &library)]);
     refused(&own, &other, &["the library for win64 in", "wrong_folder.fmu", "it is ELF for x86-64"], &[]);
     let other = fmu_of("other_license.fmu", &[("documentation/license.txt", b"")]);
