@@ -296,7 +296,7 @@ mod tests {
             ("resources/A.fmu", "../A.fmu", "'../A.fmu' is not a file in the package"),
             (" source=\"a.ssv\"", "", "parameters within the structure are not supported"),
             ("source=\"a.ssv\"", "source=\"a.ssv\" prefix=\"b.\"", "with a prefix or within a component"),
-            ("stopTime=\"5\"", "stopTime=\"five\"", "stopTime is 'five', which is not a number"),
+            ("stopTime=\"5\"", "stopTime=\"five\"", "stopTime is 'five', which is not a valid number"),
             ("<ssd:Elements>", "<ssd:Elements><ssd:System name=\"b\"/>", "System elements are not supported"),
         ] {
             let text = STRUCTURE.replace(old, new);
