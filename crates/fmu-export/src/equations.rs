@@ -12,8 +12,8 @@ use crate::persistence::Persistent;
 /// ```ignore
 /// fmu_export::fmu!(equations struct VanDerPol);
 ///
-/// The struct's fields are what the model remembers between events, such as the active branch; `Clone` and
-/// [`Persistent`] must cover all of them, as in [`Model`](crate::Model).
+/// impl Equations for VanDerPol {
+///     type Variables = Variables;
 ///
 ///     fn evaluate<T: Number>(&self, _time: T, variables: Evaluation<'_, T>) {
 ///         let Evaluation { parameters, states, derivatives, .. } = variables;
@@ -23,8 +23,8 @@ use crate::persistence::Persistent;
 /// }
 /// ```
 ///
-/// The fields of the struct are what the model remembers from event to event, such as the branch that it is on; `Clone`
-/// and [`Persistent`] must copy and hand out the whole of it, as in [`Model`](crate::Model).
+/// The struct's fields are what the model remembers between events, such as the active branch; `Clone` and
+/// [`Persistent`] must cover all of them, as in [`Model`](crate::Model).
 #[diagnostic::on_unimplemented(
     message = "`{Self}` does not implement `Equations`: write `fmu!({Self})`, `fmu!(sampled {Self})` or `fmu!(clocked {Self})` if it implements \
                `Model`, `Sampled` or `Clocked`",
