@@ -1,14 +1,13 @@
 //! What the C functions of every FMI version share: turning an importer's pointers into instances, slices and strings.
 //!
 //! All `unsafe` of the crate is here, in the functions of [`fmi2`](crate::fmi2) and [`fmi3`](crate::fmi3), in calls of
-//! their loggers, and where the floating-point environment is replaced. It relies on what the standard demands of an
-//! importer: an instance comes from the instantiation function, and one thread at a time uses it until it is freed;
-//! arrays have as many elements as their counts say, and result arrays overlap no other argument; strings end in NUL.
-//! What can be checked is checked: null pointers, instances and states of another FMU, UTF-8, every number.
+//! their loggers, and where the floating-point environment is replaced. It relies on what the standard demands of
+//! importers: instances come from the instantiation function, and one thread at a time uses them until they are freed;
+//! arrays have the stated lengths, and result arrays overlap no other argument; strings end in NUL. The rest is
+//! checked: null pointers, instances and states of another FMU, UTF-8, every number.
 //!
-//! Nothing else is assumed. Arrays and results may be at any address: 32-bit compilers align doubles to 4 bytes, Rust
-//! to 8, and bindings of other languages pass parts of buffers. Result memory is never read, and no Rust enum is read
-//! from the importer's memory.
+//! Arrays and results may be unaligned: 32-bit compilers align doubles to 4 bytes, Rust to 8, and bindings pass parts
+//! of buffers. Result memory is never read, and no Rust enum is read from the importer's memory.
 
 use core::ffi::{CStr, c_char, c_void};
 use core::ptr;
@@ -29,8 +28,8 @@ use crate::saved_states;
 use crate::serialized_state::checksum;
 use crate::status::Status;
 
-/// Replaces the default panic hook, which writes to the host's stderr; a panic's message and location go to the
-/// importer's logger instead. The hook is local to this library, which links its own standard library.
+/// Replaces the default panic hook, which writes to the host's stderr; panics go to the importer's logger instead. The
+/// hook is local to this library, which links its own standard library.
 pub fn silence_panics() {
     static ONCE: std::sync::Once = std::sync::Once::new();
     #[cfg(not(target_family = "wasm"))]
@@ -39,8 +38,8 @@ pub fn silence_panics() {
     ONCE.call_once(crate::wasm::report_panics);
 }
 
-/// Makes a C function from an expression generic over the FMU defined by [`exported_model!`], so that the compiler
-/// reports what a model lacks once, not once per function.
+/// Makes a C function from an expression generic over the FMU of [`exported_model!`], so that the compiler reports
+/// only once what a model lacks.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! exported_function {
@@ -76,8 +75,7 @@ macro_rules! exported_model {
     };
 }
 
-/// The target of an importer's handle. The FMUs of a coupled system share a process; the first word tells their
-/// instances apart.
+/// The target of a handle. Coupled FMUs share a process; the first word tells their instances apart.
 #[repr(C)]
 pub(crate) struct Exported<M: Model> {
     fmu: u64,
@@ -138,7 +136,7 @@ pub(crate) fn instantiate<M: Model>(
     interface: Result<Interface, Error>,
     set_up: impl FnOnce(&mut Instance<M>),
 ) -> *mut c_void {
-    // Instances are large: this one is created in place, as each move would copy it.
+    // Created in place: instances are large, and moves would copy them.
     let made = interface.and_then(|interface| {
         check_memory(size_of::<Exported<M>>())?;
         in_default_environment(|| {
@@ -221,7 +219,7 @@ pub(crate) unsafe fn free<M: Model>(handle: *mut c_void) {
     // SAFETY: the pointer came from `instantiate`, and the standard forbids its use after this call.
     let target = unsafe { Box::from_raw(ptr::from_mut(target)) };
     saved_states::free_all_of(handle.addr());
-    // A panic here cannot be reported: the logger belongs to the instance being freed.
+    // A panic here cannot be reported: the logger belongs to the freed instance.
     let _ = in_default_environment(|| contain(|| drop(target)));
 }
 
@@ -537,8 +535,8 @@ pub(crate) unsafe fn serialize<M: Model>(
     }
 }
 
-/// Turns a serialized state into a saved one, always a new one: unlike [`get_state`], this does not read `*state`,
-/// which the standard does not require to be set and which may happen to be a state's handle.
+/// Turns a serialized state into a new saved one. Unlike [`get_state`], this does not read `*state`, which the
+/// standard does not require to be set and which may happen to be a state's handle.
 ///
 /// # Safety
 /// As for [`serialize`]; `state` is null or may be written to.

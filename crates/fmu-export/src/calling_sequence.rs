@@ -1,5 +1,4 @@
-//! The states of an instance, and in which of them an importer may call each function. The tables are in the modules
-//! of the versions.
+//! An instance's states, and in which of them each function may be called. The tables are in the versions' modules.
 
 use core::fmt;
 use std::borrow::Cow;
@@ -190,8 +189,8 @@ pub(crate) trait Function: Copy + 'static {
     ) -> Result<Cow<'_, [ValueReference]>, Error>;
 }
 
-/// Declares a version's functions that take an instance: the interface each belongs to, if only one has it, and the
-/// states in which it may be called, in brackets or as a set.
+/// Declares a version's functions that take an instance: their interface, if only one has them, and the states in
+/// which they may be called, in brackets or as a set.
 macro_rules! functions {
     (@ [$($phase:expr),*]) => { const { Phases::of(&[$($phase),*]) } };
     (@ $phases:ident) => { $phases };

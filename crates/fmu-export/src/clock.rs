@@ -2,7 +2,7 @@
 
 use crate::description::IntervalVariability;
 
-/// A clock: whether it ticks now, and when it ticks next if the model determines that.
+/// A clock: whether it ticks now, and, if the model determines that, when next.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Clock {
     pub(crate) ticks: bool,
@@ -56,14 +56,14 @@ impl Clock {
         self.interval
     }
 
-    /// Sets the interval in s: for a periodic clock the time between two ticks, which follows from parameters;
-    /// otherwise the time from now to the next tick.
+    /// Sets the interval in s: of a periodic clock, which follows from parameters; otherwise from now to the next
+    /// tick.
     pub fn set_interval(&mut self, interval: f64) {
         self.interval = Some(interval);
         self.is_new = true;
     }
 
-    /// The time in s from the start to the first tick of a periodic clock.
+    /// Of a periodic clock: the time from start to first tick in s.
     #[must_use]
     pub fn shift(&self) -> f64 {
         self.shift

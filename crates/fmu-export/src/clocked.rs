@@ -31,7 +31,7 @@ pub trait Clocked: Clone + Default + Persistent + Send + Sync + 'static {
     }
 
     /// Computes the values before the first tick, and sets clock intervals that follow from parameters. Called on a
-    /// new model, possibly several times, like [`Model::initialize`].
+    /// new model, possibly repeatedly, like [`Model::initialize`].
     ///
     /// # Errors
     /// When no such values exist.

@@ -8,11 +8,11 @@ use crate::number::Dual;
 /// The number of points at which derivatives are evaluated.
 const POINTS: u64 = 20;
 
-/// Tests that a model's Real outputs and derivatives depend on no inputs and states other than those its JSON lists
-/// (`reads`). Importers use these dependencies to find algebraic loops, and miss any that are undeclared.
+/// Tests that a model's Real outputs and derivatives depend on no inputs and states but those in its JSON (`reads`).
+/// Importers find algebraic loops by these dependencies, and miss undeclared ones.
 ///
-/// Evaluates the derivatives of [`Model::differentiate`] at points around the values of `variables`: inputs and states
-/// shifted by up to their nominal values or magnitudes. A dependency that is zero at all of them goes unnoticed.
+/// Evaluates [`Model::differentiate`] around the values of `variables`: inputs and states shifted by up to their
+/// nominal values or magnitudes. Dependencies that are zero at all points go unnoticed.
 ///
 /// # Errors
 /// The first undeclared dependency, or a model without derivatives.

@@ -1,5 +1,5 @@
-//! Models defined by equations of time, parameters, inputs and states, written once and generic over the number type.
-//! The runtime derives everything else: co-simulation with its integrator, Model Exchange, and exact derivatives.
+//! Models defined by equations of time, parameters, inputs and states, generic over the number type. The runtime
+//! derives the rest: co-simulation with its integrator, Model Exchange, and exact derivatives.
 
 use crate::error::Error;
 use crate::events::Event;
@@ -36,8 +36,9 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
 
     /// Computes derivatives, locals and outputs from time (s), parameters, inputs and states.
     ///
-    /// Between two events the result must be smooth in time, inputs and states, even slightly beyond the point where
-    /// an event is due: what [`Equations::event`] stores in the model selects the branch, and only events change it.
+    /// Between events the result must be smooth in time, inputs and states, even slightly beyond where an event is
+    /// due: only
+    /// [`Equations::event`] switches branches, which the model stores.
     fn evaluate<T: Number>(&self, time: T, variables: EvaluationOf<'_, Self, T>);
 
     /// Rejects contradictory parameters.
@@ -49,8 +50,7 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
         Ok(())
     }
 
-    /// Prepares the model before anything is computed, for example reads resource files. Called at each
-    /// initialization, on a new model.
+    /// Prepares the model, for example reads resource files. Called at each initialization, on a new model.
     ///
     /// # Errors
     /// When the model cannot start.
@@ -78,9 +78,9 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
         None
     }
 
-    /// Handles an event: changes the model's memory, states and discrete variables. It may be called when there is
-    /// nothing to do, for example when an indicator returns to its previous side. If an indicator's sign differs
-    /// afterwards, another event follows at once.
+    /// Handles an event: changes the model's memory, states and discrete variables. It may be called with nothing to
+    /// do, for example when an indicator returns to its previous side. If an indicator's sign differs afterwards,
+    /// another event follows.
     ///
     /// # Errors
     /// When the model cannot continue.

@@ -1,5 +1,5 @@
-//! Event Mode and Intermediate Update Mode of Co-Simulation in FMI 3.0: what a model implements so that the importer
-//! can handle its events and exchange values between two internal steps.
+//! Event Mode and Intermediate Update Mode of Co-Simulation in FMI 3.0: what a model implements so that importers can
+//! handle its events and exchange values between internal steps.
 
 use crate::error::Error;
 use crate::events::Events;

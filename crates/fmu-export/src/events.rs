@@ -8,8 +8,8 @@ use crate::persistence::{Archive, Persistent};
 pub(crate) const MOST_ITERATIONS: u32 = 1000;
 
 /// Shift of an indicator away from its next crossing, as seen by an importer, so that it is never 0 when the importer
-/// continues, and has certainly crossed 0 where the importer locates the crossing (FMI 2.0.5, section 3.1 asks for "a
-/// small hysteresis"). Indicators are of order one; this is a thousand times their rounding.
+/// continues, and has certainly crossed 0 where the importer locates the crossing ("a small hysteresis" in FMI 2.0.5,
+/// section 3.1). Indicators are of order one; this is a thousand times their rounding.
 const HYSTERESIS: f64 = 1e-12;
 
 /// An event follows another closely within this many roundings of the time.
@@ -107,8 +107,8 @@ impl Events {
         self.changed.iter().position(|changed| *changed)
     }
 
-    /// Counts an event at a time in s if it closely follows the last one. Returns whether there are now so many that
-    /// the model may never leave this time.
+    /// Counts an event at a time in s if it closely follows the last one. Returns whether so many now did that the
+    /// model may never leave this time.
     pub(crate) fn crowd(&mut self, time: f64) -> bool {
         let distance = (time - self.reached).abs();
         if distance <= 0.0 {
@@ -254,8 +254,8 @@ impl Events {
         }
     }
 
-    /// The last event's time in s, if at most this much later than the importer's time, otherwise the importer's: a
-    /// time event may be handled slightly early, and must not be requested again.
+    /// The last event's time in s, if at most this much later than the importer's time, otherwise the importer's: time
+    /// events may be handled slightly early, and must not recur.
     pub(crate) fn time(&self, time: f64, tolerance: f64) -> f64 {
         if self.reached > time && self.reached <= time + tolerance { self.reached } else { time }
     }

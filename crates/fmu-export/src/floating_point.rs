@@ -1,11 +1,11 @@
 //! The floating-point environment assumed by compiled Rust: round to nearest, keep subnormal numbers, trap nowhere.
 //!
 //! Importers may use another one: hosts in Fortran and Delphi enable traps, others round differently or flush
-//! subnormal numbers to zero. Traps would kill a healthy process, as LLVM divides before it knows whether the quotient
-//! is needed; the other settings would change results.
+//! subnormal numbers. Traps would kill a healthy process, as LLVM divides before it knows whether the quotient is
+//! needed; the rest would change results.
 //!
-//! Functions that only copy numbers and compare them with bounds skip the switch: the environment does not affect
-//! them, except for a warning when an input is below zero by a subnormal number.
+//! Functions that only copy and compare numbers skip the switch: the environment affects only their warning about an
+//! input below zero by a subnormal number.
 
 /// Runs code in that environment, and restores the importer's (FMI 2.0.5, section 2.1.1).
 #[inline]

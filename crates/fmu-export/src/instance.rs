@@ -1,8 +1,8 @@
 //! An FMU instance: the functions of the standard, without C.
 //!
-//! A call that violates the calling sequence, or with a wrong argument, is an error and changes nothing, unless the
-//! version of the standard ends the simulation there. A failed step or a panic leaves the instance in the state
-//! `error`, until it is reset or a saved state is restored. A failed initialization can be repeated.
+//! A forbidden call, or one with a wrong argument, is an error and changes nothing, unless the version of the standard
+//! ends the simulation there. A failed step or a panic leaves the instance in the state `error` until a reset or a
+//! restored state. A failed initialization can be repeated.
 
 pub(crate) mod activation;
 pub(crate) mod clocks;

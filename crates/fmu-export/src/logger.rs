@@ -3,8 +3,8 @@
 //!
 //! Errors are always logged, in FMI 2.0 warnings too; events only while debug logging is on for their category.
 //!
-//! Messages are logged when a function returns. The instance is then no longer in use, so the importer's logger may
-//! call it, which the standard does not forbid.
+//! Messages are logged when a function returns and the instance is no longer in use, so the importer's logger may call
+//! it, which the standard does not forbid.
 
 use core::cell::RefCell;
 use core::ffi::CStr;
@@ -174,8 +174,8 @@ fn printable(message: &str) -> CString {
 }
 
 /// Checksums of the latest distinct messages of initialization, newest first. Initialization runs again after every
-/// set in initialization mode, but logs each message once. Few enough to keep saved states small, and enough that a
-/// master alternating between a few values gets no message twice. An unused entry is 0.
+/// set in initialization mode, but logs each message once. Few enough for small saved states, and enough for masters
+/// that alternate between a few values. An unused entry is 0.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RecentMessages([u64; 16]);
 

@@ -7,9 +7,9 @@ use crate::model::{Context, InputsOf, Model};
 /// A model for Model Exchange (FMI 2.0.5, chapter 3), optionally with events.
 ///
 /// [`Model::refresh`] computes its derivatives, locals and outputs from time, inputs and states, wherever the importer's
-/// solver tries them: smoothly between two events, even slightly beyond the point where an event is due. What
-/// [`ModelExchange::event`] stores in the model selects the branch, and only events change it. A solver may try states that
-/// never occur; non-finite derivatives make it try a shorter step.
+/// solver tries them: smoothly between events, even slightly beyond where an event is due: only
+/// [`ModelExchange::event`] switches branches, which the model stores. A solver may try states that never occur;
+/// non-finite derivatives make it try a shorter step.
 ///
 /// Models of [`Equations`](crate::Equations) and [`Sampled`](crate::Sampled) ones implement all of this.
 #[diagnostic::on_unimplemented(

@@ -2,7 +2,7 @@
 //! outlives its process (FMI 2.0.5, section 2.1.8).
 //!
 //! One function serves both directions: [`Persistent::persist`] names each part of a value once, and the [`Archive`]
-//! either takes the part's bits or replaces them. `#[derive(Persistent)]` writes that function for a struct or enum.
+//! takes or replaces its bits. `#[derive(Persistent)]` writes that function for a struct or enum.
 
 use std::collections::TryReserveError;
 

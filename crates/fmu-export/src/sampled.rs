@@ -1,11 +1,10 @@
 //! Sampled models, such as digital controllers: sample k is at `startTime + k · period`, whatever the importer's
 //! steps.
 //!
-//! Samples are counted in integers, so they do not drift from the start time in long experiments. In co-simulation the
-//! master's time does drift: a master that computes communication points by `t += h` gains an error of up to half a
-//! unit in the last place of t per step, about 4e-5 s after 1e5 s at 80 Hz. A sample meant to coincide with a
-//! communication point belongs to the step that starts there, so two times count as equal if such rounding explains
-//! their difference.
+//! Samples are counted in integers, so they do not drift in long experiments. The master's time does drift in
+//! co-simulation: computing communication points by `t += h` adds up to half a unit in the last place of t per step,
+//! about 4e-5 s after 1e5 s at 80 Hz. A sample meant for a communication point belongs to the step that starts there,
+//! so times whose difference such rounding explains count as equal.
 
 use crate::error::{Error, Shown};
 use crate::event_mode::{EventMode, Stop, Stops, due_until};

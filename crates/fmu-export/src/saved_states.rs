@@ -1,8 +1,8 @@
 //! The states saved by importers, by handle.
 //!
-//! A handle (`fmi2FMUstate`) is looked up here and never dereferenced, so one that is not a state, was freed, or
-//! belongs to another FMU is an error, not a crash. A state may be set in another instance of the FMU. States that the
-//! importer does not free are freed with the instance.
+//! A handle (`fmi2FMUstate`) is looked up here and never dereferenced, so an invalid or freed one, or one of another
+//! FMU, is an error, not a crash. A state may be set in another instance of the FMU. States that the importer does not
+//! free are freed with the instance.
 //!
 //! This table is the only data shared by a library's instances.
 

@@ -1,10 +1,10 @@
 //! A model as a WebAssembly module: what its host provides and receives in addition to the FMI functions.
 //!
-//! An importer's callbacks are host functions, which a module cannot call by address: the module imports them from
-//! `fmu`. As in C, null callbacks are not called.
+//! An importer's callbacks are host functions without addresses: the module imports them from `fmu`. As in C, null
+//! callbacks are not called.
 //!
-//! A panic ends the call with a trap, as nothing unwinds there; the host receives its message through `panic` first.
-//! The module is then unusable.
+//! A panic ends the call with a trap; the host receives its message through `panic` first. The module is then
+//! unusable.
 
 use core::alloc::Layout;
 use core::ffi::{CStr, c_char, c_void};

@@ -1,7 +1,7 @@
 //! Clocks: their activation, intervals and ticks (FMI 3.0.2, sections 2.2.8 and 2.3.5).
 //!
-//! In Event Mode a tick is computed when a value is requested, from the state before, which is kept until
-//! `fmi3UpdateDiscreteStates`: whatever the importer sets or revokes until then, the tick is recomputed.
+//! In Event Mode ticks are computed when values are requested, from the state before, which is kept until
+//! `fmi3UpdateDiscreteStates`: they are recomputed whatever the importer sets or revokes.
 
 use core::mem;
 

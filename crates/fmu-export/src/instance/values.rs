@@ -260,8 +260,8 @@ impl<M: Model> Instance<M> {
     }
 
     /// Reports that the nearest bound is used. When the importer tries values, in Continuous-Time Mode and in steps
-    /// that it may roll back, the status is no warning, which solvers take for a failed evaluation, and each input is
-    /// logged once, since finite differences leave the range repeatedly.
+    /// that it may roll back, the status is no warning, which solvers take for a failure, and each input is logged
+    /// once, since finite differences leave the range repeatedly.
     #[cold]
     fn warn_of_bounds(&mut self, variable: &'static VariableDescription, value: f64) -> Status {
         let tries = self.memory.phase == Phase::ContinuousTimeMode || self.may_roll_back;
