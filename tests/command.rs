@@ -190,7 +190,7 @@ fn an_identifier_that_is_a_path_is_refused_by_every_command() {
         let output = boost_fmu_in(&inner, arguments);
         let printed = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
         assert_eq!(output.status.code(), Some(2), "{printed}");
-        let reason = r"the modelIdentifier '../../evil\u{1b}[2J' is not an identifier of C";
+        let reason = r"the modelIdentifier '../../evil\u{1b}[2J' is not a C identifier";
         assert!(printed.contains(&evil) && printed.contains(reason), "{arguments:?}: {printed}");
         assert!(!printed.contains('\u{1b}'), "{printed:?}");
     }

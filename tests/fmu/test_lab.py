@@ -366,13 +366,13 @@ WRONG = [
     (
         '"tank.frozen" = true',
         '"tank.frozen" = 1',
-        RUN_IN + r'."tank.frozen": the value 1 of tank.frozen cannot be taken: '
+        RUN_IN + r'."tank.frozen": the value 1 of tank.frozen cannot be used: '
         r"it is of the type Integer, not Boolean",
     ),
     (
         '= "running"',
         '= "runing"',
-        RUN_IN + r".*: the value runing of initialization.mode cannot be taken: "
+        RUN_IN + r".*: the value runing of initialization.mode cannot be used: "
         r"it is not one of settled, running, given",
     ),
     (

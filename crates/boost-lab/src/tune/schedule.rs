@@ -377,13 +377,13 @@ mod tests {
         };
         let refusal = |speeds, references, lambda| with(speeds, references, lambda).unwrap_err().to_string();
         for lambda in [1e308, 0.0, -1.0, f64::NAN, f64::INFINITY] {
-            let expected = format!("the value {} of lambda cannot be taken: ", number(lambda));
+            let expected = format!("the value {} of lambda cannot be used: ", number(lambda));
             let message = refusal(None, None, Some(lambda));
             assert!(message.starts_with(&expected), "{message}");
         }
         assert_eq!(
             refusal(None, None, Some(1e308)),
-            "the value 1e308 of lambda cannot be taken: 1e308 is not within 0.001..100"
+            "the value 1e308 of lambda cannot be used: 1e308 is not within 0.001..100"
         );
         let speeds = (1..=7).map(|index| 1500.0 * f64::from(index)).collect();
         assert!(refusal(Some(speeds), None, None).contains("9000 of schedule.engine_speed[6]"));

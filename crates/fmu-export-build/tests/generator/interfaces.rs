@@ -56,8 +56,8 @@ fn scheduled(version: Version, clock: Option<&str>) -> Result<Generated, String>
 fn scheduled_execution_is_for_clocks_of_fmi_3_without_states() {
     const CLOCK: &str = r#"{"name": "ticks"}"#;
     for (version, clock, reason) in [
-        (Version::Two, CLOCK, "Scheduled Execution is an interface of FMI 3.0"),
-        (Version::Three, r#"{"name": "time"}"#, "clock.name: time: there is another variable of this name"),
+        (Version::Two, CLOCK, "Scheduled Execution exists in FMI 3.0 only"),
+        (Version::Three, r#"{"name": "time"}"#, "clock.name: time: another variable has this name"),
         (Version::Three, r#"{"name": "a b"}"#, "clock.name: 'a b'"),
         (Version::Three, r#"{"name": "ticks", "description": "two\nlines"}"#, "clock.description: "),
         (Version::Three, CLOCK, "Scheduled Execution is for models without continuous states"),
@@ -208,7 +208,7 @@ fn an_event_indicator_has_no_name_of_another_variable() {
     generate(Interfaces::ModelExchange.into()).expect("FMI 2.0 has no such variables");
     let fmi = Fmi { version: Version::Three, interfaces: Interfaces::ModelExchange };
     let refused = generate(fmi).expect_err("there are two variables of a name");
-    let expected = "event_indicators[0]: event_indicators.empty: there is another variable of this name";
+    let expected = "event_indicators[0]: event_indicators.empty: another variable has this name";
     assert!(refused.contains(expected), "{refused}");
 }
 
@@ -272,13 +272,9 @@ fn clocks_are_described_and_typed() {
         (
             of_local,
             Interfaces::Both,
-            "bad: the clock 'own' is local, so that only local variables belong to it",
+            "bad: the clock 'own' is local, so only local variables can belong to it",
         ),
-        (
-            aimless,
-            Interfaces::ScheduledExecution,
-            "aimless: in Scheduled Execution a clock that is an input needs a",
-        ),
+        (aimless, Interfaces::ScheduledExecution, "aimless: in Scheduled Execution an input clock needs a"),
         (both, Interfaces::ScheduledExecution, "sample: there is another clock, 'slow'"),
     ] {
         let refused = generate(more, interfaces).expect_err(reason);

@@ -626,7 +626,7 @@ def test_a_model_that_asks_for_the_end_or_cannot_go_on(make: Callable[..., Insta
     ends.initialize()
     refuses.initialize()
     assert refuses.set("Float64", [4], [11.0]) == Status.OK
-    for instance, reason in [(ends, "asks for the end of the simulation, at 0 s"), (refuses, "gain is 11.0")]:
+    for instance, reason in [(ends, "requests the end of the simulation at 0 s"), (refuses, "gain is 11.0")]:
         assert instance.call("fmi3ActivateModelPartition", CLOCK, 0.0) == Status.ERROR
         assert instance.messages[-1].text.endswith(reason)
 

@@ -88,7 +88,7 @@ def before_failure(make: Make, place: str, manner: str, function: str) -> Instan
 def test_an_indicator_that_is_not_finite(make: Make, manner: str) -> None:
     """It has no sign: at an event an Error, after which the instance can go on; in between the solver is
     asked for a shorter step."""
-    text = f"the event indicator full is {NOT_FINITE[manner]} at the time 0 s"
+    text = f"the event indicator full is {NOT_FINITE[manner]} at 0 s"
     for function in ("fmi2ExitInitializationMode", "fmi2NewDiscreteStates"):
         instance = before_failure(make, "event_indicators", manner, function)
         for _ in range(2):
@@ -103,7 +103,7 @@ def test_an_indicator_that_is_not_finite(make: Make, manner: str) -> None:
         assert instance.call("fmi2GetEventIndicators", reals(0.0, 0.0, 0.0), 3) == Status.DISCARD
         # Section 2.1.3: a message in debug mode only.
         messages = [(m.status, m.text) for m in instance.messages[before:]]
-        told = f"fmi2GetEventIndicators: the indicator full is {NOT_FINITE[manner]} at the time 0 s"
+        told = f"fmi2GetEventIndicators: the indicator full is {NOT_FINITE[manner]} at 0 s"
         assert messages == ([(Status.DISCARD, told)] if logging_on else [])
 
 
@@ -130,7 +130,7 @@ def test_states_without_derivatives(make: Make, logging_on: bool) -> None:
     assert instance.call("fmi2GetDerivatives", reals(0.0, 0.0), 2) == Status.DISCARD
     assert instance.call(*instance.getting("der(motion.position)")) == Status.DISCARD
     texts = [
-        "fmi2GetDerivatives: the derivative of motion.position is -inf at the time 0 s",
+        "fmi2GetDerivatives: the derivative of motion.position is -inf at 0 s",
         "fmi2GetReal: the variable der(motion.position) is -inf",
     ]
     messages = [(m.status, m.text) for m in instance.messages[before:]]
@@ -493,7 +493,7 @@ def test_the_model_asks_for_the_end(make: Make, logging_on: bool) -> None:
     (info,) = have_event(instance, 0.5)
     assert (info.terminate_simulation, info.next_event_time_defined) == (1, 0)
     texts = [message.text for message in instance.messages[before:]]
-    told = "fmi2NewDiscreteStates: the model asks for the end of the simulation, at 0.5 s"
+    told = "fmi2NewDiscreteStates: the model requests the end of the simulation at 0.5 s"
     assert texts == ([told] if logging_on else [])
     other = make(fmu_type=MODEL_EXCHANGE)
     other.restore(instance.snapshot())
@@ -507,7 +507,7 @@ def test_the_model_asks_for_the_end(make: Make, logging_on: bool) -> None:
 @pytest.mark.parametrize("manner", NOT_FINITE)
 def test_an_end_at_no_time(make: Make, manner: str) -> None:
     """An Error wherever the model asks for it; initialization can be repeated."""
-    text = f"the model asks for the end at {NOT_FINITE[manner]} s"
+    text = f"the model requests the end at {NOT_FINITE[manner]} s"
     instance = before_failure(make, "end", manner, "fmi2ExitInitializationMode")
     assert instance.refuses("fmi2ExitInitializationMode") == text
     instance.choose(fault__place="nowhere").ok("fmi2ExitInitializationMode")
@@ -528,7 +528,7 @@ def test_a_step_to_the_end_of_the_model(make: Make) -> None:
     instance.initialize()
     assert instance.step(0.0, STEP) == Status.OK
     assert instance.step(STEP, STEP) == Status.DISCARD
-    told = f"fmi2DoStep: the model asks for the end of the simulation, at {1.5 * STEP} s"
+    told = f"fmi2DoStep: the model requests the end of the simulation at {1.5 * STEP} s"
     assert (instance.messages[-1].status, instance.messages[-1].text) == (Status.DISCARD, told)
     time, terminated = c_double(), c_int()
     instance.ok("fmi2GetRealStatus", 2, byref(time))

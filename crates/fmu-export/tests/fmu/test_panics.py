@@ -185,7 +185,7 @@ def test_a_step_to_what_is_not_finite(make: Make, manner: str) -> None:
     instance = make()
     runs(instance, 2)
     instance.choose(fault__place="step", fault__manner=manner)
-    text = f"the variable tank.level became {NOT_FINITE[manner]} at the time 0.375 s"
+    text = f"the variable tank.level became {NOT_FINITE[manner]} at 0.375 s"
     assert instance.refuses("fmi2DoStep", 2 * STEP, STEP, 1) == text
     # Values that are not finite are not returned.
     value = (c_double * 1)(7.0)
