@@ -49,7 +49,7 @@ pub struct ParameterEstimate {
     pub plant_value: f64,
 }
 
-/// A parameter that the data do not determine.
+/// A parameter not determined by the data.
 #[derive(Clone, Debug, Serialize)]
 pub struct Unidentified {
     pub name: String,
@@ -138,7 +138,7 @@ impl Known {
         {
             let value = get(name)?;
             if is_positive && value <= 0.0 {
-                bail!("{name} is {}: a fit starts from it, so it has to be above 0", number(value));
+                bail!("{name} is {}: must be above 0, since a fit starts from it", number(value));
             }
             sought.insert(*name, (value, plant.variable(name)?.unit.clone()));
         }
@@ -204,15 +204,15 @@ pub struct Identification {
     known: Known,
     noise: Option<MeasurementNoise>,
     phases_at_rest: usize,
-    /// The fits, in the order in which they were made.
+    /// The fits, in order.
     pub fits: Vec<Fit>,
-    /// The parameters that the data do not determine.
+    /// The parameters not determined by the data.
     pub unidentified: Vec<Unidentified>,
     /// Notes for readers of the results.
     pub notes: Vec<String>,
 }
 
-/// Identifies the actuation of a plant from a CSV file. What is known before is the plant's with parameter sets.
+/// Identifies a plant's actuation from a CSV file. Prior values are the plant's, with the parameter sets applied.
 pub fn identify(
     path: &Path,
     naming: &Naming,
@@ -229,11 +229,11 @@ pub fn identify(
     ] {
         match values {
             Some(values) => *known = statistics::mean(values),
-            None => notes.push(format!("The data have no {name}: taken as {known} {unit}.")),
+            None => notes.push(format!("The data have no {name}; assumed to be {known} {unit}.")),
         }
     }
     if data.pump.is_none() {
-        notes.push("The data do not say when the pump runs: assumed to be always off.".to_owned());
+        notes.push("The data have no pump signal; the pump is assumed to be off.".to_owned());
     }
     if data.position_is_relative {
         for position in &mut data.position {
@@ -270,8 +270,8 @@ pub fn identify(
         let Residuals { name, tuning: Some(tuning), noise: Some(noise), .. } = residuals else { continue };
         if *tuning > MOST_RESIDUAL * noise {
             identification.notes.push(format!(
-                "{}: the residuals of the {name} are {:.1} times its noise at rest. The model does not describe \
-                 the measurement, or the fit started too far from it; the errors may be larger than stated.",
+                "{}: the {name} residuals are {:.1} times the noise at rest. Either the model does not describe the \
+                 measurement, or the fit started too far from it; errors may be larger than stated.",
                 fit.title,
                 tuning / noise
             ));
@@ -281,8 +281,8 @@ pub fn identify(
         let mut reasons: Vec<_> = identification.unidentified.into_iter().map(|each| each.reason).collect();
         reasons.dedup();
         bail!(
-            "{}, lines 2 to {}: expected steps of the duty, each held for more than a second; in {} phases without \
-             a change of duty, supply and pump the actuator comes to rest in {}. Nothing can be identified:\n  {}",
+            "{}, lines 2 to {}: expected duty steps, each held for more than a second; of {} phases of constant duty, \
+             supply and pump, the actuator comes to rest in {}. Nothing can be identified:\n  {}",
             identification.file,
             data.last_line,
             phases.len(),
@@ -307,7 +307,7 @@ impl Identification {
         }
     }
 
-    /// The identified value of a parameter, or else the known one.
+    /// The identified value of a parameter, else the known one.
     fn value(&self, name: &str) -> f64 {
         let found = self.parameters().find(|estimate| estimate.name == name);
         found.map_or_else(|| self.known.value(name), |estimate| estimate.value)

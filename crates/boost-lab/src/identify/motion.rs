@@ -174,13 +174,13 @@ pub fn identify(
     validates: impl Fn(usize) -> bool,
 ) -> FitOutcome {
     const LEAST_TRANSIENTS: usize = 4;
-    let noise = noise.context("no phase is at rest, where a transient could begin")?;
+    let noise = noise.context("no phase at rest from which a transient could start")?;
     let transients = transients(data, phases, validates);
     let tuning: Vec<_> = transients.iter().filter(|transient| !transient.validates).collect();
     if tuning.len() < LEAST_TRANSIENTS {
         bail!(
-            "it needs {LEAST_TRANSIENTS} transients: steps from a phase at rest that move the chamber's pressure by \
-             {} kPa; there are {} among the tuning data",
+            "needs {LEAST_TRANSIENTS} transients: steps from a phase at rest that move the chamber pressure by {} kPa; \
+             the tuning data have {}",
             1e-3 * LEAST_CHANGE,
             tuning.len()
         );
@@ -210,9 +210,8 @@ pub fn identify(
             title: "Transients: valve, mass and damping, eqs. (1), (3), (4) and (8)".to_owned(),
             method: format!(
                 "Nonlinear least squares of chamber pressure and position over {DURATION} s after {} steps, computed \
-                 with the measured duty, supply and tank pressure; pressure and position are weighed by their noise \
-                 at rest, {} and {}. The areas are proportional to the chamber's volume, which is taken as \
-                 {:e} m\u{b3}.",
+                 from measured duty, supply and tank pressure and weighted by their noise at rest, {} and {}. The \
+                 areas are proportional to the chamber volume, assumed to be {:e} m\u{b3}.",
                 problem.tuning.len(),
                 quantity(noise.chamber, "Pa"),
                 quantity(noise.position, "m"),
@@ -308,7 +307,7 @@ impl<'a> TransientFit<'a> {
 
 /// Turns differences of the rod's parameters from the prior into units of its standard errors.
 fn whitening(prior: &Prior) -> Result<DMatrix<f64>> {
-    const INDEFINITE: &str = "the rod's errors are not definite";
+    const INDEFINITE: &str = "the covariance of the rod's errors is not positive definite";
     let Some(solution) = &prior.solution else { return Ok(DMatrix::zeros(0, 0)) };
     let factor = solution.covariance.clone().cholesky().context(INDEFINITE)?;
     factor.l().try_inverse().context(INDEFINITE)
@@ -321,7 +320,7 @@ fn seen(transients: &[&Transient<'_>]) -> (Vec<usize>, Vec<Unidentified>) {
     for (index, sign, what) in [(0, -1.0, "falls"), (1, 1.0, "rises")] {
         if !transients.iter().any(|transient| sign * transient.change > 0.0) {
             free.retain(|&other| other != index);
-            let reason = format!("the tuning data have no transient in which the chamber's pressure {what}");
+            let reason = format!("the tuning data have no transient in which the chamber pressure {what}");
             unidentified.push(Unidentified::new(NAMES[index], &reason));
         }
     }

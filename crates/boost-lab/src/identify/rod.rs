@@ -220,8 +220,8 @@ impl<'a> Balance<'a> {
             return ((0..NAMES.len()).collect(), vec![]);
         }
         let reason = format!(
-            "friction needs {LEAST_EACH_WAY} phases at rest after motions in either direction; of {} there are \
-             {opening} after opening ones",
+            "friction needs {LEAST_EACH_WAY} phases at rest after motion in each direction; of {}, {opening} follow \
+             an opening motion",
             tuning.len()
         );
         (vec![0, 1, 2], NAMES[3..].iter().map(|name| Unidentified::new(name, &reason)).collect())
@@ -257,8 +257,8 @@ fn fit(
     let count = balance.tuning().len();
     if count < LEAST_POSITIONS {
         bail!(
-            "the spring needs {LEAST_POSITIONS} phases at rest with the rod between its stops; there are {count} \
-             among the tuning data"
+            "the spring needs {LEAST_POSITIONS} phases at rest with the rod between its stops; the tuning data have \
+             {count}"
         );
     }
     let (prior, mut unidentified) = balance.solve(start)?;
@@ -268,9 +268,9 @@ fn fit(
     let fit = Fit {
         title: "Spring and friction, eqs. (4) and (5) at rest".to_owned(),
         method: format!(
-            "Nonlinear least squares of the balance of forces in {count} phases at rest with the rod between its \
-             stops. The friction is Dahl's over the rod's path from phase to phase. Forces are pressures \
-             times the membrane's area, which is taken as {} m\u{b2}.",
+            "Nonlinear least squares of the force balance in {count} phases at rest with the rod between its stops. \
+             Friction follows Dahl along the rod's path from phase to phase. Forces are pressures times the membrane \
+             area, assumed to be {} m\u{b2}.",
             known.membrane_area
         ),
         residuals: vec![residuals],

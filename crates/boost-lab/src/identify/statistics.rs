@@ -49,7 +49,7 @@ pub fn linear(design: &DMatrix<f64>, observed: &DVector<f64>, phases: &[usize]) 
     let scales = scales(design);
     let scaled = design * DMatrix::from_diagonal(&scales.map(f64::recip));
     let Ok(parameters) = scaled.svd(true, true).solve(observed, f64::EPSILON) else {
-        bail!("the singular values were not found")
+        bail!("the singular value decomposition failed")
     };
     let parameters = parameters.component_div(&scales);
     let residuals = observed - design * &parameters;
@@ -69,7 +69,7 @@ pub fn nonlinear(
     let (problem, report) =
         LevenbergMarquardt::new().with_tol(TOLERANCE).with_patience(PATIENCE).minimize(problem);
     if !report.termination.was_successful() {
-        bail!("Levenberg and Marquardt's method ended without a solution: {:?}", report.termination);
+        bail!("the Levenberg-Marquardt method did not converge: {:?}", report.termination);
     }
     let jacobian = problem.derivatives();
     let root = inverse_root(&jacobian)?;

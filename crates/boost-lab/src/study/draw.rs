@@ -153,7 +153,7 @@ impl Cases {
             }
             if parameters.is_empty() {
                 notes.push(format!(
-                    "The plant has none of the parameters of the set {}: it does not vary.",
+                    "The plant has none of the parameters of the set {}, which has no effect.",
                     set.name
                 ));
             } else {
@@ -161,7 +161,7 @@ impl Cases {
             }
         }
         if count == 0 {
-            bail!("a study has at least one case");
+            bail!("a study needs at least one case");
         }
         let mut generator = Pcg64::seed_from_u64(seed);
         let mut fractions = vec![vec![]; count];

@@ -104,7 +104,6 @@ pub struct Bench<'a> {
 }
 
 impl<'a> Bench<'a> {
-    /// Puts a plant on the bench.
     pub fn new(
         plant: &'a Arc<Fmu>,
         parameters: &'a [ParameterSet],
@@ -116,7 +115,7 @@ impl<'a> Bench<'a> {
         {
             let variable = plant.variable(name)?;
             if variable.causality != causality {
-                bail!("the plant's {name} is not an {causality}");
+                bail!("the plant's {name} must be an {causality}");
             }
             check_unit(variable, unit)?;
         }
@@ -150,13 +149,13 @@ impl<'a> Bench<'a> {
         let mut notes = vec![];
         for (name, _) in commanded {
             notes.push(format!(
-                "The plant has no input {name}: the virtual duty does not move this valve, and the maps are those \
-                 of the other valves."
+                "The plant has no input {name}: the virtual duty does not move this valve, and the maps are for the \
+                 other valves."
             ));
         }
         if schedule.allocation.is_some() && !has_shaft_speed {
             notes.push(format!(
-                "The plant has no output {SHAFT}: the boost reference is not limited for the speed of this shaft."
+                "The plant has no output {SHAFT}: the boost reference is not limited by this shaft's speed."
             ));
         }
         if !missing.is_empty() {
@@ -167,18 +166,17 @@ impl<'a> Bench<'a> {
             ));
         }
         if !freezes_tank {
-            notes.push(format!("The plant has no {FROZEN}: the pressure of its vacuum tank was not held."));
+            notes.push(format!("The plant has no {FROZEN}: its vacuum tank pressure was not held."));
         }
         if !starts_running {
             notes.push(format!(
-                "The plant has no {START} with {RUNNING}: it started as it does by itself, not from an engine \
-                 that was just started with its wastegate shut."
+                "The plant has no {START} with {RUNNING}: it started in its own way, not as an engine just started \
+                 with its wastegate shut."
             ));
         }
         if !saves_states {
             notes.push(
-                "The plant cannot save its state: each step began with a separate simulation, up to the same \
-                 point."
+                "The plant cannot save its state: for each step it was simulated again up to the same point."
                     .to_owned(),
             );
         }

@@ -141,7 +141,7 @@ impl Task {
         if parameters.is_empty() { "its start values".to_owned() } else { parameters.join(", ") }
     }
 
-    /// All that the experiments depend on; `digest` is the plant file's.
+    /// Everything the experiments depend on; `digest` is the plant file's.
     pub fn settings(&self, digest: String) -> Result<Settings> {
         let schedule = &self.schedule;
         let mut settings: Settings = [
@@ -177,15 +177,15 @@ impl Task {
         self.procedure.range(self.schedule.is_wide(column))
     }
 
-    /// Tunes. Finished parts are taken from the journal, others are written there; several threads call `progress` with
-    /// the seconds of [`duration`](Self::duration) that each sweep or point took.
+    /// Tunes. Finished parts are read from the journal, others written to it; several threads call `progress` with the
+    /// seconds of [`duration`](Self::duration) that each sweep or point took.
     pub fn run<'a>(
         &'a self,
         journal: &TuningJournal,
         progress: &(impl Fn(f64) + Sync),
     ) -> Result<Tuning<'a>> {
         let bench = Bench::new(&self.plant, &self.plant_parameters, &self.schedule, &self.procedure)
-            .context("the plant cannot be tuned to")?;
+            .context("cannot tune to this plant")?;
         let is_single = self.plant.description().has_capability(ONLY_ONCE);
         // 0: the number of cores, or RAYON_NUM_THREADS.
         let threads = ThreadPoolBuilder::new().num_threads(usize::from(is_single)).build()?;
@@ -269,14 +269,14 @@ impl Task {
         Some(reached.into_iter().chain(shut).fold(0.0, f64::max).min(allocation.boost_limit))
     }
 
-    /// The duty over boost pressure, from the points of a sweep with ascending pressure.
+    /// Duty over boost pressure, from the points of a sweep with ascending pressure.
     fn static_map(&self, sweep: &Sweep) -> Result<Monotone> {
         let points = rising(sweep.holds.iter().map(|hold| (hold.boost_pressure, hold.duty)));
         Monotone::through(points).with_context(|| {
             let speed = self.schedule.engine_speeds[sweep.column];
             format!(
-                "at {speed} rpm boost pressure does not rise when the duty falls: the procedure is for a wastegate \
-                 that more duty opens"
+                "at {speed} rpm boost pressure does not rise when the duty falls: the procedure needs a wastegate \
+                 opened by more duty"
             )
         })
     }
@@ -313,7 +313,7 @@ impl Task {
         let cell = |index: usize| {
             let (row, column) = (index / columns, index % columns);
             let (basis, feedforward) = self.placed(&statics[column], row, column);
-            // The nearest row of the same speed, or else of the nearest speed.
+            // The nearest row at the same speed, else at the nearest speed.
             let distance = |&(known_row, known_column): &(usize, usize)| {
                 let apart = |values: &[f64], one: usize, other: usize| (values[one] - values[other]).abs();
                 (
@@ -326,8 +326,8 @@ impl Task {
                 one.0.total_cmp(&other.0).then(one.1.total_cmp(&other.1))
             });
             let &(taken_from, (model, speed_sensitivity)) = nearest.context(
-                "no point of the grid could be identified: its boost references are not within what the plant \
-                 reaches, or no model fits the responses",
+                "no grid point could be identified: the boost references are outside the plant's range, or no model \
+                 fits the responses",
             )?;
             let is_own = taken_from == (row, column);
             let gain = model.gain.value.min(-self.procedure.least_gain);
@@ -429,8 +429,8 @@ impl Tuning<'_> {
         let procedure = &self.task.procedure;
         if map == ScheduleTable::Feedforward {
             return match cell.basis {
-                CellOrigin::AboveReach => "filled: the reference is above what can be reached".to_owned(),
-                CellOrigin::BelowReach => "filled: the reference is below what can be reached".to_owned(),
+                CellOrigin::AboveReach => "filled: the reference is above the reachable range".to_owned(),
+                CellOrigin::BelowReach => "filled: the reference is below the reachable range".to_owned(),
                 _ => "inverse of the sweep".to_owned(),
             };
         }
@@ -444,14 +444,14 @@ impl Tuning<'_> {
             });
             match error.filter(|_| map != ScheduleTable::SpeedSensitivity) {
                 Some(error) => format!("identified, standard error {error:.2e} {}", map.unit()),
-                None => "identified by steps of engine speed".to_owned(),
+                None => "identified by engine speed steps".to_owned(),
             }
         } else {
             let schedule = &self.task.schedule;
             let why = match cell.basis {
-                CellOrigin::AboveReach => "the reference is above what can be reached",
-                CellOrigin::BelowReach => "the reference is below what can be reached",
-                CellOrigin::OutsideFittedDuty => "its feedforward is outside the duties that are stepped",
+                CellOrigin::AboveReach => "the reference is above the reachable range",
+                CellOrigin::BelowReach => "the reference is below the reachable range",
+                CellOrigin::OutsideFittedDuty => "its feedforward is outside the stepped duties",
                 CellOrigin::NoModel | CellOrigin::Identified => "no model fits",
             };
             format!(
@@ -461,28 +461,28 @@ impl Tuning<'_> {
         };
         match map {
             ScheduleTable::Gain if cell.gain_is_raised => {
-                text += &format!("; raised to the least magnitude, {} Pa/%", procedure.least_gain);
+                text += &format!("; raised to the minimum magnitude, {} Pa/%", procedure.least_gain);
             }
             ScheduleTable::Delay if cell.delay_is_raised => {
-                text += &format!("; raised to the least delay, {} s", procedure.least_delay);
+                text += &format!("; raised to the minimum delay, {} s", procedure.least_delay);
             }
             _ => {}
         }
         text
     }
 
-    /// The origin of a limit of the boost reference as text.
+    /// The origin of a boost reference limit as text.
     fn source_of_limit(&self, column: usize) -> String {
         let limit =
             self.task.procedure.split_range.as_ref().map_or(f64::NAN, |split| split.shaft_speed_limit);
         let fastest = self.sweeps[column].holds.iter().filter_map(|hold| hold.shaft_speed).reduce(f64::max);
         match fastest {
-            None => "the speed of the high-pressure shaft is not known".to_owned(),
+            None => "high-pressure shaft speed unknown".to_owned(),
             Some(fastest) if fastest < limit => {
-                format!("the high-pressure shaft does not exceed {fastest:.0} rpm")
+                format!("high-pressure shaft speed does not exceed {fastest:.0} rpm")
             }
             Some(_) => format!(
-                "the high-pressure shaft is at {limit} rpm, or the low-pressure wastegate begins to open"
+                "high-pressure shaft at {limit} rpm, or low-pressure wastegate about to open"
             ),
         }
     }
@@ -494,10 +494,9 @@ impl Tuning<'_> {
             description,
             value: Value::Real(value, Some(unit.to_owned())),
         };
-        let lift_off = "lift-off of the wastegate: the largest duty of the sweeps below which boost pressure does not \
-                        rise any more";
+        let lift_off = "wastegate lift-off: the largest duty of the sweeps below which boost pressure rises no further";
         let given = schedule.given().into_iter().map(|(name, value, unit)| {
-            let description = if name == schedule::LAMBDA { "as asked for" } else { "" };
+            let description = if name == schedule::LAMBDA { "as requested" } else { "" };
             parameter(name, description.to_owned(), value, unit)
         });
         let mut parameters: Vec<_> = given.collect();
@@ -509,7 +508,7 @@ impl Tuning<'_> {
         {
             parameters.push(Parameter {
                 name: schedule::STRATEGY.to_owned(),
-                description: "the strategy whose gain schedule this is".to_owned(),
+                description: "strategy of this gain schedule".to_owned(),
                 value: Value::Enumeration(strategy.get_name().to_owned()),
             });
         }
