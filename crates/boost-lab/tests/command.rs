@@ -392,10 +392,7 @@ fn one_fmu_runs_alone_with_values_of_the_command_line() {
     assert!(bench.read("careless.csv").ends_with("2.0,1.0\n"));
     bench.write("other.ssv", &parameter_set("flga", "Boolean", "true"));
     for (options, reason) in [
-        (
-            ["--set", "inptu=1"],
-            "--set inptu=1: no FMU has a settable variable inptu; the nearest is input",
-        ),
+        (["--set", "inptu=1"], "--set inptu=1: no FMU has a settable variable inptu; the nearest is input"),
         (["--set", "input=x"], "--set input=x: expected a number"),
         (["--set", "input=1 kPa"], "--set input=1 kPa: the value 1 kPa of input cannot be taken: "),
         (["--set", "flag=maybe"], "--set flag=maybe: expected true or false"),
@@ -606,10 +603,7 @@ fn records_are_compared_as_numbers_and_in_a_plot() {
     let text = String::from_utf8(output.stdout).unwrap();
     // The greatest difference is at the end: 3 - 1 times one second; of 9 rows the root of the mean square of k/4.
     assert!(text.starts_with("two.csv minus one.csv:\n  input  "), "{text}");
-    assert!(
-        text.contains("  level               2 at 1\u{202f}s       1.19 RMS\n"),
-        "{text}"
-    );
+    assert!(text.contains("  level               2 at 1\u{202f}s       1.19 RMS\n"), "{text}");
     assert!(text.ends_with("\ntarget/comparison.html\n"), "{text}");
     let page = bench.read("target/comparison.html");
     assert!(page.contains("two.csv minus one.csv") && page.contains("\"y\":[0.0,0.25,0.5"), "{text}");

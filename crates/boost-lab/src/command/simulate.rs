@@ -283,7 +283,9 @@ fn owner<'a>(
     let [(index, _)] = owners[..] else {
         let names = owners.iter().map(|(index, _)| scenario.fmus[*index].name.as_str());
         let names = names.collect::<Vec<_>>().join(" and ");
-        bail!("{names} both have its parameters: assign it in a scenario, by the key parameters of one of them");
+        bail!(
+            "{names} both have its parameters: assign it in a scenario, by the key parameters of one of them"
+        );
     };
     Ok(&mut scenario.fmus[index])
 }

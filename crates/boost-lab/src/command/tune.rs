@@ -86,9 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let journal = TuningJournal::open(&out.join(JOURNAL), &settings)?;
     let (sweeps, points) = journal.finished();
     if sweeps + points > 0 {
-        print(&format!(
-            "resuming with {sweeps} sweeps and {points} points from the journal\n"
-        ))?;
+        print(&format!("resuming with {sweeps} sweeps and {points} points from the journal\n"))?;
     }
 
     let bar = super::progress_bar(whole(task.duration()), "{percent} %")?;

@@ -59,8 +59,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         .shared_x();
     Ok(Evidence {
         drawings: vec![(
-            "Supply voltage, wastegate position without and with compensator, and compensated duty."
-                .into(),
+            "Supply voltage, wastegate position without and with compensator, and compensated duty.".into(),
             figure.into(),
         )],
         claims: vec![

@@ -62,10 +62,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         .fold(Figure::new(), |figure, (left, right)| figure.row([left, right]))
         .shared_x();
     Ok(Evidence {
-        drawings: vec![(
-            "Model only: the paper's measurements are not published.".into(),
-            figure.into(),
-        )],
+        drawings: vec![("Model only: the paper's measurements are not published.".into(), figure.into())],
         claims: vec![
             Claim {
                 name: "ramp_deviation",

@@ -28,7 +28,9 @@ const DISTRIBUTIONS: [(&str, &str, f64, Get); 4] = [
     ("worst deviation from the reachable reference", "kPa", 1e-3, |measures| Some(measures.deviation)),
     ("largest overshoot over a reference step", "kPa", 1e-3, |measures| Some(measures.overshoot)),
     ("maximum high-pressure shaft speed at rest", "krpm", 1e-3, |measures| measures.shaft_at_rest),
-    ("maximum high-pressure shaft speed in transients", "krpm", 1e-3, |measures| measures.shaft_in_transients),
+    ("maximum high-pressure shaft speed in transients", "krpm", 1e-3, |measures| {
+        measures.shaft_in_transients
+    }),
 ];
 
 /// A study with its results.
@@ -241,8 +243,7 @@ impl Report<'_> {
     fn distributions(&self) -> String {
         let panel = |measure: usize| {
             let (name, unit, ..) = DISTRIBUTIONS[measure];
-            let mut panel =
-                Panel::new(&format!("{name} ({unit})"), "share of cases (%)").y_range(0.0, 100.0);
+            let mut panel = Panel::new(&format!("{name} ({unit})"), "share of cases (%)").y_range(0.0, 100.0);
             for strategy in 0..self.study.strategies.len() {
                 let values = self.ascending(strategy, measure);
                 let count = values.len() as f64;

@@ -481,9 +481,7 @@ impl Tuning<'_> {
             Some(fastest) if fastest < limit => {
                 format!("high-pressure shaft speed does not exceed {fastest:.0} rpm")
             }
-            Some(_) => format!(
-                "high-pressure shaft at {limit} rpm, or low-pressure wastegate about to open"
-            ),
+            Some(_) => format!("high-pressure shaft at {limit} rpm, or low-pressure wastegate about to open"),
         }
     }
 
@@ -494,7 +492,8 @@ impl Tuning<'_> {
             description,
             value: Value::Real(value, Some(unit.to_owned())),
         };
-        let lift_off = "wastegate lift-off: the largest duty of the sweeps below which boost pressure rises no further";
+        let lift_off =
+            "wastegate lift-off: the largest duty of the sweeps below which boost pressure rises no further";
         let given = schedule.given().into_iter().map(|(name, value, unit)| {
             let description = if name == schedule::LAMBDA { "as requested" } else { "" };
             parameter(name, description.to_owned(), value, unit)

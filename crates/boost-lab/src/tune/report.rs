@@ -126,10 +126,7 @@ fn introduction(tuning: &Tuning<'_>, title: &str) -> String {
                 count(CellOrigin::NoModel)
             ),
         ),
-        (
-            "Wastegate lift-off, used as the controller's minimum duty",
-            quantity(tuning.least_duty(), "%"),
-        ),
+        ("Wastegate lift-off, used as the controller's minimum duty", quantity(tuning.least_duty(), "%")),
         (
             "Boost pressure drift in the last second of a hold",
             format!("at most {sweep_drift:.0} Pa in the sweeps, {point_drift:.0} Pa before the steps"),
@@ -177,9 +174,7 @@ fn identified_maps(tuning: &Tuning<'_>) -> String {
         ScheduleTable::Gain => map("Gain <i>K<sub>p</sub></i> (kPa/%)", shown, 1e-3, 2),
         ScheduleTable::TimeConstant => map("Time constant <i>T</i> (s)", shown, 1.0, 2),
         ScheduleTable::Delay => map("Delay <i>L</i> (ms)", shown, 1e3, 0),
-        ScheduleTable::SpeedSensitivity => {
-            map("Engine speed sensitivity (Pa\u{2009}s/rpm)", shown, 1.0, 1)
-        }
+        ScheduleTable::SpeedSensitivity => map("Engine speed sensitivity (Pa\u{2009}s/rpm)", shown, 1.0, 1),
     });
     let procedure = &tuning.task.procedure;
     format!(
@@ -212,9 +207,8 @@ fn feedback_maps(tuning: &Tuning<'_>) -> String {
             value: model.map_or(f64::NAN, |model| 100.0 * model.determination),
             is_found: cell.basis == CellOrigin::Identified,
             is_raised: false,
-            hint: model.map_or_else(String::new, |model| {
-                format!("RMS residual {:.1} Pa per %", model.residual)
-            }),
+            hint: model
+                .map_or_else(String::new, |model| format!("RMS residual {:.1} Pa per %", model.residual)),
         }
     });
     let maps = [
