@@ -229,7 +229,7 @@ fn two_processes_with_one_output_leave_one_complete_file() {
         whole.push(bench.read("alone.csv"));
     }
     assert_ne!(whole[0], whole[1]);
-    // Other files beside it are kept.
+    // Other files next to it are kept.
     bench.write("race.csv.new", "mine");
     for _ in 0..20 {
         let race =
@@ -245,7 +245,7 @@ fn two_processes_with_one_output_leave_one_complete_file() {
     assert!(left.iter().all(|name| !name.starts_with('.')), "{left:?}");
 }
 
-/// A command that may write so many blocks of 512 bytes to a file, and ignores the signal at the limit.
+/// A command limited to a number of 512-byte blocks per file, which ignores the signal at the limit.
 #[cfg(unix)]
 fn limited(command: &Command, blocks: u32) -> Command {
     let mut limited = Command::new("sh");
@@ -317,7 +317,7 @@ fn a_plot_is_what_its_ending_says_and_has_the_panels_of_the_scenario() {
     let html = bench.read("plot.html");
     assert!(html.contains("<h1>A &lt;short&gt; test</h1>"));
     assert_eq!(html.matches("<div class=\"panel\"").count(), 2);
-    // 6 MB at most, nearly all of which is the library.
+    // At most 6 MB, nearly all of it the library.
     assert!(html.len() < 6_000_000, "{}", html.len());
 
     for (panels, reason) in [

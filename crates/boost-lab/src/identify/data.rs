@@ -15,7 +15,7 @@ struct Quantity {
     columns: &'static [&'static str],
     /// Units, each with its factor and offset; columns without a unit are in the first one.
     units: &'static [(&'static str, f64, f64)],
-    /// The plausible range, in the first unit; values outside are probably in another one.
+    /// The plausible range, in the first unit; values outside are probably in another unit.
     range: (f64, f64),
     is_required: bool,
 }
@@ -354,7 +354,7 @@ mod tests {
         let mut wrong = naming();
         wrong.columns.push(("speed".to_owned(), "x".to_owned()));
         assert!(
-            error(&rows, &wrong).contains("no column can be speed: there are time, duty, supply_voltage")
+            error(&rows, &wrong).contains("unknown quantity speed: there are time, duty, supply_voltage")
         );
     }
 }

@@ -1,10 +1,9 @@
-//! Identifies the wastegate's actuation from measured data, as section 4.2 of the paper does: the valve's
-//! pressure and leakage over the duty, the spring with its friction, and what moves between.
+//! Identifies the wastegate actuation from measured data, as in section 4.2 of the paper: the valve's pressure and leakage
+//! over duty, the spring with its friction, and the dynamics.
 //!
-//! There are four fits: eq. (7) from the chamber's pressure at rest (`valve`), eq. (6) from the
-//! tank's pressure (`valve`), spring and friction from the positions at rest (`rod`), and the valve's
-//! areas, its delays, mass and damping from the transients after steps (`motion`). Parameters that the data do not
-//! determine are listed by name and keep the plant's values.
+//! There are four fits: eq. (7) from chamber pressure at rest (`valve`), eq. (6) from tank pressure (`valve`), spring and
+//! friction from positions at rest (`rod`), and the valve's areas and delays, mass and damping from the transients after
+//! steps (`motion`). Parameters not determined by the data are listed by name and keep the plant's values.
 
 mod data;
 mod motion;
@@ -36,7 +35,7 @@ use crate::plot::Figure;
 /// Larger residuals, relative to the measurement's noise, lead to a note.
 const MOST_RESIDUAL: f64 = 1.5;
 
-/// A parameter of the plant that the data determine.
+/// A plant parameter determined by the data.
 #[derive(Clone, Debug, Serialize)]
 pub struct ParameterEstimate {
     pub name: String,
@@ -61,7 +60,7 @@ impl Unidentified {
         Self { name: name.to_owned(), reason: reason.to_owned() }
     }
 
-    /// Because of a large standard error.
+    /// For a large standard error.
     fn uncertain(name: &str, relative_error: f64) -> Self {
         Self::new(name, &format!("its standard error would be {:.0} % of it", 100.0 * relative_error))
     }
@@ -78,7 +77,7 @@ pub struct Fit {
     pub parameters: Vec<ParameterEstimate>,
 }
 
-/// A fit, with those of its parameters that the data do not determine.
+/// A fit, with those of its parameters not determined by the data.
 type FitOutcome = Result<(Fit, Vec<Unidentified>)>;
 
 /// The residuals of a fit.

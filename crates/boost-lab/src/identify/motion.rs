@@ -1,9 +1,9 @@
 //! The dynamics: the valve's areas, proportional band and time constant, and the rod's mass and damping, from the
 //! transients after steps of the duty or the supply.
 //!
-//! The chamber's pressure and the rod's position are computed from eqs. (1) to (5) and (8) with the measured
-//! duty, supply and tank pressure, and compared with the measured ones. Spring and friction are free within
-//! the uncertainty of their estimates at rest, which thereby enters the standard errors.
+//! Chamber pressure and rod position are computed from eqs. (1) to (5) and (8) with measured duty, supply and tank
+//! pressure, and compared with the measurements. Spring and friction are free within the uncertainty of their estimates at
+//! rest, which thereby enters the standard errors.
 
 use std::ops::Range;
 
@@ -29,19 +29,19 @@ pub const NAMES: [&str; 6] = [
     "actuator.damping",
     "actuator.mass",
 ];
-/// How many of these are fitted first: the areas and the valve.
+/// The number of these fitted first: the areas and the valve.
 const STAGES: [usize; 2] = [2, 4];
-/// How much of a transient is used (s).
+/// The part of a transient used (s).
 const DURATION: f64 = 0.6;
-/// The least change of the chamber's pressure (Pa) in a transient that is used.
+/// The minimum change of chamber pressure (Pa) in a usable transient.
 const LEAST_CHANGE: f64 = 3000.0;
 /// The longest step of the integration (s).
 const LONGEST_STEP: f64 = 0.6e-3;
-/// The largest product of step and fastest eigenvalue: the method of Runge and Kutta is stable up to 2.7.
+/// The largest product of step and fastest eigenvalue: the Runge-Kutta method is stable up to 2.7.
 const STABLE: f64 = 2.5;
-/// A step is halved at most so often: a fit with a rod of a few grams has failed.
+/// The most halvings of a step: a fit with a rod of a few grams has failed.
 const MOST_HALVINGS: f64 = 3.0;
-/// The least noise: quantization may hide the noise, and the model is not exact.
+/// The minimum noise: quantization may hide the noise, and the model is not exact.
 const LEAST_NOISE: MeasurementNoise = MeasurementNoise { chamber: 10.0, position: 1e-6 };
 /// The horizontal axis of the drawing.
 const TIME: &str = "time after the step (s)";
@@ -95,7 +95,7 @@ impl Model<'_> {
         } else {
             position
         };
-        // The mean: noise of the supply would shake the rod, and make its friction appear too small.
+        // The mean, since supply noise would shake the rod and make its friction appear too small.
         let commanded = plunger_duty(data, transient.rows.clone(), self.known);
         let longest = self.longest_step();
         let inputs = Inputs {
@@ -146,7 +146,7 @@ fn transients<'a>(data: &Data, phases: &'a [Phase], validates: impl Fn(usize) ->
     let mut transients = vec![];
     for pair in phases.windows(2) {
         let [before, after] = pair else { continue };
-        // With the tank the chamber's pressure would still drift.
+        // With the tank, chamber pressure would still drift.
         let Some(rest) = before.rest.as_ref().filter(|rest| !rest.is_limited_by_tank) else { continue };
         if is_after_gap(data, after.rows.start) {
             continue;
@@ -225,8 +225,8 @@ pub fn identify(
     ))
 }
 
-/// The transients that are fitted. Its parameters are the logarithms of the free ones, in the order of [`NAMES`],
-/// and after them the rod's, in the units of their own fit.
+/// The fitted transients. The parameters are the logarithms of the free ones, in the order of [`NAMES`], then the rod's, in
+/// the units of their own fit.
 struct TransientFit<'a> {
     data: &'a Data,
     known: &'a Known,
@@ -281,7 +281,7 @@ impl<'a> TransientFit<'a> {
         residuals
     }
 
-    /// First fits the most influential parameters, or a far start may end in a local minimum.
+    /// Fits the most influential parameters first, since a distant start may end in a local minimum.
     fn fit(&self, free: &[usize]) -> Result<Solution> {
         let mut lengths: Vec<_> =
             self.tuning.iter().map(|transient| 2 * (transient.rows.len() - 1)).collect();
@@ -313,7 +313,7 @@ fn whitening(prior: &Prior) -> Result<DMatrix<f64>> {
     factor.l().try_inverse().context(INDEFINITE)
 }
 
-/// Which of the parameters act in the transients: each of the valve's ports is open in one direction only.
+/// The parameters that act in the transients: each valve port opens in only one direction.
 fn seen(transients: &[&Transient<'_>]) -> (Vec<usize>, Vec<Unidentified>) {
     let mut free: Vec<usize> = (0..NAMES.len()).collect();
     let mut unidentified = vec![];
@@ -327,7 +327,7 @@ fn seen(transients: &[&Transient<'_>]) -> (Vec<usize>, Vec<Unidentified>) {
     (free, unidentified)
 }
 
-/// The largest transients both ways of those that were fitted and of those kept apart, and the residuals of all.
+/// The largest transients in each direction, of the tuning and of the validation data, and the residuals of all.
 fn results(
     data: &Data,
     transients: &[Transient<'_>],

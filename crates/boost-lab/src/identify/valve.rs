@@ -1,4 +1,4 @@
-//! The solenoid valve at rest: the chamber's pressure over the duty, eq. (7), and the leakage, eq. (6).
+//! The solenoid valve at rest: chamber pressure over duty, eq. (7), and leakage, eq. (6).
 
 use anyhow::{Result, bail};
 use nalgebra::{DMatrix, DVector};
@@ -20,11 +20,11 @@ pub const PRESSURE: [&str; 4] = [
 pub const LEAKAGE: [&str; 3] =
     ["valve.leakage_coefficient[1]", "valve.leakage_coefficient[2]", "valve.leakage_coefficient[3]"];
 pub const PUMP: &str = "pump.mass_flow";
-/// What the tank's pressure determines.
+/// The parameters determined by tank pressure.
 pub const FROM_TANK: [&str; 4] = [LEAKAGE[0], LEAKAGE[1], LEAKAGE[2], PUMP];
-/// Below ambient pressure by this much (Pa), eq. (7) rather than ambient holds the chamber's pressure.
+/// Below ambient pressure by this much (Pa), eq. (7) rather than ambient determines chamber pressure.
 const BELOW_AMBIENT: f64 = 500.0;
-/// The least difference of two duties that count as different (%).
+/// The minimum difference of distinct duties (%).
 const DIFFERENT: f64 = 0.5;
 
 fn different_duties(duties: impl Iterator<Item = f64>) -> usize {
@@ -90,12 +90,12 @@ pub fn pressure(rests: &[&Rest], known: &Known) -> FitOutcome {
     ))
 }
 
-/// A phase at rest, in which only leakage and pump change the tank's pressure.
+/// A phase at rest, in which only leakage and pump change tank pressure.
 struct Decay<'a> {
     rest: &'a Rest,
     pump_runs: bool,
-    /// The tank's pressure (Pa), its rise through 1 m² of leakage and its fall through 1 kg/s of the pump (Pa); all
-    /// minus their means over the phase.
+    /// Tank pressure (Pa), its rise through 1 m² of leakage and its fall through 1 kg/s of the pump (Pa), all minus their
+    /// means over the phase.
     pressure: Vec<f64>,
     leaked: Vec<f64>,
     pumped: Vec<f64>,
@@ -148,13 +148,13 @@ impl<'a> Decay<'a> {
     }
 }
 
-/// Eq. (6) and the pump's flow from the tank's pressure.
+/// Eq. (6) and the pump flow from tank pressure.
 pub fn leakage(data: &Data, phases: &[Phase], known: &Known) -> FitOutcome {
     const LEAST_DUTIES: usize = 4;
     let mut decays: Vec<_> = phases
         .iter()
         .filter_map(|phase| Some((phase, phase.rest.as_ref()?)))
-        // Where the valve connects them, the balance includes the chamber's air.
+        // Where the valve connects both, the balance includes the chamber's air.
         .filter(|(_, rest)| !rest.is_limited_by_tank)
         .map(|(phase, rest)| Decay::new(data, phase, rest, known))
         .collect();

@@ -1,10 +1,9 @@
-//! Tunes the controller to a plant, as section 6 of the paper does: linearized over a grid of engine speeds and
-//! boost references, a model of first order with delay for each point (eq. (10)), and from it the feedback by
-//! lambda tuning (eq. (12)).
+//! Tunes the controller to a plant, as in section 6 of the paper: a first-order model with delay (eq. (10)) at each point
+//! of a grid of engine speeds and boost references, and the feedback from it by lambda tuning (eq. (12)).
 //!
-//! A sweep of the duty at each engine speed gives the static map, whose inverse is the feedforward. At each
-//! reachable point of the grid, the plant settles at its feedforward, and steps up and down from one saved state
-//! give the model. The other points are filled, and marked as such.
+//! A duty sweep at each engine speed gives the static map, whose inverse is the feedforward. At each reachable grid point
+//! the plant settles at its feedforward, and steps up and down from one saved state give the model. The other points are
+//! filled and marked as such.
 
 mod bench;
 mod fit;
@@ -76,25 +75,24 @@ pub struct Cell {
     pub column: usize,
     /// The origin of the values.
     pub basis: CellOrigin,
-    /// The row and column of the identified point that gain, time constant and delay are taken from.
+    /// The row and column of the identified point that provides gain, time constant and delay.
     pub taken_from: (usize, usize),
     /// The duty at nominal voltage that holds the reference (%).
     pub feedforward: f64,
     /// The gain (Pa/%).
     pub gain: f64,
-    /// Whether the gain was raised to the least magnitude.
+    /// Whether the gain was raised to the minimum magnitude.
     pub gain_is_raised: bool,
     /// The time constant (s).
     pub time_constant: f64,
     /// The delay (s).
     pub delay: f64,
-    /// Whether the delay was raised to the least one.
+    /// Whether the delay was raised to the minimum.
     pub delay_is_raised: bool,
-    /// How far boost pressure differs from rest while engine speed rises by 1 rpm/s (Pa s/rpm); none for the strategy
-    /// `by_speed`.
+    /// Deviation of boost pressure from rest while engine speed rises by 1 rpm/s (Pa s/rpm); none for the strategy `by_speed`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_sensitivity: Option<f64>,
-    /// The feedback that the controller computes from these.
+    /// The feedback computed from these by the controller.
     pub feedback: Feedback,
 }
 
@@ -247,8 +245,8 @@ impl Task {
         holds.map(|hold| hold.duty).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// The boost reference (Pa) at which the high-pressure shaft reaches its limit at rest, at least the pressure at
-    /// which the low-pressure wastegate begins to open.
+    /// The boost reference (Pa) at which the high-pressure shaft reaches its limit at rest, at least the pressure at which
+    /// the low-pressure wastegate starts to open.
     fn boost_limit(&self, sweep: &Sweep) -> Option<f64> {
         let (allocation, split) = (self.schedule.allocation.as_ref()?, self.procedure.split_range.as_ref()?);
         let holds = || sweep.holds.iter();
@@ -260,7 +258,7 @@ impl Task {
             return Some(allocation.boost_limit);
         };
         let at = |points, place: f64| Monotone::through(points).and_then(|pressure| pressure.at(place));
-        // As the duty falls boost pressure rises, and with it the shaft's speed.
+        // As the duty falls, boost pressure and shaft speed rise.
         let shut = at(
             rising(holds().map(|hold| (-hold.duty, hold.boost_pressure))),
             -allocation.parameters.low_pressure_start,
@@ -351,8 +349,8 @@ impl Task {
         (0..points.len()).map(cell).collect()
     }
 
-    /// The effect of a change of engine speed at a point: how far boost pressure falls at first, times how long the
-    /// valves take to make up for it. None if no model that the controller accepts fits.
+    /// The effect of engine speed changes at a point: the initial drop of boost pressure times the valves' time to compensate
+    /// for it. None if no acceptable model fits.
     fn speed_sensitivity(&self, point: &Point, model: &FirstOrder) -> Option<f64> {
         let sensitivity = point.speed_model.as_ref()?.fall * model.time_constant.value;
         self.schedule.takes(ScheduleTable::SpeedSensitivity, sensitivity).then_some(sensitivity)
@@ -373,7 +371,7 @@ impl Task {
     }
 }
 
-/// The points that are beyond all before them.
+/// The points beyond all previous ones.
 fn rising(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
     let mut rising: Vec<(f64, f64)> = vec![];
     for point in points {
@@ -416,10 +414,10 @@ impl Tuning<'_> {
         self.points.iter().find(|point| (point.row, point.column) == (row, column))
     }
 
-    /// The least useful duty of the controller (%): a smaller one raises boost pressure at no engine speed.
+    /// The controller's minimum useful duty (%): a smaller one raises boost pressure at no engine speed.
     ///
-    /// The controller's reference model assumes that every duty it may command has an effect. Below the lift-off, the
-    /// model would lead the plant near the highest pressure, and the feedback would overshoot.
+    /// The controller's reference model assumes that every duty has an effect. Below lift-off it would run ahead of the plant
+    /// near the highest pressure, and the feedback would overshoot.
     pub fn least_duty(&self) -> f64 {
         self.lift_offs.iter().copied().fold(f64::INFINITY, f64::min)
     }
