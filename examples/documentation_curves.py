@@ -33,7 +33,8 @@ class Axis:
 def draw(time, panels):
     """An SVG of curves over time, in stacked panels.
 
-    Each panel has a height, the range of its values, ticks, and curves: a name with its unit, a class, and values.
+    Each panel has a height, the range of its values, ticks, and curves: a name with its unit, a class, and
+    values.
     """
     x = Axis((0, round(time[-1])), 20 if time[-1] > 50 else 2, LEFT, WIDTH - RIGHT)
     lines, top = [], 0

@@ -641,8 +641,8 @@ fn the_low_pressure_stage_follows_alone() {
     }
 }
 
-/// An engine speed ramp through the handover by speed at 150 kPa: boost dips by some 30 kPa upwards, varies by -7 to +6 kPa
-/// downwards, and recovers in both cases.
+/// An engine speed ramp through the handover by speed at 150 kPa: boost dips by some 30 kPa upwards, varies by -7 to +6
+/// kPa downwards, and recovers in both cases.
 #[test]
 fn the_stages_hand_over() {
     for rate in [100.0, 400.0] {

@@ -12,8 +12,8 @@ KRPM = 30 / np.pi / 1e3
 """1 rad/s."""
 
 DUTY = 100.0
-"""The commanded duty (%), constant because CasADi does not vary discrete inputs. The supply voltage varies instead:
-only the product acts, so 40 % at 12 V equals 100 % at 4.8 V."""
+"""The commanded duty (%), constant because CasADi does not vary discrete inputs. The supply voltage varies
+instead: only the product acts, so 40 % at 12 V equals 100 % at 4.8 V."""
 
 
 def voltage(duty):
@@ -23,7 +23,8 @@ def voltage(duty):
 
 @dataclass
 class Plant:
-    """The states' derivatives as a function of states and free inputs; states in units of their nominal values."""
+    """The states' derivatives as a function of states and free inputs; states in units of their nominal
+    values."""
 
     derivatives: ca.Function
     states: list[str]

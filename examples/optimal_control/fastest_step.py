@@ -1,11 +1,11 @@
 """The fastest boost step: direct shooting with the plant's Jacobians.
 
-The valves are constant in each controller sample. They minimize the integral of the squared boost error, with a
-small penalty on their moves, while the high-pressure shaft stays below a limit. Each iteration simulates the plant,
-linearizes it along the trajectory and solves a quadratic program (Gauss-Newton) in a trust region.
+The valves are constant in each controller sample. They minimize the integral of the squared boost error, with
+a small penalty on their moves, while the high-pressure shaft stays below a limit. Each iteration simulates
+the plant, linearizes it along the trajectory and solves a quadratic program (Gauss-Newton) in a trust region.
 
-Every iterate is thus a trajectory of the plant. With collocation and multiple shooting it is not, and Ipopt did not
-converge: the plant has kinks, such as the wastegate rod's stops.
+Every iterate is thus a trajectory of the plant. With collocation and multiple shooting it is not, and Ipopt
+did not converge: the plant has kinks, such as the wastegate rod's stops.
 """
 
 from dataclasses import dataclass
@@ -29,7 +29,8 @@ MOVES = 4.0
 """kPa2.s for a valve move over its whole range in one sample; the error is some 1000 kPa2.s."""
 
 BEYOND = 40.0
-"""kPa2.s per krpm above the limit, or kPa beyond the tolerance at the end: more than a violation could gain."""
+"""kPa2.s per krpm above the limit, or kPa beyond the tolerance at the end: more than a violation could
+gain."""
 
 END_TOLERANCE = 0.1  # kPa
 RELATIVE_TOLERANCE = 1e-4

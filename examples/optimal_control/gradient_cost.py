@@ -1,11 +1,11 @@
-"""The cost of a gradient in CasADi: with an FMU's adjoint derivatives, its Jacobian and finite differences, and with
-a model in CasADi symbols.
+"""The cost of a gradient in CasADi: with an FMU's adjoint derivatives, its Jacobian and finite differences,
+and with a model in CasADi symbols.
 
 python examples/optimal_control/gradient_cost.py VAN_DER_POL.fmu
 
-prints the two tables of docs/masters.md: the gradient of the weighted right-hand side with respect to states and
-inputs, and of the fastest step's objective with respect to all valves. The argument is the template van_der_pol,
-exported as FMI 3.0 for Model Exchange.
+prints the two tables of docs/masters.md: the gradient of the weighted right-hand side with respect to states
+and inputs, and of the fastest step's objective with respect to all valves. The argument is the template
+van_der_pol, exported as FMI 3.0 for Model Exchange.
 """
 
 import sys

@@ -11,7 +11,8 @@ HELD = ["tank.pressure", "actuator.velocity", "actuator.friction_force"]
 """At their start values: the tank's, and 0 for a rod at rest."""
 
 BALANCED_ELSEWHERE = ["tank.pressure", "actuator.position", "actuator.friction_force"]
-"""Derivatives excluded from the conditions: the tank fills slowly, and the other two are 0 for a rod at rest."""
+"""Derivatives excluded from the conditions: the tank fills slowly, and the other two are 0 for a rod at
+rest."""
 
 
 class OperatingPoints:

@@ -2,8 +2,9 @@
 
 python examples/optimal_control/optimal_control.py [--plot FILE]
 
-Two optima: the fastest boost step below a high-pressure shaft speed limit, and the operating points with the lowest
-exhaust pressure. They are found with the plant's Model Exchange FMU and applied to its co-simulation FMU.
+Two optima: the fastest boost step below a high-pressure shaft speed limit, and the operating points with the
+lowest exhaust pressure. They are found with the plant's Model Exchange FMU and applied to its co-simulation
+FMU.
 """
 
 import argparse

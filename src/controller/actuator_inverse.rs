@@ -1,14 +1,15 @@
 //! The inverse of the actuator: the duty that puts the wastegate at a position (paper, section 5).
 //!
-//! At rest the vacuum on the membrane balances the spring, paper eq. (4), and the duty sets the vacuum, eq. (7). Exhaust
-//! force and friction are neglected, as in the paper.
+//! At rest the vacuum on the membrane balances the spring, paper eq. (4), and the duty sets the vacuum, eq. (7).
+//! Exhaust force and friction are neglected, as in the paper.
 
 use super::variables::ActuatorInverseParameters;
 
 /// The largest duty (%).
 const FULL_DUTY: f64 = 100.0;
 
-/// A bound on the steps: bisection alone needs some 55 from the duty range to adjacent floats, Newton's method a handful.
+/// A bound on the steps: bisection alone needs some 55 from the duty range to adjacent floats, Newton's method a
+/// handful.
 const MOST_STEPS: usize = 128;
 
 /// The duty at nominal voltage (%) that holds the wastegate at an opening from 0 (the duty at which it
@@ -32,8 +33,8 @@ pub(super) fn duty_at_lower_pressure(inverse: &ActuatorInverseParameters, duty: 
 
 /// The duty (%) at which the cubic of paper eq. (7) takes a value (Pa).
 ///
-/// Newton's method within a bracket, with bisection if a step would leave it or is more than half the previous one, so it
-/// converges for any coefficients. For a value beyond both ends of the range, the result is the nearer end.
+/// Newton's method within a bracket, with bisection if a step would leave it or is more than half the previous one, so
+/// it converges for any coefficients. For a value beyond both ends of the range, the result is the nearer end.
 fn root(coefficients: &[f64; 4], value: f64) -> f64 {
     let [k1, k2, k3, k4] = *coefficients;
     let excess = |duty: f64| ((k1 * duty + k2) * duty + k3) * duty + k4 - value;

@@ -2,8 +2,8 @@
 //!
 //! The high-pressure wastegate's valve gets the virtual duty itself, up to its maximum duty. Before that wastegate is
 //! fully open, the low-pressure one starts to open, and slightly later the bypass of the high-pressure compressor, both
-//! only at engine speeds where the high-pressure stage is too small for the flow. This is the gradual transition between
-//! stages of paper, section 3.1, in engine speed and in duty, without switching.
+//! only at engine speeds where the high-pressure stage is too small for the flow. This is the gradual transition
+//! between stages of paper, section 3.1, in engine speed and in duty, without switching.
 
 use fmu_export::{Error, Persistent};
 
@@ -56,8 +56,8 @@ impl AllocationParameters {
 
     /// The openings at rest for a virtual duty (%) within its limits.
     ///
-    /// The low-pressure wastegate follows a hyperbola, since its effect on boost falls as it opens: the gain from virtual
-    /// duty to boost pressure hardly changes.
+    /// The low-pressure wastegate follows a hyperbola, since its effect on boost falls as it opens: the gain from
+    /// virtual duty to boost pressure hardly changes.
     #[must_use]
     pub fn openings(&self, virtual_duty: f64, engine_speed: f64) -> Openings {
         let (span, beyond) = (self.low_pressure_span, virtual_duty - self.low_pressure_start);

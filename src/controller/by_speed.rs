@@ -96,8 +96,8 @@ impl BySpeed {
         Command::new(DutyTerms::feedforward(duty, reference), limits, openings)
     }
 
-    /// Whether the high-pressure stage is bypassed at an engine speed (rpm): from the limit, until the speed falls below
-    /// it by the hysteresis.
+    /// Whether the high-pressure stage is bypassed at an engine speed (rpm): from the limit, until the speed falls
+    /// below it by the hysteresis.
     fn bypasses(&mut self, parameters: &Parameters, engine_speed: f64) -> bool {
         let until = parameters.lp_wastegate_open_above;
         let from = if self.bypassed { until - parameters.stage_hysteresis } else { until };
@@ -114,8 +114,8 @@ impl BySpeed {
     }
 }
 
-/// The low-pressure wastegate opening at an engine speed (rpm) while the high-pressure stage works: shut up to one limit,
-/// fully open at the other, linear between.
+/// The low-pressure wastegate opening at an engine speed (rpm) while the high-pressure stage works: shut up to one
+/// limit, fully open at the other, linear between.
 fn lp_wastegate(parameters: &Parameters, engine_speed: f64) -> f64 {
     let (shut, open) = (parameters.lp_wastegate_close_below, parameters.lp_wastegate_open_above);
     if engine_speed <= shut {

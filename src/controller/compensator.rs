@@ -11,8 +11,8 @@ use crate::elementary::{larger, smaller};
 /// The lowest supply voltage (V) compensated for: below it the duty does not grow further.
 const LEAST_VOLTAGE: f64 = 6.0;
 
-/// The lowest supply voltage (V) of the first measurement: in the starting profiles of ISO 16750-2 cranking lowers a 12 V
-/// supply to no less than 3 V. Some masters pass zeros to connected inputs at the start.
+/// The lowest supply voltage (V) of the first measurement: in the starting profiles of ISO 16750-2 cranking lowers a 12
+/// V supply to no less than 3 V. Some masters pass zeros to connected inputs at the start.
 const LEAST_MEASUREMENT: f64 = 3.0;
 
 /// The largest duty (%).
@@ -76,8 +76,8 @@ impl Limits {
         duty >= self.least && duty <= self.most
     }
 
-    /// The nearest duty within the limits. At low voltage the upper limit can fall below the lower; then the upper, physical
-    /// one applies.
+    /// The nearest duty within the limits. At low voltage the upper limit can fall below the lower; then the upper,
+    /// physical one applies.
     pub fn clip(self, duty: f64) -> f64 {
         smaller(larger(duty, self.least), self.most)
     }

@@ -1,23 +1,24 @@
 //! Ambient conditions ("day"): converts the schedule of the strategy `split_range` from reference to other conditions.
 //!
 //! An operating point is looked up at reference conditions, at the point with the same valve openings, turbine pressure
-//! ratios and corrected shaft speeds. With δ and θ the ambient pressure and temperature over their reference values, Π the
-//! ratio of boost to ambient pressure, and τ the ratio of exhaust temperatures:
+//! ratios and corrected shaft speeds. With δ and θ the ambient pressure and temperature over their reference values, Π
+//! the ratio of boost to ambient pressure, and τ the ratio of exhaust temperatures:
 //!
-//! - In thin air less exhaust flows and loses more of its heat upstream of the turbines: its temperature is proportional
-//!   to flow to the power ε. Turbine flow at equal pressure ratio is proportional to p / √T, so that τ = (δ / √τ)^ε.
-//!   Ambient temperature changes exhaust temperature by a hundredth, which is neglected.
+//! - In thin air less exhaust flows and loses more of its heat upstream of the turbines: its temperature is
+//!   proportional to flow to the power ε. Turbine flow at equal pressure ratio is proportional to p / √T, so that τ =
+//!   (δ / √τ)^ε. Ambient temperature changes exhaust temperature by a hundredth, which is neglected.
 //! - Turbine work per mass is proportional to τ and equals compressor work, `c_p T (Π^((γ−1)/γ) − 1)`: the schedule's
 //!   ratio follows from `Π₀^((γ−1)/γ) − 1 = θ/τ (Π^((γ−1)/γ) − 1)`.
 //! - Engine flow is proportional to speed, boost pressure and 1/θ, flow through turbines and wastegates to δ/√τ, so the
 //!   schedule's engine speed is `N Π √τ / (θ Π₀)`.
-//! - At equal corrected speed the shafts turn faster by √τ. Their energy is proportional to τ and their power to δ √τ, so
-//!   time constants are longer by √τ/δ.
+//! - At equal corrected speed the shafts turn faster by √τ. Their energy is proportional to τ and their power to δ √τ,
+//!   so time constants are longer by √τ/δ.
 //!
 //! (Corrected quantities: Eriksson and Nielsen, Modeling and Control of Engines and Drivelines, 2014, chapter 8.)
 //!
 //! The actuator does not scale: its spring needs the same difference to ambient pressure, but paper, eq. (7), gives
-//! absolute chamber pressure. So the duty is the one whose chamber pressure is lower by the difference in ambient pressure.
+//! absolute chamber pressure. So the duty is the one whose chamber pressure is lower by the difference in ambient
+//! pressure.
 
 use fmu_export::Persistent;
 
@@ -138,11 +139,11 @@ impl Day {
         self.work_ratio.sqrt() * pressure / (self.temperature_ratio * scheduled_pressure)
     }
 
-    /// The boost pressure limit (Pa, at reference conditions) at an engine speed (rpm) here that keeps a shaft speed, from
-    /// the schedule's over engine speed.
+    /// The boost pressure limit (Pa, at reference conditions) at an engine speed (rpm) here that keeps a shaft speed,
+    /// from the schedule's over engine speed.
     ///
-    /// Equal shaft speeds mean equal work and equal volume flows of the compressors, which are proportional to engine speed
-    /// and pressure ratio.
+    /// Equal shaft speeds mean equal work and equal volume flows of the compressors, which are proportional to engine
+    /// speed and pressure ratio.
     pub fn limit_of_shaft(&self, engine_speed: f64, scheduled: impl Fn(f64) -> f64) -> f64 {
         let on_day = |limit: f64| self.with_work(limit * self.pressure_ratio, 1.0 / self.temperature_ratio);
         let nearly = scheduled(engine_speed);

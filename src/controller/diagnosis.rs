@@ -9,7 +9,8 @@
 //! | supply sensor implausible | out of range | compensation as at nominal voltage |
 //!
 //! The bounds follow from plant physics, as `modelDescription/controller.json` explains. Findings about boost and tank
-//! filling latch until the next initialization, since limp-home removes the evidence; a sensor back in range is used again.
+//! filling latch until the next initialization, since limp-home removes the evidence; a sensor back in range is used
+//! again.
 
 use std::fmt;
 
@@ -27,8 +28,9 @@ use crate::elementary::larger;
 const MEMORY: f64 = 1.0;
 /// The change of engine speed (rpm) within which the loop is judged: beyond it, the duty moves to hold the pressure.
 const STEADY_SPEED: f64 = 100.0;
-/// The sum of duty changes (%) up to which the duty counts as constant: 1 % more empties 0.9 kPa of the actuator chamber
-/// into the tank, 40 Pa there with 45 cm³ and 1 l, so this at most 0.08 kPa, or 0.24 kPa with a chamber three times as large.
+/// The sum of duty changes (%) up to which the duty counts as constant: 1 % more empties 0.9 kPa of the actuator
+/// chamber into the tank, 40 Pa there with 45 cm³ and 1 l, so this at most 0.08 kPa, or 0.24 kPa with a chamber three
+/// times as large.
 const RESTING_TRAVEL: f64 = 2.0;
 /// How long the duty must be constant (s) before tank pressure is judged: the longest filling of the chamber.
 const CHAMBER_SETTLES: f64 = 0.75;
@@ -205,8 +207,9 @@ impl Diagnosis {
         }
     }
 
-    /// Judges whether boost responds to the virtual duty (%) commanded for a reference (Pa), if a schedule gives the expected
-    /// response. All pressures are at reference conditions, and so is the day's, which corresponds to a fixed pressure here.
+    /// Judges whether boost responds to the virtual duty (%) commanded for a reference (Pa), if a schedule gives the
+    /// expected response. All pressures are at reference conditions, and so is the day's, which corresponds to a fixed
+    /// pressure here.
     pub fn check_answer<const COLUMNS: usize>(
         &mut self,
         parameters: &Parameters,
@@ -251,8 +254,8 @@ impl Confirmed {
     }
 }
 
-/// The boost measurement since its last change. A master with steps longer than samples holds measurements, so their next
-/// change spans all that time.
+/// The boost measurement since its last change. A master with steps longer than samples holds measurements, so their
+/// next change spans all that time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 struct Signal {
     /// Boost pressure (Pa) and engine speed (rpm) at the last change.
@@ -284,10 +287,10 @@ impl Signal {
 
 /// Whether boost responds to the virtual duty.
 ///
-/// While boost is far from its reference, the duty should move it to the pressure of that duty in the schedule, with the
-/// schedule's time constant. A working loop moves at least a little that way. One that cannot reach its reference, as in
-/// thin air, responded when its duty moved there, and is not judged. Nor is low boost under a reference that did not rise:
-/// a shut throttle lowers boost just as a stuck wastegate would.
+/// While boost is far from its reference, the duty should move it to the pressure of that duty in the schedule, with
+/// the schedule's time constant. A working loop moves at least a little that way. One that cannot reach its reference,
+/// as in thin air, responded when its duty moved there, and is not judged. Nor is low boost under a reference that did
+/// not rise: a shut throttle lowers boost just as a stuck wastegate would.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 struct Answer {
     /// Virtual duty (%) and reference (Pa), filtered; none before the first sample.

@@ -1,8 +1,8 @@
 //! Lead compensation of the high-pressure wastegate duty, off reference conditions.
 //!
-//! The actuator lags its duty: its chamber has to fill, and its rod to overcome friction. So while the duty changes, more
-//! than the change is commanded, down to zero duty, which fills the chamber faster than the duty at which the wastegate
-//! seats. Small changes are ignored, since noise would drain the vacuum.
+//! The actuator lags its duty: its chamber has to fill, and its rod to overcome friction. So while the duty changes,
+//! more than the change is commanded, down to zero duty, which fills the chamber faster than the duty at which the
+//! wastegate seats. Small changes are ignored, since noise would drain the vacuum.
 
 use fmu_export::Persistent;
 

@@ -143,8 +143,8 @@ impl BoostLaw {
         };
         let duty = terms.duty();
         let (limited, own) = (limits.clip(duty), task.own_limits.clip(duty));
-        // While the shaft's limits hold the duty, the integral term is frozen: the feedback cannot correct the error, and
-        // the term would be too large when the limits release.
+        // While the shaft's limits hold the duty, the integral term is frozen: the feedback cannot correct the error,
+        // and the term would be too large when the limits release.
         let error = if limited > own { 0.0 } else { error };
         self.pid.integrate(&tuning, sample_time, error * firmness.integral_share, own - duty);
         self.blocked = limited - duty;

@@ -13,8 +13,9 @@
 //! The feedforward maps the reference to the duty that holds it. The [`feedback`], a PID controller tuned to the local
 //! model of the [`schedule`], corrects the model error. The compensator converts the duty at nominal voltage to the
 //! measured voltage, so that voltage disturbances do not move the wastegate. A reference model precedes the feedback,
-//! except in the paper's structure. Both strategies use this law: in `split_range` its duty is allocated to all valves, in
-//! `by_speed` it moves the high-pressure wastegate, and engine speed sets the others. A relay switches the vacuum pump.
+//! except in the paper's structure. Both strategies use this law: in `split_range` its duty is allocated to all valves,
+//! in `by_speed` it moves the high-pressure wastegate, and engine speed sets the others. A relay switches the vacuum
+//! pump.
 //!
 //! Two more modes do not control boost pressure: `position` moves the wastegate to a reference ([`actuator_inverse`]),
 //! `open_loop` takes the duty as an input. Both compensate for the voltage.
@@ -63,8 +64,8 @@ use split_range::SplitRange;
 use tank_relay::TankRelay;
 use variables::{ControlMode, Inputs, Locals, Outputs, Parameters, Strategy, Variables};
 
-/// The lowest boost pressure (Pa) that is a measurement. Some masters pass zeros to connected inputs in their first step,
-/// and no engine runs with a fifth of ambient pressure upstream of its throttle.
+/// The lowest boost pressure (Pa) that is a measurement. Some masters pass zeros to connected inputs in their first
+/// step, and no engine runs with a fifth of ambient pressure upstream of its throttle.
 const LEAST_MEASUREMENT: f64 = 20e3;
 
 /// The duty limits (%) in the modes position and `open_loop`.
@@ -128,9 +129,9 @@ impl Sampled for ControlLaw {
         }
     }
 
-    /// The outputs are those of the mode without memory. Initialization leaves no memory and does not use measured boost
-    /// pressure, so that a plant that settles at these outputs can be initialized together with the controller without a
-    /// loop.
+    /// The outputs are those of the mode without memory. Initialization leaves no memory and does not use measured
+    /// boost pressure, so that a plant that settles at these outputs can be initialized together with the controller
+    /// without a loop.
     fn initialize(
         &mut self,
         variables: &mut Variables,
@@ -241,8 +242,8 @@ impl ControlLaw {
         }
     }
 
-    /// The command for least boost. The bypass stays shut: opening it would unload the high-pressure compressor, whose shaft
-    /// already turns too fast with its wastegate stuck shut. The law's memory follows, for a bumpless return.
+    /// The command for least boost. The bypass stays shut: opening it would unload the high-pressure compressor, whose
+    /// shaft already turns too fast with its wastegate stuck shut. The law's memory follows, for a bumpless return.
     fn least_boost(&mut self, parameters: &Parameters, inputs: &Inputs, limits: Limits) -> Command {
         self.law = Some(BoostLaw::at(inputs.boost_pressure));
         let terms = DutyTerms::feedforward(parameters.pwm_max, inputs.boost_pressure);

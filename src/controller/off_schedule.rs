@@ -4,30 +4,31 @@
 //! conditions the converted schedule is less exact, and the plant may differ too, so the feedback does more and the
 //! feedforward less:
 //!
-//! - The feedback's λ is shorter. The actuator limits it: boost cannot change for about 0.08 s on the plant model, while the
-//!   chamber fills and the rod moves. So the derivative term leads by about that lag, as in a Smith predictor for an
-//!   integrating plant, which the shafts are on that time scale. Its filter is slower, or boost noise would move the
-//!   wastegate so much that the pump could not hold the vacuum.
-//! - The feedforward uses part of the schedule's sensitivity. That was identified with a first-order model, which makes the
-//!   wastegate's whole effect as slow as the low-pressure shaft. The high-pressure shaft follows several times faster, so
-//!   less duty suffices for ramps of a second, and too much costs that shaft speed when a deceleration ends.
+//! - The feedback's λ is shorter. The actuator limits it: boost cannot change for about 0.08 s on the plant model,
+//!   while the chamber fills and the rod moves. So the derivative term leads by about that lag, as in a Smith predictor
+//!   for an integrating plant, which the shafts are on that time scale. Its filter is slower, or boost noise would move
+//!   the wastegate so much that the pump could not hold the vacuum.
+//! - The feedforward uses part of the schedule's sensitivity. That was identified with a first-order model, which makes
+//!   the wastegate's whole effect as slow as the low-pressure shaft. The high-pressure shaft follows several times
+//!   faster, so less duty suffices for ramps of a second, and too much costs that shaft speed when a deceleration ends.
 //! - Engine speed is filtered less before its rate is taken, since the filter's delay shows when a ramp ends. In the
-//!   feedforward the rate leads by part of the actuator lag, and a deceleration is applied with a lag: holding boost while
-//!   engine speed begins to fall slows the high-pressure shaft, and that speed is missing when a short deceleration ends.
+//!   feedforward the rate leads by part of the actuator lag, and a deceleration is applied with a lag: holding boost
+//!   while engine speed begins to fall slows the high-pressure shaft, and that speed is missing when a short
+//!   deceleration ends.
 //! - On fast engine speed ramps the [`ramp_term`](super::ramp_term) replaces the integral action.
 //! - The high-pressure wastegate duty has lead compensation ([`duty_lead`](super::duty_lead)).
-//! - The integral term is rescaled with the engine's gain along the schedule: the map error it corrects is one of pressure
-//!   rather than of duty.
-//! - The reference model follows its limit faster: where the shaft's limit rises in a deceleration, boost can follow it as
-//!   fast as the actuator.
-//! - The reference is filtered, so that a step is no faster on a ramp than at constant speed, and slower by as much as the
-//!   ambient conditions slow the shafts. For a faster one the wastegate shuts, and opens too late.
+//! - The integral term is rescaled with the engine's gain along the schedule: the map error it corrects is one of
+//!   pressure rather than of duty.
+//! - The reference model follows its limit faster: where the shaft's limit rises in a deceleration, boost can follow it
+//!   as fast as the actuator.
+//! - The reference is filtered, so that a step is no faster on a ramp than at constant speed, and slower by as much as
+//!   the ambient conditions slow the shafts. For a faster one the wastegate shuts, and opens too late.
 //! - The high-pressure shaft may turn slightly faster than at reference conditions, where its limit is exact.
 //!
-//! The higher feedback gain, the faster model and the rescaling act while engine speed changes and fade within 2 s, since
-//! reference steps at constant speed would overshoot more. All except engine speed rate, sensitivity, duty lead and shaft
-//! allowance are ramped in with engine speed, below where the low-pressure wastegate takes part. Where the shaft's limit
-//! holds the duty, the feedback stays as identified, since it would work against that limit.
+//! The higher feedback gain, the faster model and the rescaling act while engine speed changes and fade within 2 s,
+//! since reference steps at constant speed would overshoot more. All except engine speed rate, sensitivity, duty lead
+//! and shaft allowance are ramped in with engine speed, below where the low-pressure wastegate takes part. Where the
+//! shaft's limit holds the duty, the feedback stays as identified, since it would work against that limit.
 
 use fmu_export::Persistent;
 
@@ -41,13 +42,13 @@ use crate::elementary::larger;
 /// The offset (rpm) below the engine speeds between which the low-pressure wastegate is ramped in.
 const EARLIER: f64 = 500.0;
 
-/// The engine speed rates (rpm/s) between which it counts as changing, and the fading time (s) of the higher feedback gain
-/// after that.
+/// The engine speed rates (rpm/s) between which it counts as changing, and the fading time (s) of the higher feedback
+/// gain after that.
 const MOVES: (f64, f64) = (50.0, 150.0);
 const FADES_IN: f64 = 2.0;
 
-/// The rates (rpm/s) between which the ramp term replaces the integral term. A slower ramp lasts so long that the integral
-/// term helps.
+/// The rates (rpm/s) between which the ramp term replaces the integral term. A slower ramp lasts so long that the
+/// integral term helps.
 const FAST: (f64, f64) = (250.0, 1000.0);
 
 /// The time constant (s) with which a deceleration is applied.
@@ -197,8 +198,8 @@ mod tests {
 
     const SAMPLE_TIME: f64 = 0.0125;
 
-    /// After a second with a rate of engine speed (rpm/s) and some time without (s), at an engine speed (rpm) and an ambient
-    /// pressure (Pa).
+    /// After a second with a rate of engine speed (rpm/s) and some time without (s), at an engine speed (rpm) and an
+    /// ambient pressure (Pa).
     fn motion(rate: f64, rests_for: f64, engine_speed: f64, ambient_pressure: f64) -> Motion {
         let parameters = Parameters::default();
         let day = Day::measured(&parameters, &Inputs { ambient_pressure, ..Inputs::default() });

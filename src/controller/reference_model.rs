@@ -1,10 +1,10 @@
 //! The reference model of the structure `model_reference` (internal model control).
 //!
-//! With a static feedforward and an integral term, the response to the reference is
-//! `(1 + s (T + λ')) / ((1 + s T) (1 + s λ'))` with `λ' = λ + L/2`: it overshoots by construction. Here an engine model,
-//! composed of the local models along its path, is driven to the reference with the time constant λ. The duty that does so
-//! is the feedforward; the feedback acts only on the difference between the engine and the model, delayed like the engine.
-//! Since the model receives the limited duty, it does not run away from an engine whose wastegate is at its stop.
+//! With a static feedforward and an integral term, the response to the reference is `(1 + s (T + λ')) / ((1 + s T) (1 +
+//! s λ'))` with `λ' = λ + L/2`: it overshoots by construction. Here an engine model, composed of the local models along
+//! its path, is driven to the reference with the time constant λ. The duty that does so is the feedforward; the
+//! feedback acts only on the difference between the engine and the model, delayed like the engine. Since the model
+//! receives the limited duty, it does not run away from an engine whose wastegate is at its stop.
 
 use fmu_export::Persistent;
 
@@ -43,8 +43,8 @@ impl ReferenceModel {
         self.delayed = self.delayed.map(pressure);
     }
 
-    /// The model at its boost pressure, given any operating point at the same engine speed, and the duty (%) that holds it
-    /// if not the duty at rest.
+    /// The model at its boost pressure, given any operating point at the same engine speed, and the duty (%) that holds
+    /// it if not the duty at rest.
     pub fn linearize<const COLUMNS: usize>(
         &self,
         operating_point: OperatingPoint<'_, COLUMNS>,
@@ -77,8 +77,8 @@ impl ReferenceModel {
         self.delayed = self.delayed.map(|delayed| delayed - shift);
     }
 
-    /// Advances to the next sample with the limited feedforward duty (%). The delay (s) is approximated by a first-order
-    /// lag of equal time.
+    /// Advances to the next sample with the limited feedforward duty (%). The delay (s) is approximated by a
+    /// first-order lag of equal time.
     pub fn advance(&mut self, model: &Linearized, duty: f64, delay: f64, sample_time: f64) {
         let delayed = self.delayed.unwrap_or(self.pressure);
         self.delayed = Some(delayed + sample_time / larger(delay, sample_time) * (self.pressure - delayed));

@@ -2,8 +2,8 @@
 //! bilinearly and clamped at their edges.
 //!
 //! The paper linearises the engine "across different desired boost pressures and engine speeds" and identifies, at each
-//! point, the first-order system with time delay of eq. (10). The feedforward's static map shares the grid, so a position
-//! is searched once for all tables.
+//! point, the first-order system with time delay of eq. (10). The feedforward's static map shares the grid, so a
+//! position is searched once for all tables.
 
 use fmu_export::Error;
 
@@ -81,8 +81,8 @@ impl GridPosition {
             below += 1;
         }
         let width = axis[below + 1] - axis[below];
-        // A non-increasing axis is rejected before the first step, but initialization must get that far without dividing
-        // by zero.
+        // A non-increasing axis is rejected before the first step, but initialization must get that far without
+        // dividing by zero.
         let fraction = if width > 0.0 { ((value - axis[below]) / width).clamp(0.0, 1.0) } else { 0.0 };
         Self { below, fraction }
     }
@@ -154,11 +154,11 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
         Self { schedule, rows, column, alignment, weights, time_scale: 1.0 }
     }
 
-    /// The same, with each column read at the same fraction of its range from the boost pressure of the largest duty (%) to
-    /// that of the smallest.
+    /// The same, with each column read at the same fraction of its range from the boost pressure of the largest duty
+    /// (%) to that of the smallest.
     ///
-    /// Between columns this follows lines of equal duty. At equal pressures, one column may be beyond the engine's reach,
-    /// where the map is filled.
+    /// Between columns this follows lines of equal duty. At equal pressures, one column may be beyond the engine's
+    /// reach, where the map is filled.
     #[must_use]
     pub fn aligned(self, boost_pressure: f64, [least, most]: [f64; 2]) -> Self {
         let ends = [0.0, 1.0].map(|fraction| {
@@ -190,8 +190,8 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
         self.interpolate(self.schedule.duty)
     }
 
-    /// The duty (%) that holds another boost pressure (Pa) at the same engine speed, extrapolated beyond the rows with the
-    /// gain at the edge.
+    /// The duty (%) that holds another boost pressure (Pa) at the same engine speed, extrapolated beyond the rows with
+    /// the gain at the edge.
     #[must_use]
     pub fn extrapolated_feedforward(self, boost_pressure: f64) -> f64 {
         let [first, .., last] = *self.schedule.boost_pressure;
@@ -200,8 +200,8 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
         here.feedforward() + beyond / here.interpolate(self.schedule.gain)
     }
 
-    /// The boost pressure (Pa) that a duty (%) holds at rest at the same engine speed: the inverse map. A duty beyond the map
-    /// or in its filled, unreachable part gives the pressure at the edge.
+    /// The boost pressure (Pa) that a duty (%) holds at rest at the same engine speed: the inverse map. A duty beyond
+    /// the map or in its filled, unreachable part gives the pressure at the edge.
     #[must_use]
     pub fn pressure_held_by(self, duty: f64) -> f64 {
         let rows = self.schedule.boost_pressure;

@@ -1,21 +1,21 @@
 //! The high-pressure shaft speed limit, at rest and while boost rises.
 //!
-//! At rest the reference limit keeps the shaft within its speed. The schedule holds it for the nominal plant. If the speed
-//! is measured, it is corrected for the plant and ambient conditions: to the measured pressure, extrapolated over the
-//! remaining speed margin, which is exact at zero margin. The limit is raised wherever that pressure is higher, but lowered
-//! only above the speed at rest, since far below it the extrapolation falls short.
+//! At rest the reference limit keeps the shaft within its speed. The schedule holds it for the nominal plant. If the
+//! speed is measured, it is corrected for the plant and ambient conditions: to the measured pressure, extrapolated over
+//! the remaining speed margin, which is exact at zero margin. The limit is raised wherever that pressure is higher, but
+//! lowered only above the speed at rest, since far below it the extrapolation falls short.
 //!
-//! While boost pressure rises, the slow low-pressure stage lags and the high-pressure stage compensates with more speed. If
-//! the speed is measured, the virtual duty is at least the one that holds the limit at rest, more above it and less below
-//! it, by the predicted speed. At reference conditions the reference model receives the limited duty, so it waits. Off
-//! reference conditions the limits would take it too far from the engine and fill the integral term: boost would fall too
-//! far, or oscillate with the shaft. There they override only the duty. With 0.001 %/rpm and a lead of 0.3 s, duty and speed
-//! oscillate at 3 Hz at 85 kPa.
+//! While boost pressure rises, the slow low-pressure stage lags and the high-pressure stage compensates with more
+//! speed. If the speed is measured, the virtual duty is at least the one that holds the limit at rest, more above it
+//! and less below it, by the predicted speed. At reference conditions the reference model receives the limited duty, so
+//! it waits. Off reference conditions the limits would take it too far from the engine and fill the integral term:
+//! boost would fall too far, or oscillate with the shaft. There they override only the duty. With 0.001 %/rpm and a
+//! lead of 0.3 s, duty and speed oscillate at 3 Hz at 85 kPa.
 //!
-//! Near the maximum speed, even at rest, the bypass shuts, and the low-pressure wastegate waits until the high-pressure one
-//! is fully open. An open bypass unloads the shaft: in the cold at 5500 rpm and 120 kPa to 219 krpm, where 178 krpm would be
-//! possible with it shut (a search over all valves). The low-pressure wastegate lowers boost but hardly slows the shaft: so
-//! with the high-pressure wastegate fully open, the limit is not below the pressure there.
+//! Near the maximum speed, even at rest, the bypass shuts, and the low-pressure wastegate waits until the high-pressure
+//! one is fully open. An open bypass unloads the shaft: in the cold at 5500 rpm and 120 kPa to 219 krpm, where 178 krpm
+//! would be possible with it shut (a search over all valves). The low-pressure wastegate lowers boost but hardly slows
+//! the shaft: so with the high-pressure wastegate fully open, the limit is not below the pressure there.
 
 use fmu_export::Persistent;
 
@@ -28,20 +28,20 @@ use crate::elementary::{larger, smaller};
 /// The lowest speed (rpm) that is a measurement: below it, the limit is out of reach.
 const LEAST_MEASUREMENT: f64 = 1e3;
 
-/// The excess speeds (rpm) at which the bypass starts to shut and is shut: with 207.5 krpm, at 199.5 and 203.5 krpm. Closer to
-/// the maximum speed it would stay partly open on a shaft that turns too fast.
+/// The excess speeds (rpm) at which the bypass starts to shut and is shut: with 207.5 krpm, at 199.5 and 203.5 krpm.
+/// Closer to the maximum speed it would stay partly open on a shaft that turns too fast.
 const BYPASS_SHUTS: (f64, f64) = (-8e3, -4e3);
 
-/// The excess speeds (rpm) at which the other valves start to wait for the high-pressure wastegate, and wait until it is
-/// open: with 207.5 krpm, at 203.5 and 205.5 krpm.
+/// The excess speeds (rpm) at which the other valves start to wait for the high-pressure wastegate, and wait until it
+/// is open: with 207.5 krpm, at 203.5 and 205.5 krpm.
 const OTHERS_WAIT: (f64, f64) = (-4e3, -2e3);
 
 /// The filter of the rate of change (s): a fraction of `lead_time`.
 const RATE_FILTER: f64 = 0.05;
 
-/// The margin below the speed at rest (rpm) that counts as near. There boost is extrapolated with the contribution of the
-/// high-pressure shaft alone, which follows at once: with more, the limit oscillates. Farther away a multiple is used,
-/// since at rest the low-pressure shaft adds to boost too.
+/// The margin below the speed at rest (rpm) that counts as near. There boost is extrapolated with the contribution of
+/// the high-pressure shaft alone, which follows at once: with more, the limit oscillates. Farther away a multiple is
+/// used, since at rest the low-pressure shaft adds to boost too.
 const NEAR_LIMIT: f64 = 5e3;
 const FAR_FACTOR: f64 = 4.0;
 
@@ -97,8 +97,8 @@ pub struct ShaftSpeedLimit {
 }
 
 impl ShaftSpeedLimit {
-    /// Updates the correction of the schedule's pressure limit (Pa), from the excess of the boost pressure allowed by the
-    /// shaft (Pa) and the measured speed (rpm).
+    /// Updates the correction of the schedule's pressure limit (Pa), from the excess of the boost pressure allowed by
+    /// the shaft (Pa) and the measured speed (rpm).
     pub fn correction(&mut self, parameters: &Parameters, above: f64, speed: f64) -> f64 {
         let &ShaftSpeedLimitParameters { speed: most, speed_at_rest, correction_time, .. } =
             &parameters.shaft_speed_limit;
@@ -122,8 +122,8 @@ impl ShaftSpeedLimit {
     }
 }
 
-/// The minimum virtual duty (%) at an excess speed (rpm), from the duty that holds the maximum speed at rest; at most the one
-/// that fully opens the high-pressure wastegate.
+/// The minimum virtual duty (%) at an excess speed (rpm), from the duty that holds the maximum speed at rest; at most
+/// the one that fully opens the high-pressure wastegate.
 pub fn least_duty(parameters: &Parameters, excess: f64, holding_duty: f64) -> f64 {
     smaller(holding_duty + parameters.shaft_speed_limit.gain * excess, parameters.pwm_max)
 }
@@ -134,8 +134,8 @@ pub fn bypass_share(excess: f64) -> f64 {
     1.0 - ramp(excess, begin, end)
 }
 
-/// The virtual duty (%) for the other valves at an excess speed (rpm): near the limit the high-pressure wastegate opens fully
-/// before they start to, since opening them lowers boost but hardly slows the shaft.
+/// The virtual duty (%) for the other valves at an excess speed (rpm): near the limit the high-pressure wastegate opens
+/// fully before they start to, since opening them lowers boost but hardly slows the shaft.
 pub fn duty_of_other_valves(parameters: &Parameters, excess: f64, virtual_duty: f64) -> f64 {
     let &Parameters { pwm_max, ref allocation, .. } = parameters;
     let (start, open) = (allocation.low_pressure_start, allocation.low_pressure_open());

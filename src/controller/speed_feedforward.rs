@@ -1,16 +1,16 @@
 //! The feedforward from engine speed changes.
 //!
 //! While engine speed rises with the valves held, the shafts lag, and boost is below its steady-state value by about S
-//! times the rate of change: the schedule's `speed_sensitivity`. So the duty that holds a pressure during the change is the
-//! one that holds a pressure higher by that at rest.
+//! times the rate of change: the schedule's `speed_sensitivity`. So the duty that holds a pressure during the change is
+//! the one that holds a pressure higher by that at rest.
 
 use super::day::Day;
 use super::off_schedule;
 use super::variables::Parameters;
 use crate::elementary::{larger, smaller};
 
-/// Iterations of the pressure shift at the shifted pressure. The map is smooth: a third would change less than the map's
-/// accuracy.
+/// Iterations of the pressure shift at the shifted pressure. The map is smooth: a third would change less than the
+/// map's accuracy.
 const ITERATIONS: usize = 2;
 
 /// The range of the shifted pressure (Pa), that of the measurement, to stay finite for absurd maps.
@@ -18,10 +18,10 @@ const PRESSURES: (f64, f64) = (0.0, 1e6);
 
 /// The engine speed (rpm) for the sensitivity, at an engine speed (rpm), its rate (rpm/s) and a bypass opening.
 ///
-/// While the bypass is open, it is the speed that corresponds to its opening at rest, since the bypass lags engine speed.
-/// Off reference conditions, a deceleration uses a speed higher by the range in which the low-pressure wastegate shuts, up
-/// to the end of that range: it passes the range before the shafts reach the greater sensitivity there, and the speed lost
-/// by the high-pressure shaft is missing when it ends.
+/// While the bypass is open, it is the speed that corresponds to its opening at rest, since the bypass lags engine
+/// speed. Off reference conditions, a deceleration uses a speed higher by the range in which the low-pressure wastegate
+/// shuts, up to the end of that range: it passes the range before the shafts reach the greater sensitivity there, and
+/// the speed lost by the high-pressure shaft is missing when it ends.
 fn sensitive_speed(parameters: &Parameters, day: &Day, engine_speed: f64, rate: f64, bypass: f64) -> f64 {
     let allocation = &parameters.allocation;
     let (shut, free) = (allocation.bypass_shut_below, allocation.bypass_free_above);
@@ -37,8 +37,8 @@ fn sensitive_speed(parameters: &Parameters, day: &Day, engine_speed: f64, rate: 
     larger(of_bypass, smaller(engine_speed + (free - shut), free))
 }
 
-/// The virtual duty (%) that holds a boost pressure (Pa) while engine speed (rpm) changes at a rate (rpm/s); none at constant
-/// speed.
+/// The virtual duty (%) that holds a boost pressure (Pa) while engine speed (rpm) changes at a rate (rpm/s); none at
+/// constant speed.
 pub fn holding_duty(
     parameters: &Parameters,
     day: &Day,
@@ -69,8 +69,9 @@ pub fn holding_duty(
     if !day.is_other {
         return Some(asked);
     }
-    // With the low-pressure wastegate held shut, duty beyond its opening only slows the high-pressure shaft, whose speed is
-    // missing when a deceleration ends. At reference conditions the identified sensitivity holds and is not reduced.
+    // With the low-pressure wastegate held shut, duty beyond its opening only slows the high-pressure shaft, whose
+    // speed is missing when a deceleration ends. At reference conditions the identified sensitivity holds and is not
+    // reduced.
     let allocation = &parameters.allocation;
     let start = larger(allocation.low_pressure_start, here.feedforward());
     let beyond = larger(asked - start, 0.0);

@@ -150,8 +150,8 @@ impl SplitRange {
         Command { hp_duty: self.duty_lead.sample(parameters, &day, command.hp_duty), ..command }
     }
 
-    /// The inputs and the boost pressure reference (Pa) at the last sample, and the pressure (Pa) of the largest reference,
-    /// all at reference conditions.
+    /// The inputs and the boost pressure reference (Pa) at the last sample, and the pressure (Pa) of the largest
+    /// reference, all at reference conditions.
     pub fn on_scheduled_day(&self, parameters: &Parameters, inputs: &Inputs) -> (Inputs, f64, f64) {
         let day = &self.day;
         let boost_pressure = day.scheduled_pressure(inputs.boost_pressure);

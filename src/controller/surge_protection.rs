@@ -1,9 +1,9 @@
 //! The surge valve: when the throttle shuts, the compressors' flow has nowhere to go, and they would surge.
 //!
 //! The controller sees boost pressure, not the throttle: with the flow blocked, boost rises more in one sample than the
-//! wastegates can cause. The valve then opens at once, wider for a faster rise: a small flow needs a small opening, or the
-//! low-pressure compressor would surge instead. It stays open for a while and shuts slowly; if the throttle is still shut,
-//! the pressure rises again.
+//! wastegates can cause. The valve then opens at once, wider for a faster rise: a small flow needs a small opening, or
+//! the low-pressure compressor would surge instead. It stays open for a while and shuts slowly; if the throttle is
+//! still shut, the pressure rises again.
 
 use fmu_export::Persistent;
 

@@ -24,8 +24,8 @@ pub struct Actuator<D = f64> {
 }
 
 impl<D: Scalar> Actuator<D> {
-    /// The chamber volume and the forces on the rod at a position (m) and speed (m/s), for ambient and chamber pressure (Pa)
-    /// and the pressure difference (Pa) across the wastegate.
+    /// The chamber volume and the forces on the rod at a position (m) and speed (m/s), for ambient and chamber pressure
+    /// (Pa) and the pressure difference (Pa) across the wastegate.
     #[must_use]
     pub fn evaluate(
         &self,
@@ -92,15 +92,16 @@ impl<D: Scalar> Actuator<D> {
         self.parameters.friction_stiffness * share * velocity
     }
 
-    /// Chamber volume in m³ at a position in m. The lower limit is for solvers' trial states; the stops keep the rod far
-    /// from it.
+    /// Chamber volume in m³ at a position in m. The lower limit is for solvers' trial states; the stops keep the rod
+    /// far from it.
     #[must_use]
     pub fn volume(&self, position: D) -> D {
         (self.parameters.chamber_volume - self.parameters.membrane_area * position)
             .at_least(self.parameters.chamber_volume * 1e-3)
     }
 
-    /// Eq. (3) for a moving wall: rate of change of chamber pressure (Pa) in Pa/s, for a net inflow `mass_flow` in kg/s.
+    /// Eq. (3) for a moving wall: rate of change of chamber pressure (Pa) in Pa/s, for a net inflow `mass_flow` in
+    /// kg/s.
     #[must_use]
     pub fn pressure_rate(&self, pressure: D, temperature: D, volume: D, velocity: D, mass_flow: D) -> D {
         let inflow = self.air.parameters.gas_constant * temperature * mass_flow;

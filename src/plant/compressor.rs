@@ -1,10 +1,10 @@
 //! A centrifugal compressor by its head and flow coefficients (Eriksson, Modeling and control of
 //! turbocharged SI and DI engines, OGST 62(4), 2007).
 //!
-//! Speed lines are the parabola `Ψ = Ψ_m·(1 − (Φ/Φ_m)²)` between the head coefficient `Ψ = 2·Δh_is/U²` and
-//! the flow coefficient `Φ = W/(ρ₁·πD²/4·U)`, solved for the flow. Written with squared speeds it is defined at
-//! standstill and for pressure ratios below 1; beyond the head of zero flow it continues as an odd function, the reverse
-//! flow of surge. Efficiency is a parabola over Φ and includes mechanical and heat losses.
+//! Speed lines are the parabola `Ψ = Ψ_m·(1 − (Φ/Φ_m)²)` between the head coefficient `Ψ = 2·Δh_is/U²` and the flow
+//! coefficient `Φ = W/(ρ₁·πD²/4·U)`, solved for the flow. Written with squared speeds it is defined at standstill and
+//! for pressure ratios below 1; beyond the head of zero flow it continues as an odd function, the reverse flow of
+//! surge. Efficiency is a parabola over Φ and includes mechanical and heat losses.
 
 use std::f64::consts::PI;
 
@@ -42,8 +42,8 @@ impl<D: Scalar> Compressor<D> {
         }
     }
 
-    /// The flow from the inlet (pressure in Pa, temperature in K) at a shaft speed (rad/s), for the temperature ratio of
-    /// isentropic compression to outlet pressure.
+    /// The flow from the inlet (pressure in Pa, temperature in K) at a shaft speed (rad/s), for the temperature ratio
+    /// of isentropic compression to outlet pressure.
     pub fn compress(&self, inlet: (D, D), temperature_ratio: D, speed: D) -> CompressorLocals<D> {
         let (pressure, temperature) = inlet;
         let specific_heat = self.air.parameters.specific_heat;

@@ -60,8 +60,8 @@ impl<D: Scalar> Cylinders<D> {
         }
     }
 
-    /// The local variables and the brake torque in N m, for an engine speed (rpm), its flows and the pressures (Pa) of both
-    /// manifolds. No state depends on the work, so the right-hand side omits it.
+    /// The local variables and the brake torque in N m, for an engine speed (rpm), its flows and the pressures (Pa) of
+    /// both manifolds. No state depends on the work, so the right-hand side omits it.
     ///
     /// Friction follows the boost-layout model of the Linköping engine models (there after Heywood's textbook
     /// correlation): one part grows with piston speed, one with load.

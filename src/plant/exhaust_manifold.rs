@@ -12,8 +12,8 @@ pub struct ExhaustManifold<D = f64> {
 }
 
 impl<D: Scalar> ExhaustManifold<D> {
-    /// The temperature in K upstream of the turbine, for the gas at the valves (flow in kg/s, temperature in K): a pipe in
-    /// surroundings of constant temperature.
+    /// The temperature in K upstream of the turbine, for the gas at the valves (flow in kg/s, temperature in K): a pipe
+    /// in surroundings of constant temperature.
     ///
     /// Reverse flow into the cylinders counts as zero.
     pub fn evaluate(&self, gas: (D, D), ambient_temperature: D) -> ExhaustManifoldLocals<D> {

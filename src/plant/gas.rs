@@ -1,5 +1,5 @@
-//! Ideal gases with constant specific heats, and the smooth functions that keep the equations differentiable where flows
-//! reverse.
+//! Ideal gases with constant specific heats, and the smooth functions that keep the equations differentiable where
+//! flows reverse.
 
 use super::scalar::Scalar;
 use super::variables::GasParameters;
@@ -30,8 +30,8 @@ pub struct Volume<D = f64> {
 }
 
 impl<D: Scalar> Volume<D> {
-    /// dp/dt in Pa/s at a temperature (K) for a net inflow `mass_flow` (kg/s): the ideal gas law, neglecting temperature
-    /// changes (paper, eq. (3)).
+    /// dp/dt in Pa/s at a temperature (K) for a net inflow `mass_flow` (kg/s): the ideal gas law, neglecting
+    /// temperature changes (paper, eq. (3)).
     pub fn pressure_rate(&self, temperature: D, mass_flow: D) -> D {
         self.stiffness * temperature * mass_flow
     }

@@ -1,8 +1,8 @@
 //! The states at the start of an experiment.
 //!
 //! [`running`] is an engine just started: no boost, both shafts turning slowly, the wastegate shut. [`settled`] is the
-//! steady state for the initial inputs, so that an experiment starts at rest: the actuation is solved in closed form, the
-//! gas path with the steady-state solver. In both, the vacuum tank has its start pressure: it leaks and is never in
+//! steady state for the initial inputs, so that an experiment starts at rest: the actuation is solved in closed form,
+//! the gas path with the steady-state solver. In both, the vacuum tank has its start pressure: it leaks and is never in
 //! equilibrium.
 
 use std::array;
@@ -25,8 +25,8 @@ const LONGEST_TRANSIENT: u32 = 60;
 /// The rate of change in 1/s of the scaled states below which a transient has settled.
 const AT_REST: f64 = 1e-9;
 
-/// The largest rate of change in 1/s of the scaled states in a steady state: rounding leaves some 1e-10, a transient far
-/// more.
+/// The largest rate of change in 1/s of the scaled states in a steady state: rounding leaves some 1e-10, a transient
+/// far more.
 const SETTLED: f64 = 1e-8;
 
 /// The states of an engine just started, with the vacuum tank at a pressure in Pa.
@@ -157,8 +157,8 @@ pub fn record_settled<'t>(
     })
 }
 
-/// The settled states as a function of parameters, inputs and tank pressure. `solve` returns the gas path's unknowns, at
-/// their values, such that the rates along them vanish; it also receives the rates' scaled Jacobian.
+/// The settled states as a function of parameters, inputs and tank pressure. `solve` returns the gas path's unknowns,
+/// at their values, such that the rates along them vanish; it also receives the rates' scaled Jacobian.
 fn follow_settled<D: Scalar>(
     parameters: &Parameters<D>,
     inputs: &Inputs<D>,

@@ -1,7 +1,7 @@
 //! The integration of the plant over time.
 //!
-//! The actuation is cheap, oscillates and has kinks (stops, friction reversal, the valve changing ports); the gas path is
-//! several times as expensive, stiff, smooth and does not oscillate. Unless the exhaust pushes the wastegate, the
+//! The actuation is cheap, oscillates and has kinks (stops, friction reversal, the valve changing ports); the gas path
+//! is several times as expensive, stiff, smooth and does not oscillate. Unless the exhaust pushes the wastegate, the
 //! actuation drives the gas path but not vice versa, so each takes its own steps ([`multirate`]). If the exhaust does
 //! push, both take the same steps.
 //!
@@ -48,7 +48,8 @@ const PUSHED_ACTUATION_SCALES: ActuationStates = {
 };
 
 /// Flows between the volumes at a compressor or wastegate depend steeply on their pressures, so errors of these count
-/// more than by full scale, to reach 0.01 % of the flow's full scale too. These shares of the full scales count as 100 %.
+/// more than by full scale, to reach 0.01 % of the flow's full scale too. These shares of the full scales count as 100
+/// %.
 const BEFORE_LP_COMPRESSOR: f64 = 0.6;
 const BETWEEN_COMPRESSORS: f64 = 0.3;
 const BEHIND_HP_COMPRESSOR: f64 = 0.75;
@@ -88,8 +89,8 @@ const MOST_TRIALS_PER_SECOND: f64 = 2_000.0;
 const AREA_DIFFERENCE: f64 = 1e-3;
 
 /// Error control of the actuation. The errors of several steps and of kinks add up, and the gas path amplifies rod
-/// position errors up to three times: hence the share. It and the step reduction after a jump, where the rod oscillates,
-/// were found by experiment, as were the gas path's.
+/// position errors up to three times: hence the share. It and the step reduction after a jump, where the rod
+/// oscillates, were found by experiment, as were the gas path's.
 const ACTUATION_RULES: Rules<ACTUATION> = Rules {
     names: ActuationStates::NAMES,
     error_scales: ACTUATION_SCALES.to_array(),
@@ -125,8 +126,8 @@ const PUSHED_RULES: Rules<{ States::COUNT }> = Rules {
     linearization_serves: LINEARIZATION_SERVES,
 };
 
-/// Kept from one communication step to the next: step sizes, linearizations and the last derivatives. It only saves work,
-/// but is part of the plant's state, so that a restored plant continues bit for bit.
+/// Kept from one communication step to the next: step sizes, linearizations and the last derivatives. It only saves
+/// work, but is part of the plant's state, so that a restored plant continues bit for bit.
 #[derive(Clone, Copy, Debug, Persistent)]
 pub struct Pace {
     actuation: StepMemory<ACTUATION, ACTUATION_INPUTS>,

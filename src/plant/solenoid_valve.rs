@@ -6,8 +6,8 @@
 //! valve admits ambient air to the chamber, above it the valve connects the chamber to the vacuum tank.
 //!
 //! As printed, eq. (8) has flow whenever the upstream pressure is above that target, which for the ambient port is
-//! always. Here it is read such that eq. (7) is an equilibrium: the tank port opens above the target and the ambient port
-//! below it, wider with distance from the target. The third printed coefficient of eq. (7) has the wrong sign (the
+//! always. Here it is read such that eq. (7) is an equilibrium: the tank port opens above the target and the ambient
+//! port below it, wider with distance from the target. The third printed coefficient of eq. (7) has the wrong sign (the
 //! chamber would rise above ambient), and the polynomial is limited to ambient pressure (exceeded below 9.6 %).
 
 use super::orifice::Orifice;
@@ -47,8 +47,9 @@ impl<D: Scalar> SolenoidValve<D> {
         (((k1 * u + k2) * u + k3) * u + k4).at_most(ambient_pressure)
     }
 
-    /// The valve at a plunger duty in percent: the flows between ambient (pressure in Pa, temperature in K), chamber and tank
-    /// (pressures in Pa), all at ambient temperature. Voltage in V and commanded duty in percent act only on the plunger.
+    /// The valve at a plunger duty in percent: the flows between ambient (pressure in Pa, temperature in K), chamber
+    /// and tank (pressures in Pa), all at ambient temperature. Voltage in V and commanded duty in percent act only on
+    /// the plunger.
     pub fn flows(
         &self,
         (voltage, commanded_duty): (D, D),

@@ -40,8 +40,8 @@ use super::variables::{
     ThrottleBodyLocals, TurbineLocals, ValveLocals, ValveStates,
 };
 
-/// The lower limit in Pa of pressures in the equations: trial states of a solver may be zero or negative, where powers and
-/// roots of pressure ratios do not exist.
+/// The lower limit in Pa of pressures in the equations: trial states of a solver may be zero or negative, where powers
+/// and roots of pressure ratios do not exist.
 const LOWEST_PRESSURE: f64 = 1.0;
 /// Flow in kg/s below which the temperatures of mixed air flows are blended.
 const AIR_MIXING_WIDTH: f64 = 1e-4;
@@ -220,8 +220,8 @@ impl<D: Scalar> System<D> {
         self.tank.parameters.frozen
     }
 
-    /// The voltage in V at the terminals of valve and sensor, and the duty in percent at nominal voltage equivalent to the
-    /// commanded one.
+    /// The voltage in V at the terminals of valve and sensor, and the duty in percent at nominal voltage equivalent to
+    /// the commanded one.
     #[must_use]
     pub fn command(&self, inputs: &Inputs<D>) -> (D, D) {
         let voltage = self.supply.voltage(inputs.supply_voltage, self.running_pump(inputs));
@@ -250,8 +250,8 @@ impl<D: Scalar> System<D> {
         upstream.at_least(LOWEST_PRESSURE) - downstream.at_least(LOWEST_PRESSURE)
     }
 
-    /// The actuation (fig. 3) at an instant. It depends on the gas path only through the pressure difference in Pa across
-    /// the high-pressure wastegate.
+    /// The actuation (fig. 3) at an instant. It depends on the gas path only through the pressure difference in Pa
+    /// across the high-pressure wastegate.
     #[must_use]
     pub fn actuation(
         &self,
@@ -303,8 +303,8 @@ impl<D: Scalar> System<D> {
         }
     }
 
-    /// The gas path (fig. 2) at an instant. It depends on the actuation only through the high-pressure wastegate's opening
-    /// (0 … 1).
+    /// The gas path (fig. 2) at an instant. It depends on the actuation only through the high-pressure wastegate's
+    /// opening (0 … 1).
     #[must_use]
     #[allow(clippy::too_many_lines)] // One line a component: the figure above in words.
     pub fn gas_path(

@@ -28,8 +28,8 @@ impl<D: Scalar> Turbine<D> {
         }
     }
 
-    /// The flow from the inlet (pressure in Pa, temperature in K) at a shaft speed (rad/s), for the temperature ratio of
-    /// isentropic expansion to outlet pressure; `drop` is the pressure ratio to the power of
+    /// The flow from the inlet (pressure in Pa, temperature in K) at a shaft speed (rad/s), for the temperature ratio
+    /// of isentropic expansion to outlet pressure; `drop` is the pressure ratio to the power of
     /// [`TurbineParameters::flow_exponent`].
     pub fn expand(&self, inlet: (D, D), temperature_ratio: D, drop: D, speed: D) -> TurbineLocals<D> {
         let (pressure, temperature) = inlet;

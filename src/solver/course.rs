@@ -15,8 +15,8 @@ use crate::elementary::power;
 const SMALLEST_STEP: f64 = 1e-9;
 /// The difference in time for numerical derivatives, relative to the step.
 pub(super) const TIME_DIFFERENCE: f64 = 1e-3;
-/// The linearization is discarded after an input jump that changes the slopes by more than this many tolerances over the
-/// proposed step.
+/// The linearization is discarded after an input jump that changes the slopes by more than this many tolerances over
+/// the proposed step.
 const JUMP_RENEWS: f64 = 100.0;
 /// The first step after a jump is shortened by a power of the ratio to this many tolerances: a long step would damp the
 /// fast modes excited by the jump without showing in its error estimate.

@@ -30,8 +30,8 @@ impl StepSize {
         Self { next: first, longest, rejected: false }
     }
 
-    /// The length of the next step for the remaining time `left`: the longest that reaches the end in equal steps, which
-    /// can share an inverse matrix.
+    /// The length of the next step for the remaining time `left`: the longest that reaches the end in equal steps,
+    /// which can share an inverse matrix.
     pub fn within(&self, left: f64) -> f64 {
         left / (left / (self.next * (1.0 + ROUNDING))).ceil().max(1.0)
     }

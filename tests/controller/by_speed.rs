@@ -5,8 +5,8 @@ use boost_fmu::controller::variables::{FeedbackStructure, Inputs};
 use crate::bench::Bench;
 
 /// Inputs and outputs of the controller at each sample of closed loops with `BoostPlant`, whose engine runs from 1500
-/// to 4200 rpm and back at 400 rpm/s. Recorded before the other strategy existed, since users rely on unchanged results of
-/// this one.
+/// to 4200 rpm and back at 400 rpm/s. Recorded before the other strategy existed, since users rely on unchanged results
+/// of this one.
 const SAMPLES: &str = include_str!("../data/by_speed.csv");
 
 #[test]

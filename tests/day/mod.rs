@@ -174,8 +174,8 @@ fn ramps_at_altitude() {
     assert!(with <= 2.0 && with < without, "{with} kPa, {without} kPa");
 }
 
-/// The ambient changes faster than on any road, up and down by 60 K at once and by 20 kPa within seconds: the reference is
-/// constant, although it moves at reference conditions. `Loop` rejects any alarm.
+/// The ambient changes faster than on any road, up and down by 60 K at once and by 20 kPa within seconds: the reference
+/// is constant, although it moves at reference conditions. `Loop` rejects any alarm.
 #[test]
 fn a_change_of_the_ambient_is_no_fault() {
     for (boost_reference, engine_speed) in [(150e3, 1500.0), (170e3, 1500.0), (170e3, 4500.0)] {
@@ -211,8 +211,8 @@ fn first_error(pressure: f64, temperature: f64, engine_speed: f64, measured: Mea
     1e-3 * (on_a_day(pressure, temperature, boost, engine_speed, measured).boost_pressure() - boost).abs()
 }
 
-/// The schedule's feedforward at a pressure ratio of 1.43. The bounds are the largest measured errors plus 10 %, due to the
-/// derivation, which neglects that exhaust is cooler at lower flow.
+/// The schedule's feedforward at a pressure ratio of 1.43. The bounds are the largest measured errors plus 10 %, due to
+/// the derivation, which neglects that exhaust is cooler at lower flow.
 #[test]
 fn the_feedforward_holds_off_reference_conditions() {
     for (pressure, temperature, with, without) in [
@@ -268,8 +268,8 @@ fn speed_at_limit(pressure: f64, temperature: f64, engine_speed: f64, measured: 
     1e-3 * control.plant.variables.outputs.hp_turbo_speed
 }
 
-/// If the schedule's limit is too low for the ambient conditions, the shaft reaches 206.5 krpm and no more. The 0.5 krpm are
-/// less than 1 kPa.
+/// If the schedule's limit is too low for the ambient conditions, the shaft reaches 206.5 krpm and no more. The 0.5
+/// krpm are less than 1 kPa.
 #[test]
 fn the_limit_is_that_of_the_shaft() {
     let mut farthest: f64 = 0.0;
@@ -326,8 +326,8 @@ fn reference_conditions_change_no_bit() {
     assert!(run(AMBIENT) == run(NOTHING));
 }
 
-/// At 75 kPa the duty that opens the wastegate at reference conditions, 75 %, leaves it half shut: by paper, eq. (7), the
-/// chamber is at 49 kPa, and the difference to ambient is 26 kPa instead of 52 kPa.
+/// At 75 kPa the duty that opens the wastegate at reference conditions, 75 %, leaves it half shut: by paper, eq. (7),
+/// the chamber is at 49 kPa, and the difference to ambient is 26 kPa instead of 52 kPa.
 #[test]
 fn the_limp_home_opens_the_wastegate_at_altitude() {
     for (ambient_pressure, expected) in [(101_325.0, 75.0), (75e3, 100.0)] {

@@ -143,8 +143,8 @@ fn a_stuck_boost_sensor_is_found_when_engine_speed_changes() {
     assert!(deviation.abs() < 3.0, "{deviation} kPa with the feedforward alone");
 }
 
-/// An offset shows when it begins if it exceeds 40 kPa, the largest change a throttle can cause within a sample; a smaller
-/// one looks like a different engine.
+/// An offset shows when it begins if it exceeds 40 kPa, the largest change a throttle can cause within a sample; a
+/// smaller one looks like a different engine.
 #[test]
 fn an_offset_of_the_boost_sensor_is_found_when_it_begins() {
     for offset in [-45e3, 45e3, 80e3] {

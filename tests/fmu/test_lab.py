@@ -271,7 +271,8 @@ def test_claims_are_printed_with_the_accepted_range_and_the_papers_number(
         None,
     )
     for expected in [
-        f"  holds  actuator_pressure_change     {change['value']:.0f} Pa (accepted: 2450 to 2550; paper: 2500)\n",
+        f"  holds  actuator_pressure_change     {change['value']:.0f} Pa "
+        "(accepted: 2450 to 2550; paper: 2500)\n",
         f"  holds  overshoot_up                 {overshoot['value']:.0f} Pa "
         "(accepted: at most 5000; paper: 5000)\n",
         f"\n{len(claims)} of {len(claims)} claims hold\n",
@@ -284,9 +285,7 @@ def test_claims_are_printed_with_the_accepted_range_and_the_papers_number(
 def test_unknown_figures_are_refused(lab: Run, exported: Path, tmp_path: Path) -> None:
     done = lab("reproduce", "1", "2", "--fmus", exported, "--out", tmp_path)
     assert done.returncode == 2
-    assert done.stderr == (
-        "error: no experiment for Fig. 2: choose from 1, 6, 7, 8, 9, 10, 11, 12, 13, 14\n"
-    )
+    assert done.stderr == ("error: no experiment for Fig. 2: choose from 1, 6, 7, 8, 9, 10, 11, 12, 13, 14\n")
 
 
 ALONE = """

@@ -1,7 +1,7 @@
 //! The strategy `split_range` on the plant while engine speed changes, as in a drive cycle.
 //!
-//! The bounds, in kPa, are results of an independent implementation on the same plant model. Ours may be worse by 10 % or
-//! 0.05 kPa, whichever is more, since details of the experiments differ (the hold before a ramp, the phases of
+//! The bounds, in kPa, are results of an independent implementation on the same plant model. Ours may be worse by 10 %
+//! or 0.05 kPa, whichever is more, since details of the experiments differ (the hold before a ramp, the phases of
 //! disturbances).
 
 use std::fs;

@@ -1,5 +1,5 @@
-//! The map from another tool's FMU variables to the interface: a JSON file, written by `check` as a template for the user
-//! to edit.
+//! The map from another tool's FMU variables to the interface: a JSON file, written by `check` as a template for the
+//! user to edit.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -11,8 +11,8 @@ use crate::compatibility::{Compatibility, Match};
 /// An FMU's description in the interface's names and units, and the conversion of its values.
 #[derive(Clone, Debug)]
 pub struct Translation {
-    /// The FMU's description. Connected variables have the interface's names and units, those left unconnected by the map
-    /// are local, and others with an interface name are omitted.
+    /// The FMU's description. Connected variables have the interface's names and units, those left unconnected by the
+    /// map are local, and others with an interface name are omitted.
     pub description: FmuDescription,
     /// The conversions to the interface, by interface name. Other values are not converted.
     pub to_interface: BTreeMap<String, Linear>,

@@ -1,11 +1,11 @@
 """Generates drive_cycle.csv for drive_cycle.toml: engine speed, boost reference and throttle of a drive.
 
-A synthetic drive, not a regulated cycle: a 1600 kg car in town, on a country road and on a motorway, at the speeds
-in SPEEDS with constant acceleration between them. Engine torque follows from mass, rolling and air resistance, and
-the gear; the boost reference rises with it by 0.55 kPa/(N.m), from 115 kPa at 60 N.m up to 190 kPa, roughly like
-the plant's. Upshifts are at 4200 rpm under load and 2400 rpm without, downshifts at 1600 rpm; a shift takes 0.4 s,
-during which engine speed moves to the new gear's and the driver lifts off. The throttle is open above 60 N.m;
-below, it shuts in proportion, to 0.12 when coasting.
+A synthetic drive, not a regulated cycle: a 1600 kg car in town, on a country road and on a motorway, at the
+speeds in SPEEDS with constant acceleration between them. Engine torque follows from mass, rolling and air
+resistance, and the gear; the boost reference rises with it by 0.55 kPa/(N.m), from 115 kPa at 60 N.m up to
+190 kPa, roughly like the plant's. Upshifts are at 4200 rpm under load and 2400 rpm without, downshifts at
+1600 rpm; a shift takes 0.4 s, during which engine speed moves to the new gear's and the driver lifts off. The
+throttle is open above 60 N.m; below, it shuts in proportion, to 0.12 when coasting.
 """
 
 from itertools import pairwise

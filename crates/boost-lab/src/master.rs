@@ -1,9 +1,9 @@
 //! The master: couples instances by equal names, and steps them through a scenario.
 //!
-//! An output connects to the inputs of the same name at other FMUs; if the declared units differ, the value is converted, as
-//! in connections of System Structure and Parameterization 1.0. A signal of the scenario drives unconnected inputs of its
-//! name; a signal for a single FMU takes precedence over a connection. A scenario made from a system uses the system's
-//! connections instead.
+//! An output connects to the inputs of the same name at other FMUs; if the declared units differ, the value is
+//! converted, as in connections of System Structure and Parameterization 1.0. A signal of the scenario drives
+//! unconnected inputs of its name; a signal for a single FMU takes precedence over a connection. A scenario made from a
+//! system uses the system's connections instead.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;

@@ -11,8 +11,8 @@ const MOST_LINES: usize = color::CYCLE.len();
 /// Words that mark a variable as the reference of those whose names begin with the preceding words.
 const REFERENCES: [&str; 4] = ["reference", "setpoint", "target", "desired"];
 
-/// The record over time. `panels` are the names in each panel; by default quantities of one unit and similar size share a
-/// panel, and a reference is with what follows it.
+/// The record over time. `panels` are the names in each panel; by default quantities of one unit and similar size share
+/// a panel, and a reference is with what follows it.
 pub fn draw(record: &Record, title: &str, panels: Option<&[Vec<String>]>) -> Figure {
     let panels = match panels {
         Some(panels) => {

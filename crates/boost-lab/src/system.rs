@@ -1,4 +1,5 @@
-//! Scenarios from other files: a single FMU, or the system in an .ssp with its connections, start values and parameter sets.
+//! Scenarios from other files: a single FMU, or the system in an .ssp with its connections, start values and parameter
+//! sets.
 
 use std::path::Path;
 

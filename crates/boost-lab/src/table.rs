@@ -1,7 +1,8 @@
 //! Tables of columns with names and units, as CSV, or as Parquet, which keeps types, missing values and units.
 //!
-//! Parquet rather than Arrow's file format: pandas, Polars, Spark and MATLAB all read it, and of the crates that write either,
-//! `parquet` without its Arrow layer is the smallest (29 crates in its tree; `arrow-ipc` with `arrow-array` has 41).
+//! Parquet rather than Arrow's file format: pandas, Polars, Spark and MATLAB all read it, and of the crates that write
+//! either, `parquet` without its Arrow layer is the smallest (29 crates in its tree; `arrow-ipc` with `arrow-array` has
+//! 41).
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;

@@ -1,9 +1,9 @@
-//! Identifies the wastegate actuation from measured data, as in section 4.2 of the paper: the valve's pressure and leakage
-//! over duty, the spring with its friction, and the dynamics.
+//! Identifies the wastegate actuation from measured data, as in section 4.2 of the paper: the valve's pressure and
+//! leakage over duty, the spring with its friction, and the dynamics.
 //!
-//! There are four fits: eq. (7) from chamber pressure at rest (`valve`), eq. (6) from tank pressure (`valve`), spring and
-//! friction from positions at rest (`rod`), and the valve's areas and delays, mass and damping from the transients after
-//! steps (`motion`). Parameters not determined by the data are listed by name and keep the plant's values.
+//! There are four fits: eq. (7) from chamber pressure at rest (`valve`), eq. (6) from tank pressure (`valve`), spring
+//! and friction from positions at rest (`rod`), and the valve's areas and delays, mass and damping from the transients
+//! after steps (`motion`). Parameters not determined by the data are listed by name and keep the plant's values.
 
 mod data;
 mod motion;

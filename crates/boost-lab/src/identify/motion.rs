@@ -2,8 +2,8 @@
 //! transients after steps of the duty or the supply.
 //!
 //! Chamber pressure and rod position are computed from eqs. (1) to (5) and (8) with measured duty, supply and tank
-//! pressure, and compared with the measurements. Spring and friction are free within the uncertainty of their estimates at
-//! rest, which thereby enters the standard errors.
+//! pressure, and compared with the measurements. Spring and friction are free within the uncertainty of their estimates
+//! at rest, which thereby enters the standard errors.
 
 use std::ops::Range;
 
@@ -225,8 +225,8 @@ pub fn identify(
     ))
 }
 
-/// The fitted transients. The parameters are the logarithms of the free ones, in the order of [`NAMES`], then the rod's, in
-/// the units of their own fit.
+/// The fitted transients. The parameters are the logarithms of the free ones, in the order of [`NAMES`], then the
+/// rod's, in the units of their own fit.
 struct TransientFit<'a> {
     data: &'a Data,
     known: &'a Known,

@@ -60,8 +60,8 @@ impl Prior {
     }
 }
 
-/// Units in which the spring's parameters are of the order of 1. For friction the logarithms are fitted, to keep it above
-/// zero.
+/// Units in which the spring's parameters are of the order of 1. For friction the logarithms are fitted, to keep it
+/// above zero.
 const SCALES: [f64; 3] = [10.0, 1e3, 1e15];
 
 /// The rod at rest, with its path from the previous position: its reversals, and the last position.

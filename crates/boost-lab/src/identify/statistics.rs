@@ -1,10 +1,10 @@
 //! Least squares with standard errors.
 //!
-//! Standard errors come from the Jacobian and the residuals. Residuals within a phase are correlated: a filter, drift or
-//! model error moves many of them together, and the formula for independent residuals underestimates the errors. So they
-//! are computed twice: from the residuals' variance, and from the influence of each phase, which allows any correlation
-//! within a phase: the bias reduced linearization (CR2) of R. M. Bell and D. F. `McCaffrey`, Survey Methodology 28, 2002.
-//! The larger one counts.
+//! Standard errors come from the Jacobian and the residuals. Residuals within a phase are correlated: a filter, drift
+//! or model error moves many of them together, and the formula for independent residuals underestimates the errors. So
+//! they are computed twice: from the residuals' variance, and from the influence of each phase, which allows any
+//! correlation within a phase: the bias reduced linearization (CR2) of R. M. Bell and D. F. `McCaffrey`, Survey
+//! Methodology 28, 2002. The larger one counts.
 
 use anyhow::{Result, bail};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
@@ -56,8 +56,8 @@ pub fn linear(design: &DMatrix<f64>, observed: &DVector<f64>, phases: &[usize]) 
     Ok(Solution { parameters, covariance })
 }
 
-/// Solves a nonlinear problem by the Levenberg-Marquardt method from a start. `residuals` are measured minus computed; the
-/// parameters are of the order of 1. `least_variance` is a lower bound of the measurements' variance.
+/// Solves a nonlinear problem by the Levenberg-Marquardt method from a start. `residuals` are measured minus computed;
+/// the parameters are of the order of 1. `least_variance` is a lower bound of the measurements' variance.
 pub fn nonlinear(
     start: &[f64],
     phases: &[usize],

@@ -94,8 +94,8 @@ pub fn pressure(rests: &[&Rest], known: &Known) -> FitOutcome {
 struct Decay<'a> {
     rest: &'a Rest,
     pump_runs: bool,
-    /// Tank pressure (Pa), its rise through 1 m² of leakage and its fall through 1 kg/s of the pump (Pa), all minus their
-    /// means over the phase.
+    /// Tank pressure (Pa), its rise through 1 m² of leakage and its fall through 1 kg/s of the pump (Pa), all minus
+    /// their means over the phase.
     pressure: Vec<f64>,
     leaked: Vec<f64>,
     pumped: Vec<f64>,

@@ -1,8 +1,9 @@
 //! The C side: the functions of an FMU's library and the calls to it, with all of the laboratory's `unsafe`.
 //!
-//! A library is foreign code and cannot be verified. This module keeps the importer's side of FMI: signatures as declared
-//! by each version, valid pointers with their lengths, callbacks that outlive the instance (FMUs keep pointers to them), no
-//! call after a fatal error, and no instance in two threads. A status is a plain number, since a careless FMU may return any.
+//! A library is foreign code and cannot be verified. This module keeps the importer's side of FMI: signatures as
+//! declared by each version, valid pointers with their lengths, callbacks that outlive the instance (FMUs keep pointers
+//! to them), no call after a fatal error, and no instance in two threads. A status is a plain number, since a careless
+//! FMU may return any.
 #![allow(unsafe_code)]
 
 use std::cell::Cell;
@@ -635,8 +636,8 @@ impl Handle {
     ) -> Status {
         self.refuse_other_memory(number_type, references, values);
         let (count, size, address) = (references.len(), values.len(), values.address_to_write());
-        // SAFETY: the component is alive, the values have the type's memory; each reference has its value, or in FMI 3.0
-        // the array's, by whose number an FMU tells whether they are all.
+        // SAFETY: the component is alive, the values have the type's memory; each reference has its value, or in FMI
+        // 3.0 the array's, by whose number an FMU tells whether they are all.
         self.call(|component| unsafe {
             match &self.functions.of_version {
                 OfVersion::Two { numbers, .. } => {

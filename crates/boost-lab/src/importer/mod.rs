@@ -5,9 +5,9 @@
 //! allocating. Array elements are variables. A failed call is a [`CallFailed`]: the function, the time, and the FMU's
 //! messages.
 //!
-//! Only this module calls FMUs. Of the crates that import FMI, `fmi` needs libclang to build and crashes on messages without
-//! a category, and `fmi-rs` (0.3.4) crashes with FMUs that keep the pointer to the callbacks, as many do, and on undefined
-//! statuses.
+//! Only this module calls FMUs. Of the crates that import FMI, `fmi` needs libclang to build and crashes on messages
+//! without a category, and `fmi-rs` (0.3.4) crashes with FMUs that keep the pointer to the callbacks, as many do, and
+//! on undefined statuses.
 
 mod c_boundary;
 mod folder;

@@ -1,5 +1,5 @@
-// The paper's numbers from an experiment's records: for each figure, from its runs in order, the values of the claims of
-// `boost-lab reproduce`, by name.
+// The paper's numbers from an experiment's records: for each figure, from its runs in order, the values of the claims
+// of `boost-lab reproduce`, by name.
 
 // Tolerance of communication points, which are multiples of the step (s).
 const SAME_TIME = 1e-6;

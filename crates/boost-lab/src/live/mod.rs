@@ -1,5 +1,5 @@
-//! A page that runs plant and controller live in a browser, as embedded WebAssembly modules, with the paper's experiments
-//! as run by the laboratory for comparison.
+//! A page that runs plant and controller live in a browser, as embedded WebAssembly modules, with the paper's
+//! experiments as run by the laboratory for comparison.
 //!
 //! The scripts: `fmu.js` calls a module, `master.js` couples two as [`crate::master`] does, `measures.js` computes the
 //! paper's numbers from records, `plots.js` and `engine.js` display the run, `page.js` serves the controls.

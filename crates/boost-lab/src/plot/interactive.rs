@@ -1,5 +1,5 @@
-//! Figures in HTML: the crate `plotly` describes them and ships plotly.js, which is embedded and draws them when the page
-//! opens; `interactive.js` applies the page's colours and links the axes.
+//! Figures in HTML: the crate `plotly` describes them and ships plotly.js, which is embedded and draws them when the
+//! page opens; `interactive.js` applies the page's colours and links the axes.
 
 use plotly::common::{DashType, Line as Stroke, LineShape, Marker, Mode, Title};
 use plotly::layout::{

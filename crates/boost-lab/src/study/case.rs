@@ -1,9 +1,9 @@
 //! A case in closed loop, compared with the reachable reference.
 //!
 //! The reachable reference is a band. Its edges are the reference itself, limited to what the plant can hold at rest
-//! ([`Reach`]). After each reference step and from the start of each ramp, no control has to be better than one that knows
-//! the plant, which is tried on the plant itself, from its state at that moment ([`OpenLoop::fastest`]). Between two
-//! references the pressure may be anywhere between them, until [`ALLOWANCE`] after that control has arrived.
+//! ([`Reach`]). After each reference step and from the start of each ramp, no control has to be better than one that
+//! knows the plant, which is tried on the plant itself, from its state at that moment ([`OpenLoop::fastest`]). Between
+//! two references the pressure may be anywhere between them, until [`ALLOWANCE`] after that control has arrived.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -21,7 +21,8 @@ use crate::measure::{greatest, least};
 use crate::record::Record;
 use crate::scenario::{Scenario, Signal};
 
-/// The time allowed after the fastest plant's arrival (s): five times the controller's `lambda`, the desired time constant.
+/// The time allowed after the fastest plant's arrival (s): five times the controller's `lambda`, the desired time
+/// constant.
 const ALLOWANCE: f64 = 1.5;
 /// The longest cycle (in steps) of bang-bang control: the actuator's travel both ways.
 const CYCLE: usize = 2 * TURNING_STEPS;

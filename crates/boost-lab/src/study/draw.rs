@@ -13,8 +13,8 @@ use crate::sweep::design::latin_fractions;
 
 /// The communication step (s): the controller's sample time.
 pub const STEP: f64 = 0.0125;
-/// Time from the start to the first reference step (s), when judging starts: a plant that differs from the controller's maps
-/// starts off its reference.
+/// Time from the start to the first reference step (s), when judging starts: a plant that differs from the controller's
+/// maps starts off its reference.
 pub const SETTLING: f64 = 5.0;
 /// Time between changes of reference or engine speed (s).
 const HOLD: f64 = 5.0;

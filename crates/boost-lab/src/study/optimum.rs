@@ -2,8 +2,8 @@
 //! reference, and the valve movements that keep boost closest to it are searched.
 //!
 //! The search is direct: corrections of the controller's commands, linear between a few nodes, by an evolution strategy
-//! with one parent whose step grows with success and shrinks otherwise (Rechenberg's (1+1)-ES). What it finds is feasible;
-//! the true optimum may be better.
+//! with one parent whose step grows with success and shrinks otherwise (Rechenberg's (1+1)-ES). What it finds is
+//! feasible; the true optimum may be better.
 
 use anyhow::{Context, Result};
 use rand::{RngExt, SeedableRng};

@@ -119,8 +119,8 @@ impl Bench<'_> {
         Ok(interpolate(&shafts, SHAFT_LIMIT))
     }
 
-    /// The lowest boost pressure at rest, with the high-pressure wastegate open and the shaft within its limit: opening the
-    /// bypass unloads the shaft. If it always exceeds its limit, the pressure where it is slowest.
+    /// The lowest boost pressure at rest, with the high-pressure wastegate open and the shaft within its limit: opening
+    /// the bypass unloads the shaft. If it always exceeds its limit, the pressure where it is slowest.
     fn lowest(&self, engine_speed: f64) -> Result<f64> {
         let mut slowest: Option<Measured> = None;
         let mut lowest = f64::INFINITY;
@@ -243,8 +243,8 @@ impl<'a> OpenLoop<'a> {
     }
 
     /// Boost pressure from the step of an index until `ends` at a row or the row `last`, under a control that knows the
-    /// plant but not the future: the valves stay at the stop that drives towards a bound as long as the plant would stay
-    /// within it if they reversed in the next step; otherwise they reverse. The plant's state is restored.
+    /// plant but not the future: the valves stay at the stop that drives towards a bound as long as the plant would
+    /// stay within it if they reversed in the next step; otherwise they reverse. The plant's state is restored.
     pub fn fastest(
         &mut self,
         Stops { drive, back }: Stops,
@@ -270,8 +270,8 @@ impl<'a> OpenLoop<'a> {
         Ok(pressures)
     }
 
-    /// Whether the plant stays within a bound from the row `first` when its valves move to a stop, until boost and shaft
-    /// move away from the bound. The plant's state is restored.
+    /// Whether the plant stays within a bound from the row `first` when its valves move to a stop, until boost and
+    /// shaft move away from the bound. The plant's state is restored.
     fn turns_back(
         &mut self,
         back: Valves,

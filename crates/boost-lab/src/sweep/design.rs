@@ -119,8 +119,8 @@ fn read_values(name: &str, node: &Node<'_>) -> Result<Vec<Value>> {
     Ok((0..count).map(|index| Value::Real(range.at(index as f64 / (count - 1) as f64), None)).collect())
 }
 
-/// A column of a Latin hypercube (`McKay`, Beckman and Conover, Technometrics 21, 1979): the range from 0 to 1 is divided into
-/// as many parts as there are runs, with one random draw from each.
+/// A column of a Latin hypercube (`McKay`, Beckman and Conover, Technometrics 21, 1979): the range from 0 to 1 is
+/// divided into as many parts as there are runs, with one random draw from each.
 pub fn latin_fractions(count: usize, generator: &mut Pcg64) -> Vec<f64> {
     let mut parts: Vec<usize> = (0..count).collect();
     parts.shuffle(generator);

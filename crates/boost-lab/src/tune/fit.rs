@@ -1,8 +1,8 @@
 //! The model of paper eq. (10) from a step response: first order with a delay, by least squares.
 //!
-//! For a given delay, the Levenberg-Marquardt method finds gain and time constant. The delay is searched on a grid that is
-//! refined around the best value: the sum of squares is continuous in it, but has a kink at each sample, where gradient
-//! methods fail.
+//! For a given delay, the Levenberg-Marquardt method finds gain and time constant. The delay is searched on a grid that
+//! is refined around the best value: the sum of squares is continuous in it, but has a kink at each sample, where
+//! gradient methods fail.
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{Dyn, Matrix3, OMatrix, OVector, Owned, RowVector3, U2, Vector2};

@@ -1,9 +1,9 @@
-//! Tunes the controller to a plant, as in section 6 of the paper: a first-order model with delay (eq. (10)) at each point
-//! of a grid of engine speeds and boost references, and the feedback from it by lambda tuning (eq. (12)).
+//! Tunes the controller to a plant, as in section 6 of the paper: a first-order model with delay (eq. (10)) at each
+//! point of a grid of engine speeds and boost references, and the feedback from it by lambda tuning (eq. (12)).
 //!
-//! A duty sweep at each engine speed gives the static map, whose inverse is the feedforward. At each reachable grid point
-//! the plant settles at its feedforward, and steps up and down from one saved state give the model. The other points are
-//! filled and marked as such.
+//! A duty sweep at each engine speed gives the static map, whose inverse is the feedforward. At each reachable grid
+//! point the plant settles at its feedforward, and steps up and down from one saved state give the model. The other
+//! points are filled and marked as such.
 
 mod bench;
 mod fit;
@@ -89,7 +89,8 @@ pub struct Cell {
     pub delay: f64,
     /// Whether the delay was raised to the minimum.
     pub delay_is_raised: bool,
-    /// Deviation of boost pressure from rest while engine speed rises by 1 rpm/s (Pa s/rpm); none for the strategy `by_speed`.
+    /// Deviation of boost pressure from rest while engine speed rises by 1 rpm/s (Pa s/rpm); none for the strategy
+    /// `by_speed`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_sensitivity: Option<f64>,
     /// The feedback computed from these by the controller.
@@ -245,8 +246,8 @@ impl Task {
         holds.map(|hold| hold.duty).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// The boost reference (Pa) at which the high-pressure shaft reaches its limit at rest, at least the pressure at which
-    /// the low-pressure wastegate starts to open.
+    /// The boost reference (Pa) at which the high-pressure shaft reaches its limit at rest, at least the pressure at
+    /// which the low-pressure wastegate starts to open.
     fn boost_limit(&self, sweep: &Sweep) -> Option<f64> {
         let (allocation, split) = (self.schedule.allocation.as_ref()?, self.procedure.split_range.as_ref()?);
         let holds = || sweep.holds.iter();
@@ -349,8 +350,8 @@ impl Task {
         (0..points.len()).map(cell).collect()
     }
 
-    /// The effect of engine speed changes at a point: the initial drop of boost pressure times the valves' time to compensate
-    /// for it. None if no acceptable model fits.
+    /// The effect of engine speed changes at a point: the initial drop of boost pressure times the valves' time to
+    /// compensate for it. None if no acceptable model fits.
     fn speed_sensitivity(&self, point: &Point, model: &FirstOrder) -> Option<f64> {
         let sensitivity = point.speed_model.as_ref()?.fall * model.time_constant.value;
         self.schedule.takes(ScheduleTable::SpeedSensitivity, sensitivity).then_some(sensitivity)
@@ -416,8 +417,8 @@ impl Tuning<'_> {
 
     /// The controller's minimum useful duty (%): a smaller one raises boost pressure at no engine speed.
     ///
-    /// The controller's reference model assumes that every duty has an effect. Below lift-off it would run ahead of the plant
-    /// near the highest pressure, and the feedback would overshoot.
+    /// The controller's reference model assumes that every duty has an effect. Below lift-off it would run ahead of the
+    /// plant near the highest pressure, and the feedback would overshoot.
     pub fn least_duty(&self) -> f64 {
         self.lift_offs.iter().copied().fold(f64::INFINITY, f64::min)
     }

@@ -1,7 +1,7 @@
 //! The identification of the maps: sweeps, steps, fits, and the values of other cells.
 //!
-//! The paper (section 6) steps the control signal at many boost pressures and engine speeds, without numbers; these are the
-//! ones used for the maps of this repository's controller.
+//! The paper (section 6) steps the control signal at many boost pressures and engine speeds, without numbers; these are
+//! the ones used for the maps of this repository's controller.
 
 use clap::ValueEnum;
 use serde::Serialize;
@@ -28,8 +28,8 @@ pub struct Procedure {
     pub response_duration: f64,
     /// The step of the duty (%).
     pub duty_step: f64,
-    /// The minimum and maximum feedforward (%) at which responses are taken: between wastegate lift-off and full stroke, with
-    /// a margin for the step.
+    /// The minimum and maximum feedforward (%) at which responses are taken: between wastegate lift-off and full
+    /// stroke, with a margin for the step.
     pub fitted_duty: (f64, f64),
     /// The wastegate counts as shut once this fraction of a sweep's boost pressure range remains.
     pub shut_part: f64,

@@ -1,8 +1,7 @@
 //! The response of boost pressure to an engine speed step with the valves held, by least squares.
 //!
-//! At once the engine swallows more, and boost pressure falls by β with the short time constant of the volumes; then the
-//! turbochargers speed up, and it rises to its new steady state:
-//! `−β (1 − exp(−t/τ)) + (K_N + β) (1 − exp(−t/T))`.
+//! At once the engine swallows more, and boost pressure falls by β with the short time constant of the volumes; then
+//! the turbochargers speed up, and it rises to its new steady state: `−β (1 − exp(−t/τ)) + (K_N + β) (1 − exp(−t/T))`.
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{Dyn, OMatrix, OVector, Owned, U4, Vector4};
