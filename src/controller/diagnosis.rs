@@ -208,8 +208,7 @@ impl Diagnosis {
     }
 
     /// Judges whether boost responds to the virtual duty (%) commanded for a reference (Pa), if a schedule gives the
-    /// expected response. All pressures are at reference conditions, and so is the day's, which corresponds to a fixed
-    /// pressure here.
+    /// expected response. All pressures are at reference conditions; `day` corresponds to a fixed pressure here.
     pub fn check_answer<const COLUMNS: usize>(
         &mut self,
         parameters: &Parameters,
@@ -296,7 +295,7 @@ struct Answer {
     /// Virtual duty (%) and reference (Pa), filtered; none before the first sample.
     before: Option<[f64; 2]>,
     demand: Option<Demand>,
-    /// The day's pressure (Pa) at the start of the judgement.
+    /// `day` at the start of the judgement: a fixed pressure's equivalent at reference conditions (Pa).
     day: f64,
 }
 
@@ -321,8 +320,8 @@ struct Demand {
 }
 
 impl Answer {
-    /// Restarts the judgement if the day's pressure (Pa) has changed by a bound (Pa): the reference moved at reference
-    /// conditions, though not here.
+    /// Restarts the judgement if a fixed pressure's equivalent `day` (Pa) has changed by a bound (Pa): the reference
+    /// moved at reference conditions, though not here.
     fn sample_day(&mut self, day: f64, bound: f64) {
         if (day - self.day).abs() >= bound {
             *self = Self { day, ..Self::default() };

@@ -283,7 +283,7 @@ mod tests {
         let standard = Parameters::default().nominal_ambient_pressure;
         assert_near(settings(motion(2000.0, 0.0, 3000.0, standard), 3000.0), [0.1, 0.0, 8.0, 1.0, 0.3]);
         assert_near(settings(motion(2000.0, 0.0, 1500.0, 80e3), 1500.0), [0.3, 0.0, 8.0, 1.0, 0.3]);
-        // At 2000 rpm wholly firm, though the low-pressure wastegate is shut.
+        // At 2000 rpm with full gain, though the low-pressure wastegate is shut.
         assert_near(settings(motion(2000.0, 0.0, 2000.0, 80e3), 2000.0), [0.072, 0.09, 5.6, 0.0, 0.171]);
     }
 

@@ -111,7 +111,7 @@ pub enum Basis {
 
 impl Claim {
     pub fn holds(&self) -> bool {
-        // False for not-a-number.
+        // False for NaN.
         self.value >= self.least.unwrap_or(f64::NEG_INFINITY)
             && self.value <= self.most.unwrap_or(f64::INFINITY)
     }
