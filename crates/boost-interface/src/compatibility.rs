@@ -534,7 +534,7 @@ mod tests {
             _ => panic!("{name}: not found"),
         };
         assert_eq!(problems("boost_pressure"), ["its causality is local, not output"]);
-        assert_eq!(problems("vacuum_pump"), ["it is of the type Boolean, not Real"]);
+        assert_eq!(problems("vacuum_pump"), ["its type is Boolean, not Real"]);
         let compatibility = Compatibility::new(Role::Plant, &fmu, None).unwrap();
         assert!(!compatibility.fits());
     }
