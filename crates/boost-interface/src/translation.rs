@@ -11,10 +11,10 @@ use crate::compatibility::{Compatibility, Match};
 /// An FMU's description in the interface's names and units, and the conversion of its values.
 #[derive(Clone, Debug)]
 pub struct Translation {
-    /// The FMU's description. Connected variables have the interface's names and units; those that the map leaves
-    /// unconnected are local; other variables with a name of the interface are left out.
+    /// The FMU's description. Connected variables have the interface's names and units, those left unconnected by the
+    /// map are local, and others with an interface name are omitted.
     pub description: FmuDescription,
-    /// The conversions to the interface, by names there. The values of other variables are not converted.
+    /// The conversions to the interface, by interface name. Other values are not converted.
     pub to_interface: BTreeMap<String, Linear>,
 }
 
@@ -30,7 +30,7 @@ impl Compatibility<'_> {
                 description.units.push(port.unit());
             }
         }
-        // Of the other variables, units that the interface defines differently are removed.
+        // Remove other variables' units that the interface defines differently.
         let (foreign, own): (Vec<_>, Vec<_>) = self.fmu.units.iter().cloned().partition(|unit| {
             description.units.iter().any(|known| known.name == unit.name && known.base != unit.base)
         });
@@ -75,7 +75,7 @@ impl Compatibility<'_> {
 fn translated(variable: &FmuVariable, port: &Port, function: Linear) -> FmuVariable {
     let converted = |text: &str| match text.trim().parse::<f64>() {
         Ok(value) => number(function.apply(value)),
-        // Empty, or not a number.
+        // Empty or not a number.
         Err(_) => text.to_owned(),
     };
     let mut bounds = [converted(&variable.min), converted(&variable.max)];

@@ -1,4 +1,4 @@
-//! FMUs with other names and units: with a [`NameMap`] they appear with the interface's names and units.
+//! FMUs with other names and units: a [`NameMap`] gives them the interface's.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -23,7 +23,7 @@ pub fn open(file: &Path, map: Option<&NameMap>) -> Result<Arc<Fmu>> {
     Ok(fmu.translated(compatibility.translation()))
 }
 
-/// Gives each map to the FMUs of a scenario that it is for.
+/// Assigns each map to the scenario's FMUs that it is for.
 pub fn give(scenario: &mut Scenario, maps: &[PathBuf]) -> Result<()> {
     if maps.is_empty() {
         return Ok(());

@@ -1,9 +1,9 @@
 //! The master: couples instances by equal names, and steps them through a scenario.
 //!
-//! An output is connected to the inputs of its name at the other FMUs; if the declared units differ, the value is
-//! converted, as in connections of System Structure and Parameterization 1.0. A signal of the scenario drives the
-//! inputs of its name without a connection; a signal for a single FMU takes precedence over a connection. A scenario
-//! made of a system has the system's own connections instead.
+//! An output connects to the inputs of the same name at other FMUs; if the declared units differ, the value is
+//! converted, as in connections of System Structure and Parameterization 1.0. A signal of the scenario drives
+//! unconnected inputs of its name; a signal for a single FMU takes precedence over a connection. A scenario made from a
+//! system uses the system's connections instead.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -20,8 +20,8 @@ use crate::mapping;
 use crate::record::{Column, Record};
 use crate::scenario::{Assignment, Input, Member, Noise, Scenario, Signal, Stepping};
 
-/// Exchanges of outputs and inputs in initialization: a plant that settles at the controller's outputs returns
-/// its measured supply, which changes these.
+/// Exchanges of outputs and inputs during initialization: a plant that settles at the controller's outputs returns its
+/// measured supply voltage, which changes them.
 const INITIAL_EXCHANGES: usize = 2;
 
 /// The FMUs of experiments, each loaded once, by their paths and maps.
@@ -179,12 +179,11 @@ impl<'a> Master<'a> {
         Ok(Self { scenario, members, noise, recorder, notes, steps_done: 0 })
     }
 
-    /// What is recorded.
     pub fn recorded(&self) -> impl Iterator<Item = &Column> {
         self.recorder.record.columns().iter()
     }
 
-    /// The signals of the scenario that drive nothing, because an FMU was replaced.
+    /// The scenario's signals that drive nothing because an FMU was replaced.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
@@ -195,7 +194,7 @@ impl<'a> Master<'a> {
         Ok(&mut coupled.with_context(|| format!("the scenario has no FMU {name}"))?.instance)
     }
 
-    /// What is recorded so far.
+    /// The record so far.
     pub fn record(&self) -> &Record {
         &self.recorder.record
     }
@@ -207,7 +206,7 @@ impl<'a> Master<'a> {
 
     /// Initializes all instances at the scenario's start.
     ///
-    /// Instances without a run-in are initialized together; then those with a run-in, with the outputs of the others.
+    /// Instances without a run-in are initialized together, then those with one, using the others' outputs.
     pub fn initialize(&mut self) -> Result<()> {
         let start_time = self.scenario.start_time;
         let (late, prompt): (Vec<_>, Vec<_>) =
@@ -239,7 +238,7 @@ impl<'a> Master<'a> {
         self.recorder.take(start_time, &mut self.members)
     }
 
-    /// Makes a communication step and records its end.
+    /// Takes a communication step and records its end.
     pub fn step(&mut self) -> Result<()> {
         let (time, size) = (self.time(), self.scenario.step);
         for coupled in &mut self.members {
@@ -308,7 +307,7 @@ impl<'a> Master<'a> {
     }
 }
 
-/// Whether an input is found. Where FMUs of the scenario are replaced, a missing one is a note instead of an error.
+/// Whether an input is found. If FMUs of the scenario are replaced, a missing one is a note instead of an error.
 fn take_note(scenario: &Scenario, found: Result<()>, input: &Input, notes: &mut Vec<String>) -> Result<bool> {
     match input.location.locate(found) {
         Ok(()) => Ok(true),
@@ -320,7 +319,7 @@ fn take_note(scenario: &Scenario, found: Result<()>, input: &Input, notes: &mut 
     }
 }
 
-/// Refuses an input that none of the FMUs has.
+/// Rejects an input that no FMU has.
 fn has_input(fmus: &[Arc<Fmu>], name: &str) -> Result<()> {
     let mut names = fmus.iter().flat_map(|fmu| fmu.names("input"));
     if names.any(|known| known == name) {
@@ -366,7 +365,7 @@ impl Coupled<'_> {
     }
 }
 
-/// A converted value; to the last bit the same where there is nothing to convert.
+/// A converted value, bit-identical without a conversion.
 fn converted(value: f64, conversion: Linear) -> f64 {
     if conversion == Linear::IDENTITY { value } else { conversion.apply(value) }
 }
@@ -378,7 +377,7 @@ struct Wire<'a> {
     conversion: Linear,
 }
 
-/// The connections to an FMU, except those to inputs that its own signals drive.
+/// The connections to an FMU, except to inputs driven by its own signals.
 fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], target: usize) -> Result<Vec<Wires>> {
     let member = &scenario.fmus[target];
     let mut all = vec![];
@@ -425,7 +424,7 @@ fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], target: usize) -> Result<Vec<Wi
 /// The outputs of an FMU with the names of another's inputs.
 fn wires_by_name<'a>(giver: (&Member, &'a Fmu), taker: (&Member, &Fmu)) -> Result<Vec<Wire<'a>>> {
     let is_wired = |name: &&str| taker.1.names("input").any(|input| input == *name);
-    // An input that its own signal drives needs no conversion.
+    // An input driven by its own signal needs no conversion.
     let is_driven = |name: &&str| taker.0.inputs.iter().any(|input| input.name == *name);
     let names = giver.1.names("output").filter(is_wired).filter(|name| !is_driven(name));
     names
@@ -442,7 +441,7 @@ fn conversion(name: &str, giver: (&Member, &Fmu), taker: (&Member, &Fmu)) -> Res
     let base = |fmu: &Fmu, unit: &str| fmu.description().unit(unit).and_then(|unit| unit.base);
     let conversion = match (base(giver.1, given), base(taker.1, taken)) {
         (Some(own), Some(other)) => own.to(&other),
-        // Equal names are taken for equal units.
+        // Equal names count as equal units.
         _ => (given == taken).then_some(Linear::IDENTITY),
     };
     conversion.ok_or_else(|| {
@@ -451,7 +450,7 @@ fn conversion(name: &str, giver: (&Member, &Fmu), taker: (&Member, &Fmu)) -> Res
     })
 }
 
-/// Refuses a signal for several FMUs that have the input in different units.
+/// Rejects a signal for several FMUs whose input units differ.
 fn check_units(scenario: &Scenario, fmus: &[Arc<Fmu>], input: &Input) -> Result<()> {
     if scenario.connections.is_some() {
         return Ok(());
@@ -587,7 +586,7 @@ impl Recorder {
     }
 }
 
-/// The outputs of an FMU that can be recorded: those that are numbers.
+/// An FMU's recordable outputs: the numeric ones.
 fn number_outputs(fmu: &Fmu) -> impl Iterator<Item = &FmuVariable> {
     let is_number =
         |variable: &&FmuVariable| !matches!(variable.value_type(), ValueType::String | ValueType::Other);
@@ -599,8 +598,7 @@ enum Found {
     Variable { member: usize, name: String },
 }
 
-/// Resolves a name in `record`: a signal, or else an output, or else any variable; of the FMU before the colon, if
-/// there is one.
+/// Resolves a name in `record`: a signal, else an output, else any variable; of the FMU before the colon, if any.
 fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
     if let Some(signal) = scenario.input(name) {
         return Ok(Found::Signal(signal.clone()));
@@ -614,7 +612,7 @@ fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
     let is_output = |fmu: &Arc<Fmu>| fmu.names("output").any(|output| output == name);
     let is_known = |fmu: &Arc<Fmu>| fmu.description().variable(name).is_some();
     let member = fmus.iter().position(is_output).or_else(|| fmus.iter().position(is_known));
-    // The signal for an FMU that was replaced by one without this input.
+    // The signal for an FMU replaced by one without this input.
     let mut own = scenario.fmus.iter().flat_map(|member| &member.inputs);
     if let (None, Some(input)) = (member, own.find(|input| input.name == name)) {
         return Ok(Found::Signal(input.signal.clone()));
@@ -627,7 +625,7 @@ fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
 }
 
 impl Found {
-    /// The unit that the FMU declares, or for a signal that of the first FMU which declares one.
+    /// The unit declared by the FMU, or for a signal by the first FMU that declares one.
     fn unit(&self, name: &str, fmus: &[Arc<Fmu>]) -> String {
         let (of, name) = match self {
             Self::Variable { member, name } => (&fmus[*member..=*member], name.as_str()),

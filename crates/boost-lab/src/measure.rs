@@ -20,7 +20,7 @@ pub fn at(record: &Record, name: &str, time: f64) -> Result<f64> {
     Ok(record.get(name)?[row(record, time)?])
 }
 
-/// A variable's values from a communication point to another, both included.
+/// A variable's values between two communication points, inclusive.
 pub fn between<'a>(record: &'a Record, name: &str, from: f64, to: f64) -> Result<&'a [f64]> {
     Ok(&record.get(name)?[row(record, from)?..=row(record, to)?])
 }
@@ -33,7 +33,7 @@ pub fn greatest(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// The difference between the greatest and the least value.
+/// The difference between the largest and the smallest value.
 pub fn range(values: &[f64]) -> f64 {
     greatest(values.iter().copied()) - least(values.iter().copied())
 }
@@ -43,7 +43,7 @@ pub fn interpolate(points: &[(f64, f64)], place: f64) -> f64 {
     Signal::Lines(points.to_vec()).at(place)
 }
 
-/// How a variable followed the steps of its reference, in the variable's unit.
+/// How a variable tracked the steps of its reference, in the variable's unit.
 #[derive(Default)]
 pub struct Following {
     /// Overshoot of each step up.

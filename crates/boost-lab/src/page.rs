@@ -1,11 +1,11 @@
-//! The reports: HTML pages in the look of the FMUs' own, which need no other file.
+//! The reports: self-contained HTML pages in the style of the FMUs' pages.
 
 use fmu_export_build::document::Document;
 
 use crate::plot;
 
-/// What the reports have in addition to the FMUs' pages: figures by plotly. Where no pointer hovers, plots always show their
-/// toolbars, which otherwise may lie over the legend; paper needs none.
+/// The reports' additions to the FMUs' pages: plotly figures. Without a hovering pointer, plots always show their
+/// toolbars, which would otherwise cover the legend; print hides them.
 const STYLE: &str = "
 .row { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 20rem), 1fr)); gap: 0 1rem; }
 .panel { min-width: 0; } .plot { width: 100%; } .panel .title { margin: .8rem 0 0 64px; font-weight: 600; font-size: .9rem; }
@@ -15,8 +15,8 @@ const STYLE: &str = "
 td.number { white-space: nowrap; } .caption { color: var(--faint); font-size: .9rem; }
 ";
 
-/// A page with a title, additional style sheet rules and a body of HTML, which begins with an `<h1>`; the page's contents
-/// are its `<h2>`.
+/// A page with a title, additional style rules and an HTML body that begins with an `<h1>`; its `<h2>` make up the
+/// table of contents.
 pub fn page(title: &str, style: &str, body: &str) -> String {
     let (heading, sections) = body.split_once("</h1>").unwrap_or(("", body));
     let mut contents = String::new();

@@ -1,18 +1,18 @@
-//! The plot of a record: which of its variables share a panel, and how each is drawn.
+//! The plot of a record: which variables share a panel, and how each is drawn.
 
 use crate::numbers;
 use crate::plot::{Figure, Line, Panel, color};
 use crate::record::{Column, Record};
 
-/// Quantities of one unit share a panel up to this ratio of their greatest values.
+/// Quantities of one unit share a panel up to this ratio of their largest values.
 const LIKE_SIZE: f64 = 10.0;
 /// A panel has at most one line of each colour.
 const MOST_LINES: usize = color::CYCLE.len();
-/// The words of a name that make it a reference for the variables whose names begin with the words before.
+/// Words that mark a variable as the reference of those whose names begin with the preceding words.
 const REFERENCES: [&str; 4] = ["reference", "setpoint", "target", "desired"];
 
-/// The record over time. `panels` are the names in each panel; by default quantities of one unit and of like size are
-/// together, and a reference is with what follows it.
+/// The record over time. `panels` are the names in each panel; by default quantities of one unit and similar size share
+/// a panel, and a reference is with what follows it.
 pub fn draw(record: &Record, title: &str, panels: Option<&[Vec<String>]>) -> Figure {
     let panels = match panels {
         Some(panels) => {
@@ -85,12 +85,12 @@ fn panel(time: &[f64], columns: &[&Column]) -> Panel {
             lines.push(line.color(color));
         }
     }
-    // The legend of a picture stands in the frame.
+    // A picture's legend is inside the frame.
     let height = 130.max(60 + 20 * u32::try_from(lines.len()).unwrap_or(u32::MAX / 32));
     lines.into_iter().fold(Panel::new("time (s)", label).height(height), Panel::line)
 }
 
-/// The unit of the plot for values of a size, and the factor to it.
+/// The plot unit for values of a size, and the factor to it.
 pub fn shown(unit: &str, size: f64) -> (String, f64) {
     match unit {
         "Pa" if (1e3..1e4).contains(&size) => ("kPa".to_owned(), 1e-3),
@@ -157,7 +157,7 @@ mod tests {
         assert_eq!(lengths, [6, 6, 6, 2]);
     }
 
-    /// For pages that draw further points: the variable of each line, and the factor to the axis' unit.
+    /// For pages that add points: each line's variable, and the factor to the axis unit.
     #[test]
     fn lines_name_their_variables_without_points() {
         let record = record(&[("boost_pressure", "Pa", 2000.0), ("duty", "%", 40.0)]);

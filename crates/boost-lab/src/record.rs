@@ -26,9 +26,9 @@ pub struct Record {
 
 #[derive(Clone, Debug)]
 pub struct Column {
-    /// In the header of the CSV file.
+    /// The name in the CSV header.
     pub name: String,
-    /// Its unit, as its FMU declares it; empty where there is none.
+    /// The unit declared by the FMU; empty if there is none.
     pub unit: String,
     pub values: Vec<f64>,
 }
@@ -75,7 +75,7 @@ impl Record {
         Table([column(TIME, "s", &self.time)].into_iter().chain(columns).collect())
     }
 
-    /// Reads a file whose first column is the time. Of a CSV file the header may have units: `name (unit)`.
+    /// Reads a file whose first column is the time. A CSV header may have units: `name (unit)`.
     pub fn read(path: &Path) -> Result<Self> {
         let columns = match TableFormat::of(path)? {
             TableFormat::Csv => csv_columns(&reading::text(path)?),
@@ -110,7 +110,7 @@ impl Record {
     }
 }
 
-/// The library for Parquet panics on some damaged files.
+/// The Parquet library panics on some damaged files.
 fn without_panic<T>(read: impl FnOnce() -> Result<T> + panic::UnwindSafe) -> Result<T> {
     let hook = panic::take_hook();
     panic::set_hook(Box::new(|_| ()));
@@ -228,7 +228,7 @@ mod tests {
         }
     }
 
-    /// Whatever byte is wrong; the library for Parquet panics at some.
+    /// For any wrong byte; the Parquet library panics at some.
     #[test]
     fn a_damaged_parquet_file_is_read_or_refused_by_name() {
         let folder = tempfile::tempdir().unwrap();

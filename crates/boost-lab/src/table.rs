@@ -1,8 +1,8 @@
-//! Tables of columns with names and units, as CSV, and as Parquet, which keeps types, missing values and units.
+//! Tables of columns with names and units, as CSV, or as Parquet, which keeps types, missing values and units.
 //!
-//! Parquet rather than Arrow's own file: pandas, Polars, Spark and MATLAB all read it, and of the crates
-//! that write either, `parquet` without its Arrow layer is the smallest (29 crates in its tree; `arrow-ipc` with
-//! `arrow-array` has 41).
+//! Parquet rather than Arrow's file format: pandas, Polars, Spark and MATLAB all read it, and of the crates that write
+//! either, `parquet` without its Arrow layer is the smallest (29 crates in its tree; `arrow-ipc` with `arrow-array` has
+//! 41).
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -19,10 +19,10 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 
-/// The key in a Parquet file's metadata under which the columns' units are, as a JSON object.
+/// The key of the columns' units, a JSON object, in a Parquet file's metadata.
 pub const UNITS: &str = "units";
 
-/// What a table is written as.
+/// A table's file format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TableFormat {
     Csv,
@@ -33,16 +33,16 @@ pub enum TableFormat {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Header {
     Names,
-    /// `name (unit)`, where there is a unit.
+    /// `name (unit)`, if there is a unit.
     NamesAndUnits,
 }
 
-/// The name and the unit in the header of a column; the unit is empty where there is none.
+/// The name and unit in a column's header; the unit may be empty.
 pub fn name_and_unit(header: &str) -> (&str, &str) {
     header.strip_suffix(')').and_then(|header| header.rsplit_once(" (")).unwrap_or((header, ""))
 }
 
-/// Refuses the unit of a time that is not in s.
+/// Rejects a time unit other than s.
 pub fn expect_seconds(unit: &str) -> Result<()> {
     match unit {
         "" | "s" => Ok(()),
@@ -69,7 +69,7 @@ pub enum Cells<'a> {
 }
 
 impl TableFormat {
-    /// By the ending of a file's name. What is not a file, such as a pipe, gets CSV.
+    /// The format of a file extension. Pipes and the like get CSV.
     pub fn of(path: &Path) -> Result<Self> {
         match path.extension().map(OsStr::to_ascii_lowercase).unwrap_or_default().to_str() {
             Some("csv") => Ok(Self::Csv),

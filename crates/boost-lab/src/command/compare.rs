@@ -1,4 +1,4 @@
-//! `compare`: records over each other, and their differences as numbers.
+//! `compare`: records overlaid, with their differences in numbers.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -11,24 +11,22 @@ use clap::Args;
 use fmu_package::terminal::{complain, print};
 use fmu_package::writing;
 
-/// Where the plot is by default.
+/// The default plot.
 const PLOT: &str = "target/comparison.html";
 
-/// What `compare` takes.
 #[derive(Args)]
 pub struct Arguments {
-    /// The records, the first of which the others are compared with
+    /// The records; the first is the reference
     #[arg(value_name = "RECORD.csv|parquet", num_args = 2.., required = true)]
     records: Vec<PathBuf>,
-    /// The variables to compare [default: all that the records have in common]
+    /// The variables to compare [default: all common ones]
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     variables: Option<Vec<String>>,
-    /// Draw all records over each other, and the differences; a page has the numbers, too
+    /// Plot of the overlaid records and their differences; an HTML page includes the numbers
     #[arg(long, value_name = "FILE.svg|png|html", default_value = PLOT)]
     plot: PathBuf,
 }
 
-/// Compares.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let Arguments { records: files, variables, plot } = arguments;
     let format = PlotFormat::of(plot)?;
@@ -52,7 +50,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     Ok(print(&format!("{}\n", plot.display()))?)
 }
 
-/// The files' names, or their paths where two have the same name.
+/// File names, or paths if two names are equal.
 fn short(files: &[PathBuf]) -> Vec<String> {
     let of = |file: &PathBuf| file.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let is_unique = files.iter().all(|file| files.iter().filter(|other| of(file) == of(other)).count() == 1);

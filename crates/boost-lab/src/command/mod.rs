@@ -1,4 +1,4 @@
-//! The command line's arguments, and the module that runs each command.
+//! Command-line arguments, and a module for each command.
 
 mod compare;
 mod identify;
@@ -27,17 +27,16 @@ use indicatif::{ProgressBar, ProgressStyle};
 /// Where `boost-fmu export` writes FMUs.
 const FMUS: &str = "target/fmu";
 
-/// What the process ends with.
 const EXIT_STATUSES: &str = "\
 Exit status:
-  0    it is done; `reproduce`: all statements hold; `study`: all criteria hold
-  1    `reproduce`: a statement does not hold; `study`: a criterion does not hold
-  2    it could not be done, or the command line is wrong; standard error says why
-  130  it was interrupted
+  0    success; `reproduce`: all claims hold; `study`: all criteria hold
+  1    `reproduce`: a claim fails; `study`: a criterion fails
+  2    failure or wrong command line; see standard error
+  130  interrupted
 
-A run of a `sweep` that fails is a row of the results, and does not change the exit status.";
+A failed run of a `sweep` is reported in its row of the results and does not change the exit status.";
 
-/// The laboratory: drives FMUs through experiments of boost control.
+/// Laboratory for boost control: runs experiments with FMUs
 #[derive(Parser)]
 #[command(name = "boost-lab", version, arg_required_else_help = true, after_help = EXIT_STATUSES)]
 struct Arguments {
@@ -47,35 +46,34 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Run a scenario, a system, or one FMU
+    /// Run a scenario, a system or a single FMU
     Simulate(Box<simulate::Arguments>),
-    /// Compare records: over each other in one plot, and their differences as numbers
+    /// Compare records: overlaid in one plot, with their differences in numbers
     Compare(compare::Arguments),
-    /// Run scenarios, and show them on one page
+    /// Run scenarios and show them on one page
     Show {
-        /// The scenarios, which docs/laboratory.md describes
+        /// The scenarios (see docs/laboratory.md)
         #[arg(value_name = "SCENARIO.toml", required = true)]
         scenarios: Vec<PathBuf>,
         #[command(flatten)]
         fmus: FmuArguments,
-        /// The page's title
+        /// Page title
         #[arg(long, default_value = "Scenarios")]
         title: String,
         /// The page to write
         #[arg(long, value_name = "FILE.html", default_value = "target/scenarios.html")]
         out: PathBuf,
     },
-    /// Reproduce the paper's figures, and hold its statements against what the FMUs do
+    /// Reproduce the paper's figures and check its claims against the FMUs
     ///
-    /// Exits with 0 when all statements hold, with 1 when one does not and with 2 when an experiment cannot be
-    /// run.
+    /// Exits with 0 if all claims hold, 1 if one fails, and 2 if an experiment cannot be run.
     Reproduce {
-        /// The figures' numbers; all when none is named
+        /// Figure numbers [default: all]
         figures: Vec<u32>,
-        /// The folder of `BoostPlant.fmu` and `BoostController.fmu`
+        /// The folder with `BoostPlant.fmu` and `BoostController.fmu`
         #[arg(long, value_name = "DIR", default_value = FMUS)]
         fmus: PathBuf,
-        /// The folder to write report.html and report.json to
+        /// The folder for report.html and report.json
         #[arg(long, value_name = "DIR", default_value = "target/reproduction")]
         out: PathBuf,
     },
@@ -83,9 +81,9 @@ enum Command {
     Live(live::Arguments),
     /// Tune the controller's gain schedule to a plant
     Tune(tune::Arguments),
-    /// Run a scenario for many values of parameters, on all cores; goes on where it was interrupted
+    /// Run a scenario for many parameter values, on all cores; resumes if interrupted
     Sweep {
-        /// The study, which docs/laboratory.md describes
+        /// The parameter study (see docs/laboratory.md)
         #[arg(value_name = "STUDY.toml")]
         study: PathBuf,
         #[command(flatten)]
@@ -93,40 +91,39 @@ enum Command {
         /// The folder for report.html, results.csv, results.parquet, the journal and the records
         #[arg(long, value_name = "DIR", default_value = "target/sweep")]
         out: PathBuf,
-        /// Write units to the header of results.csv: `name (unit)`
+        /// Write units in the header of results.csv: `name (unit)`
         #[arg(long)]
         units: bool,
-        /// How many runs there are at once [default: one on each core]
+        /// Number of runs in parallel [default: one per core]
         #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
         threads: Option<u16>,
     },
-    /// Judge a controller on random plants, days and manoeuvres; goes on where it was interrupted
+    /// Judge a controller on random plants, ambient conditions and manoeuvres; resumes if interrupted
     ///
-    /// Exits with 0 when all criteria hold, and with 1 when one does not.
+    /// Exits with 0 if all criteria hold, and 1 if one fails.
     Study(study::Arguments),
-    /// Identify parameters of the plant from measured data
+    /// Identify plant parameters from measured data
     Identify {
         #[command(subcommand)]
         what: Identify,
     },
 }
 
-/// Which FMUs a scenario runs.
 #[derive(Args)]
 struct FmuArguments {
-    /// The folder of the FMUs
+    /// The folder with the FMUs
     #[arg(long = "fmus", value_name = "DIR", default_value = FMUS)]
     folder: PathBuf,
-    /// Another file for an FMU of the scenario, by its name there
+    /// Replace an FMU of the scenario, by its name there, with another file
     #[arg(long = "fmu", value_name = "NAME=FILE.fmu", value_parser = name_and_path)]
     files: Vec<(String, PathBuf)>,
-    /// Maps for FMUs with other names and units, as `boost-fmu check --write-map` writes them
+    /// Map for an FMU with other names and units, written by `boost-fmu check --write-map`
     #[arg(long = "map", value_name = "FILE.json")]
     maps: Vec<PathBuf>,
 }
 
 impl FmuArguments {
-    /// Puts the files in the places of a scenario's FMUs, by their names there, and gives it the maps.
+    /// Replaces a scenario's FMUs with the given files, by name, and adds the maps.
     fn give(&self, scenario: &mut Scenario) -> Result<()> {
         for (index, (name, file)) in self.files.iter().enumerate() {
             if self.files[..index].iter().any(|(other, _)| other == name) {
@@ -142,7 +139,8 @@ impl FmuArguments {
         for member in &scenario.fmus {
             if !member.file.exists() {
                 return Err(member.location.error(format!(
-                    "there is no {}: {}, --fmus DIR names another folder and --fmu {}=FILE.fmu another file",
+                    "{} does not exist: {}; or name another folder with --fmus DIR or another file with --fmu \
+                     {}=FILE.fmu",
                     member.file.display(),
                     importer::remedy(&member.file),
                     member.name
@@ -152,15 +150,13 @@ impl FmuArguments {
         mapping::give(scenario, &self.maps)
     }
 
-    /// Refuses other files for FMUs.
     fn refuse_files(&self, subject: &str) -> Result<()> {
         match self.files.first() {
-            Some((name, file)) => bail!("--fmu {name}={}: {subject} has its own", file.display()),
+            Some((name, file)) => bail!("--fmu {name}={}: only for scenarios, not {subject}", file.display()),
             None => Ok(()),
         }
     }
 
-    /// Refuses maps.
     fn refuse_maps(&self, reason: &str) -> Result<()> {
         match self.maps.first() {
             Some(map) => bail!("--map {}: {reason}", map.display()),
@@ -177,11 +173,11 @@ impl FmuArguments {
 
 #[derive(Subcommand)]
 enum Identify {
-    /// The wastegate's actuator with its valve and its tank, as section 4.2 of the paper does
+    /// The wastegate actuator with its valve and tank, as in section 4.2 of the paper
     Actuator(identify::Arguments),
 }
 
-/// Runs the command. Returns false when the statements of `reproduce` or the criteria of `study` do not all hold.
+/// Runs the command. Returns false if a claim of `reproduce` or a criterion of `study` fails.
 pub fn run() -> Result<bool> {
     match Arguments::parse().command {
         Command::Simulate(arguments) => simulate::run(&arguments).map(|()| true),
@@ -200,12 +196,12 @@ pub fn run() -> Result<bool> {
     }
 }
 
-/// Makes a folder for results.
+/// Creates a folder for results.
 fn make_folder(folder: &Path) -> Result<()> {
-    fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))
+    fs::create_dir_all(folder).with_context(|| format!("cannot create the folder {}", folder.display()))
 }
 
-/// Refuses results that would destroy an input. A folder that is yet to be made holds none.
+/// Refuses results that would overwrite an input. A folder that does not exist yet holds none.
 fn refuse_overlap(folder: &Path, results: &[PathBuf], inputs: &[PathBuf]) -> Result<()> {
     if folder.is_dir() {
         writing::refuse_overlap(results, inputs)?;
@@ -213,13 +209,13 @@ fn refuse_overlap(folder: &Path, results: &[PathBuf], inputs: &[PathBuf]) -> Res
     Ok(())
 }
 
-/// A progress bar, which is drawn only if standard error is a terminal.
+/// A progress bar, drawn only if standard error is a terminal.
 fn progress_bar(length: u64, progress: &str) -> Result<ProgressBar> {
     let style = ProgressStyle::with_template(&format!("{{wide_bar}} {progress}  {{eta}} left"));
     Ok(ProgressBar::new(length).with_style(style.context("no progress bar")?))
 }
 
-/// Writes texts into a folder by their names, and says where.
+/// Writes texts into a folder by name, and prints their paths.
 fn write<'a>(folder: &Path, texts: impl IntoIterator<Item = (&'a str, String)>) -> Result<()> {
     for (name, text) in texts {
         let path = folder.join(name);
@@ -229,7 +225,7 @@ fn write<'a>(folder: &Path, texts: impl IntoIterator<Item = (&'a str, String)>) 
     Ok(())
 }
 
-/// Reads a number in a range, whose ends are finite.
+/// Parses a number in a finite range.
 fn number_in(
     range: RangeInclusive<f64>,
     expected: &'static str,
@@ -240,12 +236,12 @@ fn number_in(
     }
 }
 
-/// Reads a finite number.
+/// Parses a finite number.
 fn finite() -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
     number_in(f64::MIN..=f64::MAX, "a finite number")
 }
 
-/// Reads a finite number above 0.
+/// Parses a finite number above 0.
 fn positive() -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
     number_in(f64::MIN_POSITIVE..=f64::MAX, "a finite number above 0")
 }

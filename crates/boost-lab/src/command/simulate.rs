@@ -1,4 +1,4 @@
-//! `simulate`: a scenario, a system or one FMU, to a record and a plot.
+//! `simulate`: a scenario, a system or a single FMU, to a record and a plot.
 
 use std::ffi::OsStr;
 use std::io::Write;
@@ -18,45 +18,43 @@ use fmu_package::temporary::Folder;
 use fmu_package::terminal::{complain, print};
 use fmu_package::{FmuVariable, ParameterSet, Value, ValueType, like, writing};
 
-/// Steps between two updates of the progress bar.
+/// Steps between updates of the progress bar.
 const STEPS_PER_LOOK: u32 = 256;
 
-/// What `simulate` takes.
 #[derive(Args)]
 pub struct Arguments {
-    /// A scenario, which docs/laboratory.md describes; a system; or an FMU alone
+    /// A scenario (see docs/laboratory.md), a system or a single FMU
     #[arg(value_name = "SCENARIO.toml|SYSTEM.ssp|FILE.fmu")]
     subject: PathBuf,
     #[command(flatten)]
     fmus: FmuArguments,
-    /// A value of a variable before initialization, or of an input all the time, in its unit or with another one:
+    /// Set a variable before initialization, or an input throughout, in its own or the given unit:
     /// tank.volume=0.002, plant:tank.volume=2e-3, "throttle=50 %"
     #[arg(long = "set", value_name = "[FMU:]NAME=VALUE", value_parser = super::name_and_value)]
     values: Vec<(String, String)>,
-    /// A parameter set, for the FMU that has its parameters; may be given several times
+    /// Parameter set, for the FMU that has its parameters; may be given several times
     #[arg(long, value_name = "FILE.ssv")]
     parameters: Vec<PathBuf>,
-    /// Another end (s)
+    /// Override the stop time (s)
     #[arg(long, value_name = "SECONDS", value_parser = super::finite())]
     stop_time: Option<f64>,
-    /// Another communication step of a system or an FMU alone (s)
+    /// Override the communication step of a system or single FMU (s)
     #[arg(long, value_name = "SECONDS", value_parser = super::positive())]
     step: Option<f64>,
-    /// What to record instead, as in a scenario
+    /// Override what is recorded, as in a scenario
     #[arg(long, value_name = "[FMU:]NAME,...", value_delimiter = ',')]
     record: Option<Vec<String>>,
-    /// The file to write, or a folder to write it to [default: SCENARIO.csv]
+    /// The file to write, or its folder [default: SCENARIO.csv]
     #[arg(long, value_name = "FILE.csv|parquet|DIR")]
     out: Option<PathBuf>,
-    /// Write units to the header of a CSV file: `name (unit)`. A Parquet file always has them in its metadata
+    /// Write units in the CSV header: `name (unit)`. Parquet files always have them in their metadata
     #[arg(long)]
     units: bool,
-    /// Draw what is recorded, in the panels of the scenario
+    /// Plot the record in the scenario's panels
     #[arg(long, value_name = "FILE.svg|png|html")]
     plot: Option<PathBuf>,
 }
 
-/// Runs it.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let (scenario, folder) = scenario(arguments)?;
     simulate(arguments, scenario).map_err(|error| match &folder {
@@ -119,25 +117,25 @@ fn simulate(arguments: &Arguments, mut scenario: Scenario) -> Result<()> {
     Ok(())
 }
 
-/// What is to be run, and the folder of a system's FMUs, which lasts until the run ends.
+/// What to run, and the temporary folder of a system's FMUs, which must outlive the run.
 fn scenario(arguments: &Arguments) -> Result<(Scenario, Option<Folder>)> {
     let Arguments { subject, fmus, stop_time, step, .. } = arguments;
     let times = Times { start: None, stop: *stop_time, step: *step };
     let ending = subject.extension().map(OsStr::to_ascii_lowercase).unwrap_or_default();
     let (mut scenario, folder) = match ending.to_str() {
         Some("fmu") => {
-            fmus.refuse_files("an FMU alone")?;
+            fmus.refuse_files("single FMUs")?;
             (system::alone(subject, times)?, None)
         }
         Some("ssp") => {
-            fmus.refuse_files("a system")?;
-            fmus.refuse_maps("a system has its own conversions")?;
+            fmus.refuse_files("systems")?;
+            fmus.refuse_maps("a system defines its own conversions")?;
             let (scenario, folder) = system::read(subject, times)?;
             (scenario, Some(folder))
         }
         _ => {
             if step.is_some() {
-                bail!("--step is for a system or an FMU alone; {} has its own", subject.display());
+                bail!("--step is for a system or a single FMU; {} sets its own", subject.display());
             }
             let mut scenario = Scenario::read(subject, &fmus.folder)?;
             if let Some(stop_time) = stop_time {
@@ -160,7 +158,7 @@ fn scenario(arguments: &Arguments) -> Result<(Scenario, Option<Folder>)> {
     Ok((scenario, folder))
 }
 
-/// Gives a variable another value before initialization, or an input another signal.
+/// Sets a variable before initialization, or an input's signal.
 fn set(
     scenario: &mut Scenario,
     loaded: &mut LoadedFmus,
@@ -172,7 +170,7 @@ fn set(
     for (index, member) in scenario.fmus.iter().enumerate() {
         let fmu = loaded.get(member)?;
         let own = name.strip_prefix(&format!("{}:", member.name));
-        // Of a system the inputs have the names of its connectors.
+        // A system's inputs are named after its connectors.
         let driven = scenario.inputs_of(member, &fmu, name).into_iter().next().filter(|_| own.is_none());
         let wanted = own.or(driven.map(|(input, _)| input)).unwrap_or(name);
         let Some(variable) = fmu.description().variable(wanted).filter(|variable| variable.is_settable())
@@ -208,7 +206,7 @@ fn set(
     }
     if !others.is_empty() {
         let names = found.iter().map(|(index, ..)| format!("{}:{name}", scenario.fmus[*index].name));
-        return Err(location.error(format!("which one? {}", names.collect::<Vec<_>>().join(" or "))));
+        return Err(location.error(format!("ambiguous: use {}", names.collect::<Vec<_>>().join(" or "))));
     }
     let member = &mut scenario.fmus[*index];
     if let (true, Some(number)) = (variable.causality == "input", number) {
@@ -240,16 +238,16 @@ fn not_found(scenario: &Scenario, loaded: &mut LoadedFmus, name: &str) -> Result
         }
     }
     let like = like(name, known.iter().map(String::as_str));
-    Ok(format!("no FMU has a variable {name} that can be set{like}"))
+    Ok(format!("no FMU has a settable variable {name}{like}"))
 }
 
-/// The value of a text for a variable: a number may have a unit after a space.
+/// Parses a variable's value; a number may be followed by a space and a unit.
 fn value(variable: &FmuVariable, text: &str) -> Result<Value> {
     let number = |text: &str| text.parse().ok().filter(|number: &f64| number.is_finite());
     Ok(match variable.value_type() {
         ValueType::Real => match text.split_once(' ') {
             Some((value, unit)) => {
-                let value = number(value).context("expected a number and its unit")?;
+                let value = number(value).context("expected a number and a unit")?;
                 Value::Real(value, Some(unit.trim().to_owned()))
             }
             None => Value::Real(number(text).context("expected a number")?, None),
@@ -267,7 +265,7 @@ fn value(variable: &FmuVariable, text: &str) -> Result<Value> {
     })
 }
 
-/// The FMU that a parameter set is for: the one that has its parameters.
+/// The FMU that has most of a set's parameters.
 fn owner<'a>(
     scenario: &'a mut Scenario,
     loaded: &mut LoadedFmus,
@@ -285,12 +283,14 @@ fn owner<'a>(
     let [(index, _)] = owners[..] else {
         let names = owners.iter().map(|(index, _)| scenario.fmus[*index].name.as_str());
         let names = names.collect::<Vec<_>>().join(" and ");
-        bail!("{names} have its parameters: give it to one of them in a scenario, by the key parameters");
+        bail!(
+            "{names} both have its parameters: assign it in a scenario, by the key parameters of one of them"
+        );
     };
     Ok(&mut scenario.fmus[index])
 }
 
-/// What a plot is written as.
+/// A plot's file format.
 #[derive(Clone, Copy)]
 pub enum PlotFormat {
     Svg,
@@ -299,17 +299,17 @@ pub enum PlotFormat {
 }
 
 impl PlotFormat {
-    /// By the ending of a file's name.
+    /// The format of a file extension.
     pub fn of(path: &Path) -> Result<Self> {
         match path.extension().map(OsStr::to_ascii_lowercase).unwrap_or_default().to_str() {
             Some("svg") => Ok(Self::Svg),
             Some("png") => Ok(Self::Png),
             Some("html") => Ok(Self::Html),
-            _ => bail!("{}: a plot is written to a file that ends with .svg, .png or .html", path.display()),
+            _ => bail!("{}: a plot file must end with .svg, .png or .html", path.display()),
         }
     }
 
-    /// The file's content; a page has further HTML below the figure.
+    /// The file's content; a page adds further HTML below the figure.
     pub fn drawn(self, figure: &Figure, title: &str, below: &str) -> Result<Vec<u8>> {
         match self {
             Self::Svg => Ok(figure.svg()?.into_bytes()),

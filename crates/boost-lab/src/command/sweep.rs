@@ -9,7 +9,7 @@ use anyhow::Result;
 use fmu_package::terminal::{complain, print};
 use fmu_package::writing;
 
-/// Runs a study, or what is left of it.
+/// Runs or resumes a parameter study.
 pub fn run(
     path: &Path,
     fmus: &super::FmuArguments,
@@ -50,5 +50,5 @@ pub fn run(
     }
     super::write(out, [(report::HTML, report::html(&study, &outcomes))])?;
     let failed = outcomes.iter().filter(|outcome| outcome.error.is_some()).count();
-    Ok(print(&format!("{} runs, {failed} of them failed\n", outcomes.len()))?)
+    Ok(print(&format!("{} runs, {failed} failed\n", outcomes.len()))?)
 }

@@ -93,7 +93,7 @@ impl<'a> Document<'a> {
     }
 }
 
-/// Whether a key is another one but for its separators and capitals, and a letter or two.
+/// Whether two keys are equal except for separators, capitals and a letter or two.
 fn is_misspelt(key: &str, meant: &str) -> bool {
     let [key, meant] = [key, meant].map(|key| key.to_lowercase().replace(['_', '-', ' '], ""));
     strsim::osa_distance(&key, &meant) <= meant.chars().count() / 4
@@ -129,7 +129,7 @@ impl<'a> TomlTable<'a> {
         self.optional("title").map(|title| title.string("a text")).transpose()
     }
 
-    /// A required value. Where it is missing and a similar key is there, that one is misspelt.
+    /// A required value. If it is missing and a similar key is present, that one is misspelt.
     pub fn required(&self, key: &str, expected: &str) -> Result<Node<'a>> {
         self.optional(key).ok_or_else(|| {
             let known = self.known.borrow();
@@ -156,7 +156,7 @@ impl<'a> TomlTable<'a> {
         })
     }
 
-    /// Refuses keys that were not read.
+    /// Rejects keys that were not read.
     pub fn finish(self) -> Result<()> {
         let known = self.known.borrow();
         for (key, value) in self.table {

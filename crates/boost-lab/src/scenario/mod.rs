@@ -1,5 +1,4 @@
-//! Scenarios: TOML files of coupled FMUs, their start, their inputs and what is recorded. docs/laboratory.md
-//! describes every key.
+//! Scenarios: TOML files of coupled FMUs, their start, inputs and records. docs/laboratory.md describes every key.
 
 pub(crate) mod document;
 mod signal;
@@ -21,9 +20,9 @@ pub use self::signal::Signal;
 /// An experiment with coupled FMUs.
 #[derive(Clone, Debug)]
 pub struct Scenario {
-    /// What the scenario is about.
+    /// The scenario's title.
     pub title: Option<String>,
-    /// More about it, below the title on a page.
+    /// A description, below the title on a page.
     pub description: Option<String>,
     /// The communication step (s).
     pub step: f64,
@@ -38,9 +37,9 @@ pub struct Scenario {
     pub fmus: Vec<Member>,
     /// Signals for the inputs of every FMU that has them.
     pub inputs: Vec<Input>,
-    /// The connections; none where outputs are connected to the inputs of their names.
+    /// The connections; none if outputs connect to inputs of the same name.
     pub connections: Option<Vec<Connection>>,
-    /// Whether an FMU was replaced by another one, which may not have all its inputs.
+    /// Whether an FMU was replaced by another that may lack some of its inputs.
     pub has_replaced_fmus: bool,
     /// Noise on connections.
     pub noise: Vec<Noise>,
@@ -57,9 +56,9 @@ pub struct Scenario {
 /// The order in a communication step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stepping {
-    /// One after the other, each with the new outputs of those before it.
+    /// In sequence, each with the new outputs of those before it.
     InTurn,
-    /// All with the outputs of the step before.
+    /// All with the outputs of the previous step.
     AtOnce,
 }
 
@@ -75,7 +74,7 @@ pub struct Member {
     pub parameters: Vec<(ParameterSet, Location)>,
     /// Values, set before initialization, after the parameter sets.
     pub values: Vec<Assignment>,
-    /// A run alone before the experiment.
+    /// A run of this FMU alone before the experiment.
     pub run_in: Option<RunIn>,
     /// Signals that replace connections to its inputs.
     pub inputs: Vec<Input>,
@@ -225,7 +224,7 @@ impl Scenario {
         }
     }
 
-    /// Lets the scenario end at another time (s).
+    /// Changes the stop time (s).
     pub fn end_at(&mut self, stop_time: f64) -> Result<()> {
         if stop_time <= self.start_time {
             bail!("expected a time after start_time, {} s", number(self.start_time));
@@ -235,7 +234,7 @@ impl Scenario {
         Ok(())
     }
 
-    /// Gives an FMU another value before initialization.
+    /// Changes a value of an FMU before initialization.
     pub fn set_value(&mut self, fmu: &str, name: &str, value: Value) -> Result<()> {
         let member = self.member_mut(fmu)?;
         member.values.retain(|assignment| assignment.name != name);
@@ -244,14 +243,14 @@ impl Scenario {
         Ok(())
     }
 
-    /// Gives an input of all FMUs that have it another signal.
+    /// Changes the signal of an input in all FMUs that have it.
     pub fn set_input(&mut self, name: &str, signal: Signal) -> Result<()> {
         let input = self.inputs.iter_mut().find(|input| input.name == name);
         input.with_context(|| format!("the scenario has no signal for {name}"))?.signal = signal;
         Ok(())
     }
 
-    /// Gives an input of one FMU its own signal.
+    /// Sets a signal for one FMU's input.
     pub fn set_own_input(&mut self, fmu: &str, name: &str, signal: Signal) -> Result<()> {
         let member = self.member_mut(fmu)?;
         member.inputs.retain(|input| input.name != name);
@@ -290,7 +289,7 @@ fn read_members(root: &TomlTable<'_>, step: f64, folder: &Path, fmus: &Path) -> 
     if members.is_empty() { Err(list.unexpected(EXPECTED)) } else { Ok(members) }
 }
 
-/// Reads an FMU that comes after others.
+/// Reads an FMU after others.
 fn read_member(node: &Node<'_>, step: f64, folder: &Path, fmus: &Path, others: &[Member]) -> Result<Member> {
     let table = node.table("a table [[fmu]]")?;
     let name_node = table.required("name", "the FMU's name in the scenario")?;
